@@ -1,0 +1,113 @@
+"""The waist of the design: one frozen type for what a rig measured and what a simulation predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "torque_command": "N*m",
+        "motor_torque": "N*m",
+        "hub_reference": "rad",
+        "hub_angle": "rad",
+        "strain_base": "1",
+        "strain_mid": "1",
+        "tip_deflection": "m",
+        "tip_acceleration": "m/s^2",
+    }
+)
+"""Every channel of the recording format with its SI unit."""
+
+MEASURED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "tip_acceleration", "motor_torque")
+"""Channels that a simulation predicts, in the order used everywhere."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How a channel was measured.
+
+    Attributes:
+      channel: name of the channel.
+      noise: standard deviation of the sensor noise, SI; None where not declared.
+      position: distance of a strain gauge from the hub axis along the link [m].
+      half_thickness: distance of a strain gauge from the neutral axis [m]; strain = half_thickness * w''.
+    """
+
+    channel: str
+    noise: float | None = None
+    position: float = 0.0
+    half_thickness: float = 0.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One experiment, measured or simulated, in SI units.
+
+    Attributes:
+      name: for people: a file or scenario name. Nothing depends on it.
+      time: (n) instants [s], strictly increasing, not necessarily uniform.
+      channels: name -> (n) values, SI; NaN where a sample is missing. `torque_command` is held from its
+        sample to the next.
+      clamped: the hub is locked.
+      loop: "open" where torque_command was prescribed, "closed" where a controller computed it.
+      initial_tip_deflection: tip deflection [m] held by a force until the first sample, then released.
+      start: "rest", or "unknown" where the rig was already moving at the first sample.
+    """
+
+    name: str
+    time: np.ndarray
+    channels: Mapping[str, np.ndarray] = field(repr=False)
+    clamped: bool = False
+    loop: Literal["open", "closed"] = "open"
+    initial_tip_deflection: float | None = None
+    start: Literal["rest", "unknown"] = "rest"
+
+    def __post_init__(self) -> None:
+        time = _frozen(self.time)
+        channels = {name: _frozen(values) for name, values in self.channels.items()}
+        for name, values in channels.items():
+            if name not in CHANNEL_UNITS:
+                raise ValueError(f"'{name}' is not a channel. Expected one of: {', '.join(CHANNEL_UNITS)}")
+            if values.shape != time.shape:
+                raise ValueError(f"{name} has shape {values.shape}; expected that of time, {time.shape}")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "channels", MappingProxyType(channels))
+
+    def __getitem__(self, channel: str) -> np.ndarray:
+        return self.channels[channel]
+
+    def __contains__(self, channel: str) -> bool:
+        return channel in self.channels
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def measured(self) -> tuple[str, ...]:
+        """Channels of this recording that a simulation predicts."""
+        return tuple(name for name in MEASURED if name in self.channels)
+
+    def replace(self, **changes) -> Recording:
+        """Returns a recording with some attributes changed."""
+        return replace(self, **changes)
+
+    def __reduce__(self):
+        fields = (self.name, self.time, dict(self.channels), self.clamped, self.loop)
+        return (type(self), (*fields, self.initial_tip_deflection, self.start))
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    array = np.array(values, dtype=float)
+    if array.ndim != 1:
+        raise ValueError(f"expected a vector of samples, got shape {array.shape}")
+    array.flags.writeable = False
+    return array
