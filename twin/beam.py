@@ -28,7 +28,8 @@ Boundary = Literal["free", "clamped"]
 # Below this b a mode is written in Krylov's functions, above it in exponentials that decay from either end:
 # the first cancel where b is large, the second where b is small; both are good to 1e-14 around 2.
 _SMALL = 2.0
-_TERMS = 8  # of Krylov's series; the first one left out is below 1e-25 at z = 2
+# 1 / (4 j + k)!, highest j first; the first term left out is below 1e-25 at z = 2
+_KRYLOV = tuple(tuple(1 / math.factorial(4 * j + k) for j in reversed(range(8))) for k in range(4))
 
 
 @dataclass(frozen=True)
@@ -111,9 +112,10 @@ def modes(rig: Mapping[str, float], n: int, boundary: Boundary = "free") -> Mode
     ends = _ends(rig, boundary)
     length, rho = rig["length"], rig["linear_density"]
     roots = _roots(ends, n)
-    coefficients = np.array([_shape_coefficients(b, ends) / math.sqrt(rho * length) for b in roots])
     b = np.array(roots)
     frequencies = b**2 * math.sqrt(rig["bending_stiffness"] / rho) / length**2
+    raw = np.array([_shape_coefficients(root, ends) for root in roots])
+    coefficients = raw / np.sqrt(rho * length * _modal_masses(b, raw, ends))[:, None]
     return Modes(boundary, frequencies, float(length), b, coefficients)
 
 
@@ -267,7 +269,7 @@ def _root(ends: _Ends, low: float, high: float) -> float:
 
 
 def _shape_coefficients(b: float, ends: _Ends) -> np.ndarray:
-    """Coefficients (4) of a mode (see `Modes`), normalised to the modal mass 1 for rho l = 1.
+    """Coefficients (4) of a mode of any amplitude (see `Modes`).
 
     y = p T1 - r T2 + q T3 meets the conditions at the hub; q follows from the shear force at the tip,
     y'''(b) + M y(b) = 0, in which T0 + M T3 > 0 whatever the payload.
@@ -276,8 +278,7 @@ def _shape_coefficients(b: float, ends: _Ends) -> np.ndarray:
     if math.isinf(ends.hub):
         r = -r  # a clamped mode leaves the hub with positive curvature
     M = ends.mass * b
-    raw = _krylov_coefficients(b, p, r, M) if b < _SMALL else _exponential_coefficients(b, p, r, M)
-    return raw / math.sqrt(_modal_mass(b, raw, ends))
+    return _krylov_coefficients(b, p, r, M) if b < _SMALL else _exponential_coefficients(b, p, r, M)
 
 
 def _krylov_coefficients(b: float, p: float, r: float, M: float) -> np.ndarray:
@@ -295,13 +296,14 @@ def _exponential_coefficients(b: float, p: float, r: float, M: float) -> np.ndar
     return np.array([p - r / 2 - growth / 2, r / 2, -r / 2 - growth / 4, tip / 4])
 
 
-def _modal_mass(b: float, coefficients: np.ndarray, ends: _Ends) -> float:
-    """Modal mass in units of rho l, from values at the ends alone.
+def _modal_masses(b: np.ndarray, coefficients: np.ndarray, ends: _Ends) -> np.ndarray:
+    """Modal masses (n) in units of rho l, from values at the ends alone.
 
     int y^2 dz = 1/4 [z (y^2 + y''^2 - 2 y' y''') - y' y'' + 3 y y'''], since y'''' = y.
     """
-    unit = Modes("free", np.ones(1), b, np.array([b]), coefficients[None, :])  # x = z
-    (y0, y), (d0, d), (dd0, dd), (ddd0, ddd) = (unit.shape([0.0, b], k)[0] for k in range(4))
+    unit = Modes("free", b, 1.0, b, coefficients)
+    ends_of_link = [unit.shape([0.0, 1.0], k) / b[:, None] ** k for k in range(4)]
+    (y0, y), (d0, d), (dd0, dd), (ddd0, ddd) = (values.T for values in ends_of_link)
     integral = b * (y**2 + dd**2 - 2 * d * ddd) - d * dd + 3 * y * ddd + d0 * dd0 - 3 * y0 * ddd0
     hub = 0.0 if math.isinf(ends.hub) else ends.hub * (b * d0) ** 2
     return integral / (4 * b) + ends.mass * y**2 + ends.inertia * (b * d) ** 2 + hub
@@ -313,8 +315,8 @@ def _krylov(z: Any, k: int) -> Any:
     T_k' = T_(k-1), with T_0' = T_3. For numbers and arrays alike.
     """
     z4, total = z**4, 0.0 * z
-    for j in reversed(range(_TERMS)):
-        total = total * z4 + 1 / math.factorial(4 * j + k)
+    for factor in _KRYLOV[k]:
+        total = total * z4 + factor
     return total * z**k
 
 
