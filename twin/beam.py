@@ -3,7 +3,7 @@
     EI w'''' = rho omega^2 w,   w = 0,  EI w'' = -J0 omega^2 w'                              at the hub, x = 0
                                 EI w'' = Jp omega^2 w',  EI w''' = -mp omega^2 w             at the tip, x = l
 
-(Bossi et al. 2009, section II; end masses: L. Meirovitch, "Fundamentals of Vibrations", 2001, section 8.5.)
+(Bossi et al. 2009, section III; end masses: L. Meirovitch, "Fundamentals of Vibrations", 2001.)
 With the hub free to turn these are the shapes of the pseudo-pinned frame, which passes through the centre of
 mass; with the hub clamped, w'(0) = 0 takes the place of the moment balance of the hub.
 
