@@ -1,0 +1,286 @@
+"""The link as a chain: rigid segments joined by hinges with springs, fitted to the exact modes.
+
+A chain of equal segments with k = EI/h needs many of them: its frequencies are off by O(n^-2). Here the lengths
+and masses of the segments and the stiffnesses of the hinges are the unknowns of a small least-squares problem
+instead, whose targets are what the chain is used for: three free and three clamped frequencies, the static
+deflection and rotation of the tip, the link's mass moments, and the quadratic change of the modal masses with the
+deflection, which sets how the frequencies move with the amplitude. Uniformity is the regularisation.
+
+Relative coordinates: hub angle, then the n hinge angles. Absolute ones: the angles of the n + 1 segments.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_simpson, simpson
+from scipy.linalg import eigh
+from scipy.optimize import least_squares
+
+from twin import beam
+from twin.beam import Boundary
+
+DEFAULT_SEGMENTS = 8
+_TARGET_MODES = 3
+_DEPARTURE = 0.03  # weight of log lengths and stiffnesses against a relative error of 1e-3
+_MASS_DEPARTURE = 1.0
+_FREQUENCY_WEIGHT = 10.0
+_AMPLITUDE_WEIGHT = (0.3, 0.1, 0.02)  # first free, first clamped, second free mode
+
+
+@dataclass(frozen=True)
+class ChainShape:
+    """Proportions of a chain, in parts of the link's length, mass and EI/l; sums of the first two are 1.
+
+    Attributes:
+      lengths: (n + 1) of the segments, from the hub axis to the tip.
+      masses: (n + 1) of the segments, each a uniform rod.
+      stiffnesses: (n) of the hinges.
+    """
+
+    lengths: np.ndarray
+    masses: np.ndarray
+    stiffnesses: np.ndarray
+
+    @property
+    def segments(self) -> int:
+        """Number of hinges n: half a segment, n - 1 whole ones, half a segment."""
+        return len(self.stiffnesses)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A chain with its dimensions, SI units; n hinges.
+
+    Attributes:
+      shape: its proportions.
+      lengths, masses: (n + 1) of the segments [m], [kg].
+      stiffness: (n) of the hinges [N m/rad].
+      damping: (n x n) moments on the hinges per hinge rate [N m s/rad].
+      inertia: (n + 1 x n + 1) c_ij of the kinetic energy 1/2 sum c_ij cos(phi_i - phi_j) phi_i' phi_j' [kg m^2].
+      first_moment: (n + 1) masses times lever along each segment [kg m].
+    """
+
+    shape: ChainShape
+    lengths: np.ndarray
+    masses: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    inertia: np.ndarray
+    first_moment: np.ndarray
+
+    @property
+    def hinges(self) -> np.ndarray:
+        """Distances of the hinges from the hub axis (n) [m]."""
+        return np.cumsum(self.lengths)[:-1]
+
+    def mass_matrix(self) -> np.ndarray:
+        """Mass matrix of the straight chain in relative coordinates (n + 1 x n + 1) [kg m^2]."""
+        return _relative(self.inertia)
+
+    def modes(self, boundary: Boundary = "free") -> tuple[np.ndarray, np.ndarray]:
+        """Returns angular frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n), relative coordinates."""
+        return _modes(self.mass_matrix(), self.stiffness, boundary)
+
+    def damping_ratios(self, boundary: Boundary = "free") -> np.ndarray:
+        """Returns the damping ratio of each mode (n) [1], cross terms neglected."""
+        frequencies, shapes = self.modes(boundary)
+        bends = shapes[1:]
+        return np.einsum("ki,kl,li->i", bends, self.damping, bends) / (2 * frequencies)
+
+    def static_tip_compliance(self) -> float:
+        """Tip deflection per transverse tip force with the hub clamped, small deflections [m/N]."""
+        levers = self.lengths.sum() - self.hinges
+        return float(np.sum(levers**2 / self.stiffness))
+
+
+def build(
+    rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS, shape: ChainShape | None = None
+) -> Chain:
+    """Returns the chain of a rig.
+
+    Args:
+      rig: length, linear_density, bending_stiffness, hub_inertia, tip_mass, tip_inertia, damping_ratio (SI).
+      segments: number of hinges, at least 2.
+      shape: proportions to use; by default those fitted to this rig.
+    """
+    if shape is None:
+        shape = fit_shape(rig, segments)
+    lengths = rig["length"] * shape.lengths
+    masses = rig["linear_density"] * rig["length"] * shape.masses
+    stiffness = rig["bending_stiffness"] / rig["length"] * shape.stiffnesses
+    inertia, first_moment = _inertia(lengths, masses, rig["hub_inertia"], rig["tip_mass"], rig["tip_inertia"])
+    damping = _modal_damping(inertia, stiffness, rig["damping_ratio"])
+    return Chain(shape, lengths, masses, stiffness, damping, inertia, first_moment)
+
+
+def fit_shape(rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS) -> ChainShape:
+    """Returns the proportions with which a chain moves most like the exact beam of this rig.
+
+    Raises:
+      ValueError: fewer than 2 segments.
+    """
+    if segments < 2:
+        raise ValueError(f"At least 2 segments required. Received {segments}")
+    names = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
+    return _fit_shape(tuple(rig[name] for name in names), segments)
+
+
+@functools.lru_cache(maxsize=64)
+def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
+    length, density, _, hub_inertia, tip_mass, tip_inertia = values
+    # Work in units of the link's length, mass and stiffness.
+    mass = density * length
+    ends = (hub_inertia / (mass * length**2), tip_mass / mass, tip_inertia / (mass * length**2))
+    unit = {"length": 1.0, "linear_density": 1.0, "bending_stiffness": 1.0}
+    unit |= dict(zip(("hub_inertia", "tip_mass", "tip_inertia"), ends, strict=True))
+    equal = uniform_shape(segments)
+    count = min(segments, _TARGET_MODES)
+    targets, weights = _targets(unit, count), _weights(count)
+
+    def residual(z: np.ndarray) -> np.ndarray:
+        shape = _perturbed(equal, z)
+        errors = _figures(shape, ends, count) / targets - 1
+        departure = np.r_[_DEPARTURE * z[: 2 * segments + 1], _MASS_DEPARTURE * z[2 * segments + 1 :]]
+        return np.r_[1e3 * weights * errors, departure]
+
+    start = np.zeros(3 * segments + 2)
+    return _perturbed(equal, least_squares(residual, start, xtol=1e-10, ftol=1e-10).x)
+
+
+def uniform_shape(segments: int) -> ChainShape:
+    """The textbook chain: half a segment, n - 1 whole ones, half a segment, k = EI/h."""
+    lengths = np.r_[0.5, np.ones(segments - 1), 0.5] / segments
+    return ChainShape(lengths, lengths.copy(), np.full(segments, float(segments)))
+
+
+def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarray:
+    """Returns the row (n) that turns hinge angles into the link's curvature w'' at x [1/m per rad].
+
+    The row reproduces the exact curvature of the first three free and clamped modes and of a static tip force and
+    tip moment as well as a least-squares fit of least norm allows.
+    """
+    bends, curvatures, weights = [], [], []
+    for boundary in ("free", "clamped"):
+        count = min(_TARGET_MODES, chain.shape.segments)
+        exact = beam.modes(rig, count, boundary)
+        shapes = chain.modes(boundary)[1][1:, :count]
+        bends.extend(shapes.T)
+        curvatures.extend(exact.shape(x, 2)[:, 0])
+        # Relative to the mode's own scale: a gauge may sit where a mode does not bend.
+        scale = np.abs(exact.shape(np.linspace(0, rig["length"], 41), 2)).max(axis=1)
+        weights.extend(np.array([1.0, 0.3, 0.1])[:count] / scale)
+    levers = chain.lengths.sum() - chain.hinges
+    stiffness, lever = rig["bending_stiffness"], rig["length"] - x
+    for bend, curvature in (
+        (levers / chain.stiffness, lever / stiffness),
+        (1 / chain.stiffness, 1 / stiffness),
+    ):
+        bends.append(bend)
+        curvatures.append(curvature)
+        weights.append(stiffness / rig["length"] ** (1 if bend is bends[-2] else 0))
+    scaled = np.array(bends) * np.array(weights)[:, None]
+    ridge = 1e-4 * np.eye(len(levers)) * np.abs(scaled).max()
+    system = np.vstack([scaled, ridge])
+    right = np.r_[np.array(curvatures) * np.array(weights), np.zeros(len(levers))]
+    return np.linalg.lstsq(system, right, rcond=None)[0]
+
+
+def _inertia(
+    lengths: np.ndarray, masses: np.ndarray, hub_inertia: float, tip_mass: float, tip_inertia: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns c_ij (n + 1 x n + 1) and the first moments (n + 1) of a planar open chain of uniform rods."""
+    # levers[b, i]: how far along segment i the centre of mass of rod b is carried
+    levers = np.tril(np.broadcast_to(lengths, (len(lengths),) * 2), -1) + np.diag(lengths / 2)
+    inertia = levers.T @ (masses[:, None] * levers) + tip_mass * np.outer(lengths, lengths)
+    inertia += np.diag(masses * lengths**2 / 12)
+    inertia[0, 0] += hub_inertia
+    inertia[-1, -1] += tip_inertia
+    return inertia, masses @ levers + tip_mass * lengths
+
+
+def _relative(inertia: np.ndarray) -> np.ndarray:
+    """Mass matrix in relative coordinates from one in absolute ones: phi = T [hub, hinges], T lower ones."""
+    outboard = np.cumsum(inertia[::-1], axis=0)[::-1]
+    return np.cumsum(outboard[:, ::-1], axis=1)[:, ::-1]
+
+
+def _modes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> tuple[np.ndarray, np.ndarray]:
+    first = 1 if boundary == "clamped" else 0
+    spring = np.diag(np.r_[0.0, stiffness])[first:, first:]
+    squares, vectors = eigh(spring, mass[first:, first:])
+    shapes = np.zeros((len(mass), len(stiffness)))
+    shapes[first:] = vectors[:, 1 - first :]
+    # Sign as in beam.Modes: the hub turns, or the root bends, to the positive side.
+    shapes *= np.sign(shapes[first])
+    return np.sqrt(squares[1 - first :]), shapes
+
+
+def _modal_damping(inertia: np.ndarray, stiffness: np.ndarray, ratio: float) -> np.ndarray:
+    """D = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the free modes; its hub row is zero: phi_i is orthogonal
+    to the rigid rotation, so nothing brakes it."""
+    mass = _relative(inertia)
+    frequencies, shapes = _modes(mass, stiffness, "free")
+    momenta = (mass @ shapes)[1:]
+    return (momenta * (2 * ratio * frequencies)) @ momenta.T
+
+
+def _perturbed(shape: ChainShape, z: np.ndarray) -> ChainShape:
+    n = shape.segments
+    lengths = shape.lengths * np.exp(z[: n + 1])
+    lengths /= lengths.sum()
+    masses = lengths * np.exp(z[2 * n + 1 :])
+    return ChainShape(lengths, masses / masses.sum(), shape.stiffnesses * np.exp(z[n + 1 : 2 * n + 1]))
+
+
+def _weights(modes: int) -> np.ndarray:
+    return np.r_[np.full(2 * modes, _FREQUENCY_WEIGHT), np.ones(5), _AMPLITUDE_WEIGHT]
+
+
+def _figures(shape: ChainShape, ends: tuple[float, float, float], modes: int) -> np.ndarray:
+    """What the fit compares, of a chain in units of the link: see `_targets`."""
+    hub_inertia, tip_mass, tip_inertia = ends
+    inertia, first_moment = _inertia(shape.lengths, shape.masses, *ends)
+    mass = _relative(inertia)
+    free, free_shapes = _modes(mass, shape.stiffnesses, "free")
+    clamped, clamped_shapes = _modes(mass, shape.stiffnesses, "clamped")
+    levers = 1 - np.cumsum(shape.lengths)[:-1]
+    flexibility = 1 / shape.stiffnesses
+    static = (np.sum(levers**2 * flexibility), np.sum(levers * flexibility), np.sum(flexibility))
+    moments = (first_moment.sum() - tip_mass, mass[0, 0] - hub_inertia - tip_inertia - tip_mass)
+    stretched = [
+        _chain_mass_change(inertia, np.cumsum(column))
+        for column in (free_shapes[:, 0], clamped_shapes[:, 0], free_shapes[:, 1])
+    ]
+    return np.r_[free[:modes], clamped[:modes], static, moments, stretched]
+
+
+def _targets(unit: Mapping[str, float], modes: int) -> np.ndarray:
+    """The same figures of the exact beam."""
+    free, clamped = (beam.modes(unit, _TARGET_MODES, boundary) for boundary in ("free", "clamped"))
+    static = (1 / 3, 1 / 2, 1.0)
+    moments = (1 / 2, 1 / 3)
+    stretched = [_beam_mass_change(unit, *which) for which in ((free, 0), (clamped, 0), (free, 1))]
+
+    return np.r_[free.frequencies[:modes], clamped.frequencies[:modes], static, moments, stretched]
+
+
+def _chain_mass_change(inertia: np.ndarray, angles: np.ndarray) -> float:
+    """m2 in the modal mass 1 + m2 delta^2 of a chain that moves in one shape; angles (n + 1) absolute."""
+    difference = angles[:, None] - angles
+    return float(-0.5 * np.sum(inertia * difference**2 * np.outer(angles, angles)))
+
+
+def _beam_mass_change(unit: Mapping[str, float], modes: beam.Modes, index: int) -> float:
+    """The same for the inextensible beam: m2 = - int dm(x) (I1 I3 - I2^2), I_k(x) = int_0^x slope^k.
+
+    From v^2(x) = int int_0^x cos(psi - psi') psi_t psi_t' ds ds', expanded to second order in the slopes.
+    """
+    x = np.linspace(0, 1, 401)
+    slope = modes.shape(x, 1)[index]
+    first, second, third = (cumulative_simpson(slope**k, x=x, initial=0) for k in (1, 2, 3))
+    change = first * third - second**2
+    return float(-simpson(change, x=x) - unit["tip_mass"] * change[-1])

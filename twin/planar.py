@@ -1,0 +1,352 @@
+"""The chain's equations of motion, compiled: what the search for missing effects integrates.
+
+MuJoCo is the reference that every result is reported with; this module integrates the same chain some ten
+times faster and locates every stick and slip inside the step. A test holds the two together.
+
+Coordinates are the absolute angles phi_0 (hub) ... phi_n of n + 1 rigid segments, so that with the constants
+c_ij of `Chain.inertia` (Lagrange, planar open chain)
+
+    sum_j c_ij cos(phi_i - phi_j) phi_j'' = - sum_j c_ij sin(phi_i - phi_j) phi_j'^2 + Q_i
+
+and the hinge moments act between neighbours. Friction acts on the hub only. Sliding, it is the Coulomb level
+against the motion; where the hub's rate crosses zero it sticks if the torque that holds it is below the static
+level, and slides again where that torque exceeds it. Both instants are located by bisection.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+TIME_TOLERANCE = 1e-7
+"""Width of the interval in which a stick or slip is located [s]."""
+
+
+class Plant(NamedTuple):
+    """Everything the equations of motion read, SI units. Neutral values switch a mechanism off.
+
+    Arrays are for n hinges and n + 1 segments.
+    """
+
+    lengths: np.ndarray  # (n + 1) m
+    inertia: np.ndarray  # (n + 1, n + 1) kg m^2, c_ij
+    stiffness: np.ndarray  # (n) N m/rad
+    damping: np.ndarray  # (n, n) N m s/rad, on the hinge rates
+    first_moment: np.ndarray  # (n + 1) kg m, sum of mass times lever along segment i
+    curvature_per_angle: np.ndarray  # (n) 1/m per rad, curvature that a hinge angle stands for
+    static_positive: float = 0.0
+    static_negative: float = 0.0
+    coulomb_positive: float = 0.0
+    coulomb_negative: float = 0.0
+    stribeck_velocity: float = 0.0
+    friction_amplitude: float = 0.0
+    friction_order: float = 1.0
+    friction_phase: float = 0.0
+    viscous: float = 0.0
+    cable_stiffness: float = 0.0
+    cable_rest_angle: float = 0.0
+    cogging_amplitude: float = 0.0
+    cogging_order: float = 1.0
+    cogging_phase: float = 0.0
+    bias: float = 0.0
+    disturbance_amplitude: float = 0.0
+    disturbance_frequency: float = 1.0
+    disturbance_phase: float = 0.0
+    lag: float = 0.0
+    tip_drag_linear: float = 0.0
+    tip_drag_quadratic: float = 0.0
+    softening: float = 0.0
+    softening_curvature: float = 1.0
+    gravity_x: float = 0.0
+    gravity_y: float = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _friction_raise(plant, theta):
+    if plant.friction_amplitude == 0.0:
+        return 0.0
+    return 0.5 * plant.friction_amplitude * (1 + np.sin(plant.friction_order * theta + plant.friction_phase))
+
+
+@njit(cache=True, error_model="numpy")
+def static_level(plant, theta, direction):
+    """Torque [N m] that a resting hub withstands in `direction` (+1 or -1)."""
+    level = plant.static_positive if direction > 0 else plant.static_negative
+    return level + _friction_raise(plant, theta)
+
+
+@njit(cache=True, error_model="numpy")
+def sliding_level(plant, theta, omega, direction):
+    """Friction torque [N m] on a hub that slides in `direction` at rate `omega` [rad/s]."""
+    if direction > 0:
+        coulomb, static = plant.coulomb_positive, plant.static_positive
+    else:
+        coulomb, static = plant.coulomb_negative, plant.static_negative
+    if plant.stribeck_velocity > 0.0:
+        coulomb += (static - coulomb) * np.exp(-((omega / plant.stribeck_velocity) ** 2))
+    return coulomb + _friction_raise(plant, theta)
+
+
+@njit(cache=True, error_model="numpy")
+def hub_torque(plant, t, theta, omega):
+    """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link."""
+    torque = plant.bias - plant.viscous * omega - plant.cable_stiffness * (theta - plant.cable_rest_angle)
+    if plant.cogging_amplitude != 0.0:
+        torque += plant.cogging_amplitude * np.sin(plant.cogging_order * theta + plant.cogging_phase)
+    if plant.disturbance_amplitude != 0.0:
+        angle = 2 * np.pi * plant.disturbance_frequency * t + plant.disturbance_phase
+        torque += plant.disturbance_amplitude * np.sin(angle)
+    return torque
+
+
+@njit(cache=True, error_model="numpy")
+def _generalised_forces(plant, phi, omega, force, mass):
+    """Fills `force` (n + 1) with all but hub torques and `mass` (n + 1, n + 1) with the mass matrix."""
+    m = phi.size
+    sin, cos = np.sin(phi), np.cos(phi)
+    for i in range(m):
+        force[i] = 0.0
+    for i in range(m):
+        for j in range(i + 1):
+            c = plant.inertia[i, j]
+            mass[i, j] = c * (cos[i] * cos[j] + sin[i] * sin[j])
+            s = c * (sin[i] * cos[j] - cos[i] * sin[j])
+            force[i] -= s * omega[j] * omega[j]
+            force[j] += s * omega[i] * omega[i]
+    # Hinge moments: stiffness (softening with curvature) and modal damping.
+    for i in range(1, m):
+        angle = phi[i] - phi[i - 1]
+        moment = plant.stiffness[i - 1] * angle
+        if plant.softening != 0.0:
+            kappa2 = (plant.curvature_per_angle[i - 1] * angle) ** 2
+            moment *= 1 - plant.softening * kappa2 / (kappa2 + plant.softening_curvature**2)
+        for j in range(1, m):
+            moment += plant.damping[i - 1, j - 1] * (omega[j] - omega[j - 1])
+        force[i] -= moment
+        force[i - 1] += moment
+    if plant.tip_drag_linear != 0.0 or plant.tip_drag_quadratic != 0.0:
+        vx = vy = 0.0
+        for i in range(m):
+            vx -= plant.lengths[i] * sin[i] * omega[i]
+            vy += plant.lengths[i] * cos[i] * omega[i]
+        drag = plant.tip_drag_linear + plant.tip_drag_quadratic * np.sqrt(vx * vx + vy * vy)
+        for i in range(m):
+            force[i] -= drag * plant.lengths[i] * (cos[i] * vy - sin[i] * vx)
+    if plant.gravity_x != 0.0 or plant.gravity_y != 0.0:
+        for i in range(m):
+            force[i] += plant.first_moment[i] * (plant.gravity_y * cos[i] - plant.gravity_x * sin[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(mass, force, first):
+    """Solves mass x = force in place by Cholesky for rows and columns from `first` on; x in `force`."""
+    m = force.size
+    for i in range(first, m):
+        for j in range(first, i + 1):
+            s = mass[i, j]
+            for k in range(first, j):
+                s -= mass[i, k] * mass[j, k]
+            if i == j:
+                mass[i, i] = np.sqrt(s)
+            else:
+                mass[i, j] = s / mass[j, j]
+    for i in range(first, m):
+        s = force[i]
+        for k in range(first, i):
+            s -= mass[i, k] * force[k]
+        force[i] = s / mass[i, i]
+    for i in range(m - 1, first - 1, -1):
+        s = force[i]
+        for k in range(i + 1, m):
+            s -= mass[k, i] * force[k]
+        force[i] = s / mass[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, mass):
+    """Fills `acc` (n + 1); returns the torque [N m] that friction must bear to hold a locked hub."""
+    _generalised_forces(plant, phi, omega, acc, mass)
+    torque = drive + hub_torque(plant, t, phi[0], omega[0])
+    if locked:
+        m = phi.size
+        row = np.empty(m)
+        for j in range(1, m):
+            row[j] = mass[j, 0]
+        needed = acc[0] + torque
+        _solve(mass, acc, 1)
+        acc[0] = 0.0
+        for j in range(1, m):
+            needed -= row[j] * acc[j]
+        return needed
+    if direction != 0:
+        torque -= direction * sliding_level(plant, phi[0], omega[0], direction)
+    acc[0] += torque
+    _solve(mass, acc, 0)
+    return 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _drive(u, u_before, age, lag):
+    """Delivered torque [N m] `age` seconds after the command stepped to u from a delivered u_before."""
+    if lag <= 0.0:
+        return u
+    return u + (u_before - u) * np.exp(-age / lag)
+
+
+@njit(cache=True, error_model="numpy")
+def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, omega1, work, mass):
+    """One classical Runge-Kutta step of length h; the result goes to phi1, omega1."""
+    m = phi.size
+    k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a = work
+    for i in range(m):
+        k1v[i] = omega[i]
+    _accelerations(plant, t, phi, omega, _drive(u, u_before, age, plant.lag), direction, locked, k1a, mass)
+    half = _drive(u, u_before, age + h / 2, plant.lag)
+    for i in range(m):
+        phi1[i] = phi[i] + 0.5 * h * k1v[i]
+        k2v[i] = omega[i] + 0.5 * h * k1a[i]
+    _accelerations(plant, t + h / 2, phi1, k2v, half, direction, locked, k2a, mass)
+    for i in range(m):
+        phi1[i] = phi[i] + 0.5 * h * k2v[i]
+        k3v[i] = omega[i] + 0.5 * h * k2a[i]
+    _accelerations(plant, t + h / 2, phi1, k3v, half, direction, locked, k3a, mass)
+    for i in range(m):
+        phi1[i] = phi[i] + h * k3v[i]
+        k4v[i] = omega[i] + h * k3a[i]
+    end = _drive(u, u_before, age + h, plant.lag)
+    _accelerations(plant, t + h, phi1, k4v, end, direction, locked, k4a, mass)
+    for i in range(m):
+        phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
+        omega1[i] = omega[i] + h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
+    if locked:
+        phi1[0] = phi[0]
+        omega1[0] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _needed(plant, t, phi, omega, drive, acc, mass):
+    """Torque [N m] that friction must bear to keep the hub at rest."""
+    return _accelerations(plant, t, phi, omega, drive, 0, True, acc, mass)
+
+
+@njit(cache=True, error_model="numpy")
+def _holds(plant, theta, needed):
+    return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
+
+
+@njit(cache=True, error_model="numpy")
+def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, work, mass):
+    """Integrates phi, omega (n + 1) in place over `span` [s] under a held command u.
+
+    `mode` is 0 while the hub sticks, else the direction +1 or -1 in which it slides. Returns the mode at the end.
+    """
+    m = phi.size
+    phi1, omega1, acc = np.empty(m), np.empty(m), np.empty(m)
+    left = span
+    while left > 1e-12:
+        if not clamped:
+            drive = _drive(u, u_before, age, plant.lag)
+            if mode == 0:
+                needed = _needed(plant, t, phi, omega, drive, acc, mass)
+                if not _holds(plant, phi[0], needed):
+                    mode = 1 if needed > 0 else -1
+        locked = clamped or mode == 0
+        h = left / max(1.0, np.ceil(left / h_max - 1e-9))
+        _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, mass)
+        if not clamped:
+            crossed = mode != 0 and omega1[0] * mode < 0.0
+            slipped = False
+            if mode == 0:
+                drive = _drive(u, u_before, age + h, plant.lag)
+                needed = _needed(plant, t + h, phi1, omega1, drive, acc, mass)
+                slipped = not _holds(plant, phi[0], needed)
+            if crossed or slipped:
+                # Bisect for the instant of the event, then restart behind it.
+                low, high = 0.0, h
+                while high - low > TIME_TOLERANCE:
+                    mid = 0.5 * (low + high)
+                    _step(plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, mass)
+                    if crossed:
+                        beyond = omega1[0] * mode < 0.0
+                    else:
+                        drive = _drive(u, u_before, age + mid, plant.lag)
+                        needed = _needed(plant, t + mid, phi1, omega1, drive, acc, mass)
+                        beyond = not _holds(plant, phi[0], needed)
+                    if beyond:
+                        high = mid
+                    else:
+                        low = mid
+                h = high
+                _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, mass)
+                drive = _drive(u, u_before, age + h, plant.lag)
+                if crossed:
+                    omega1[0] = 0.0
+                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, mass)
+                    if _holds(plant, phi1[0], needed):
+                        mode = 0
+                    else:
+                        mode = 1 if needed > 0 else -1
+                else:
+                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, mass)
+                    mode = 1 if needed > 0 else -1
+        for i in range(m):
+            phi[i] = phi1[i]
+            omega[i] = omega1[i]
+        t += h
+        age += h
+        left -= h
+    return mode
+
+
+@njit(cache=True, error_model="numpy")
+def simulate(plant, command_time, command, out_time, phi0, omega0, mode0, clamped, h_max):
+    """Integrates from out_time[0] to out_time[-1].
+
+    Args:
+      plant: the `Plant`.
+      command_time, command: (k) instants [s] and torque [N m] held from each to the next; before the first, 0.
+      out_time: (m) instants at which the state is wanted [s].
+      phi0, omega0: (n + 1) state at out_time[0].
+      mode0: 0 hub sticks, +1 or -1 it slides.
+      clamped: the hub is locked.
+      h_max: largest step [s].
+
+    Returns:
+      (m, n + 1) angles [rad], (m, n + 1) rates [rad/s], (m) mode.
+    """
+    size = phi0.size
+    phi, omega = phi0.copy(), omega0.copy()
+    work = np.empty((8, size))
+    mass = np.empty((size, size))
+    angles = np.empty((out_time.size, size))
+    rates = np.empty((out_time.size, size))
+    modes = np.empty(out_time.size)
+    t = out_time[0]
+    pointer = -1
+    u, u_before, since = 0.0, 0.0, t
+    while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
+        pointer += 1
+    if pointer >= 0:
+        u = command[pointer]
+        u_before = u if command_time[pointer] < t - 1e-9 else 0.0
+    mode = mode0
+    for row in range(out_time.size):
+        while t < out_time[row] - 1e-12:
+            end = out_time[row]
+            if pointer + 1 < command_time.size and command_time[pointer + 1] < end:
+                end = command_time[pointer + 1]
+            mode = advance(
+                plant, t, end - t, phi, omega, u, u_before, t - since, mode, clamped, h_max, work, mass
+            )
+            t = end
+            while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
+                pointer += 1
+                u_before = _drive(u, u_before, t - since, plant.lag)
+                u = command[pointer]
+                since = t
+        angles[row] = phi
+        rates[row] = omega
+        modes[row] = mode
+    return angles, rates, modes
