@@ -77,7 +77,7 @@ def test_response_to_torque_agrees_with_finite_elements(rig, hz):
     expected = [vector[0], vector[-2] - rig["length"] * vector[0]]
     expected += [strain_of(link, vector, gauge, rig) for gauge in GAUGES]
     response = state_space(rig.replace(damping_ratio=0.0), 40, GAUGES)(1j * omega)[:, 0]
-    # Forty modes leave out 1e-6 of the motion. An element's curvature is linear: strain is off by (b/120)^2/12.
+    # Forty modes leave out 1e-6 of the motion; curvature, linear within an element, is off by (b/120)^2/12.
     np.testing.assert_allclose(response[:2], expected[:2], rtol=1e-5)
     np.testing.assert_allclose(response[2:], expected[2:], rtol=1e-3)
 
