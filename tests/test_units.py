@@ -1,0 +1,105 @@
+"""Units: factors against their definitions, and what is refused."""
+
+import math
+import subprocess
+import sys
+
+import pytest
+
+from twin import units
+from twin.errors import InputError
+from twin.recording import CHANNEL_UNITS
+
+
+@pytest.mark.parametrize(
+    ("channel", "unit", "expected"),
+    [
+        ("hub_angle", "rad", 1.0),
+        ("hub_angle", "deg", math.pi / 180),
+        ("hub_reference", "deg", math.pi / 180),
+        ("strain_base", "1", 1.0),
+        ("strain_mid", "microstrain", 1e-6),
+        ("tip_deflection", "mm", 1e-3),
+        ("tip_acceleration", "m/s^2", 1.0),
+        ("torque_command", "N*m", 1.0),
+        ("time", "s", 1.0),
+    ],
+)
+def test_factor_to_si(channel, unit, expected):
+    assert units.scale(channel, unit) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize("channel", CHANNEL_UNITS)
+@pytest.mark.parametrize("unit", ["V", "A"])
+def test_gain_of_volts_and_amperes_is_si(channel, unit):
+    assert units.scale(channel, unit) == 1.0
+
+
+def test_curvature_is_strain_over_half_thickness():
+    assert units.scale("strain_base", "1/m", half_thickness=0.0008) == 0.0008
+
+
+@pytest.mark.parametrize("channel", CHANNEL_UNITS)
+def test_si_unit_is_allowed_and_first(channel):
+    assert units.allowed(channel)[0] == CHANNEL_UNITS[channel]
+
+
+@pytest.mark.parametrize(
+    ("channel", "unit", "right"),
+    [
+        ("hub_angle", "m", "rad, deg"),
+        ("hub_angle", "rad/s", "rad, deg"),
+        ("hub_angle", "1", "rad, deg"),
+        ("strain_base", "deg", "1, microstrain"),
+        ("torque_command", "mm", "N*m, V, A"),
+        ("tip_deflection", "1/m", "m, mm"),
+        ("time", "V", "s"),
+    ],
+)
+def test_unit_of_another_quantity_refused(channel, unit, right):
+    with pytest.raises(
+        InputError,
+        match=rf"'{unit}' does not measure {channel}; expected one of: {right}".replace("*", r"\*"),
+    ):
+        units.scale(channel, unit)
+
+
+@pytest.mark.parametrize(
+    ("channel", "unit", "right"),
+    [
+        ("hub_angle", "degrees", "deg"),
+        ("hub_angle", "Rad", "rad"),
+        ("torque_command", "Nm", "N*m"),
+        ("torque_command", "N m", "N*m"),
+        ("torque_command", "N*mm", "N*m"),
+        ("strain_base", "ustrain", "microstrain"),
+        ("strain_base", "microstrian", "microstrain"),
+        ("strain_base", "mV", "V"),
+        ("tip_acceleration", "m/s2", "m/s^2"),
+        ("time", "ms", "s"),
+    ],
+)
+def test_unknown_unit_names_the_right_one(channel, unit, right):
+    with pytest.raises(InputError) as caught:
+        units.scale(channel, unit)
+    assert f"'{unit}' is not a unit of the recording format" in str(caught.value)
+    assert f"did you mean '{right}'?" in str(caught.value)
+
+
+def test_unknown_unit_without_resemblance_has_no_advice():
+    with pytest.raises(InputError, match=r"'furlong' is not a unit .* expected one of: rad, deg, V, A$"):
+        units.scale("hub_angle", "furlong")
+
+
+def test_factor_refuses_unknown_unit():
+    with pytest.raises(InputError, match="'inch' is not a unit"):
+        units.factor("inch", "m")
+
+
+def test_pint_is_imported_only_when_needed():
+    code = (
+        "import sys; from twin import units;"
+        "units.scale('hub_angle', 'rad'); assert 'pint' not in sys.modules;"
+        "units.scale('hub_angle', 'deg'); assert 'pint' in sys.modules"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

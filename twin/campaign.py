@@ -1,0 +1,417 @@
+"""A campaign: the recordings of one rig, and what is known of the rig, read from a folder."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from twin import plausibility, rigs, schema, units
+from twin.errors import InputError, nearest
+from twin.parameters import Parameter, Rig
+from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
+from twin.table import Table, read_table, read_text
+
+STATIC = "static.csv"
+_COMMAND = "torque_command"
+
+
+@dataclass(frozen=True)
+class StaticTest:
+    """A static load test, its columns as they were recorded.
+
+    Attributes:
+      columns: name -> (n) values, in whatever unit the column has; NaN where one is missing.
+    """
+
+    columns: Mapping[str, np.ndarray] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        frozen = {name: _read_only(values) for name, values in self.columns.items()}
+        object.__setattr__(self, "columns", MappingProxyType(frozen))
+
+    def __getitem__(self, column: str) -> np.ndarray:
+        return self.columns[column]
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.columns
+
+    def __reduce__(self):
+        return (type(self), (dict(self.columns),))
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Recordings of one rig in SI units.
+
+    Attributes:
+      name: for people.
+      rig: declared parameters; the uncertainty of a parameter is None where the campaign leaves it unsaid.
+      sensors: channel -> how it was measured, SI.
+      fit: recordings that may be used to find and fit.
+      static: static load test, if there is one.
+      warnings: what is odd in the data, a sentence each.
+    """
+
+    name: str
+    rig: Rig
+    sensors: Mapping[str, Sensor]
+    fit: tuple[Recording, ...]
+    static: StaticTest | None = None
+    warnings: tuple[str, ...] = ()
+    _held_out: tuple[Recording, ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sensors", MappingProxyType(dict(self.sensors)))
+
+    def holdout(self) -> tuple[Recording, ...]:
+        """Recordings on which errors are reported. Nothing may be found or fitted with them."""
+        return self._held_out
+
+    def __reduce__(self):
+        seen = (self.name, self.rig, dict(self.sensors), self.fit, self.static, self.warnings)
+        return (type(self), (*seen, self._held_out))
+
+
+def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
+    """Reads the campaign in a folder: `campaign.toml`, the recordings it names, `static.csv`.
+
+    Args:
+      folder: the folder with `campaign.toml`.
+
+    Raises:
+      InputError: the campaign cannot be used; the message names file and line or field.
+    """
+    root = _folder(Path(folder))
+    said = schema.parse(read_text(root / schema.FILE, schema.FILE))
+    rig = _rig(said)
+    _check_channels(said, rig)
+    _check_recordings(said, rig)
+    read = [_read_recording(root, entry, said.channels) for entry in said.recordings]
+    _check_columns(said, [table for _, table, _ in read])
+    recordings, stuck = plausibility.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
+    plausibility.check_torque(recordings, _sensors(said), rig)
+    fit, held_out = _by_role(said, recordings)
+    return Campaign(
+        name=said.name,
+        rig=rig,
+        sensors=_sensors(said),
+        fit=fit,
+        static=_read_static(root),
+        warnings=(*_noise_free(said), *chain.from_iterable(notes for *_, notes in read), *stuck),
+        _held_out=held_out,
+    )
+
+
+def _folder(path: Path) -> Path:
+    if path.is_file():
+        hint = f"; did you mean '{path.parent}'?" if path.name == schema.FILE else ""
+        raise InputError(f"{path} is a file; expected a folder with {schema.FILE}{hint}")
+    if not path.is_dir():
+        raise InputError(f"{path}: there is no such folder; expected a folder with {schema.FILE}")
+    if not (path / schema.FILE).exists():
+        raise InputError(f"{path} has no {schema.FILE}; expected a campaign folder")
+    return path
+
+
+def _by_role(
+    said: schema.CampaignFile, recordings: Iterable[Recording]
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    # The only place that knows roles: what it hands on as `fit` is all that finding and fitting ever see.
+    pairs = list(zip(said.recordings, recordings, strict=True))
+    fit = tuple(recording for entry, recording in pairs if entry.role == "fit")
+    if not fit:
+        raise InputError(f'{schema.FILE}: no recording has role = "fit"; expected at least one to fit with')
+    return fit, tuple(recording for entry, recording in pairs if entry.role == "holdout")
+
+
+# The rig
+
+
+def _rig(said: schema.CampaignFile) -> Rig:
+    if said.rig in rigs.PRESETS:
+        start = rigs.preset(said.rig).parameters
+        # How well a published value is known of another specimen is for the campaign to say.
+        base = {name: replace(parameter, uncertainty=None) for name, parameter in start.items()}
+    else:
+        base = _undescribed(said)
+    declared = {name: _declared(name, value, base) for name, value in said.parameters.items()}
+    parameters = {**base, **declared}
+    return Rig(said.rig, {name: _with_uncertainty(p, said) for name, p in parameters.items()})
+
+
+def _undescribed(said: schema.CampaignFile) -> dict[str, Parameter]:
+    """Returns the parameters that a rig without a preset has when nothing is said of them."""
+    required = [name for name in schema.PARAMETERS if name not in schema.DEFAULTS]
+    lacking = [name for name in required if name not in said.parameters]
+    if lacking:
+        raise InputError(
+            f"{schema.FILE}: rig '{said.rig}' is not a preset ({', '.join(rigs.PRESETS)}), so [parameters] "
+            f"must give {', '.join(required)}; missing: {', '.join(lacking)}{nearest(said.rig, rigs.PRESETS)}"
+        )
+    return {name: _default(name, value) for name, value in schema.DEFAULTS.items()}
+
+
+def _default(name: str, value: float) -> Parameter:
+    unit, bounds = schema.PARAMETERS[name]
+    uncertainty = 1.0 if name == "damping_ratio" else None
+    return Parameter(name, value, unit, uncertainty, bounds, "default of the recording format")
+
+
+def _declared(name: str, value: float, base: Mapping[str, Parameter]) -> Parameter:
+    unit, bounds = schema.PARAMETERS[name]
+    if name in base:
+        unit, bounds = base[name].unit, base[name].bounds
+    try:
+        return Parameter(name, value, unit, None, bounds, schema.FILE)
+    except ValueError as error:
+        raise InputError(f"{schema.FILE}: parameters.{error}") from None
+
+
+def _with_uncertainty(parameter: Parameter, said: schema.CampaignFile) -> Parameter:
+    if parameter.name not in said.uncertainty:
+        return parameter
+    return replace(parameter, uncertainty=said.uncertainty[parameter.name])
+
+
+# Channels
+
+
+def _check_channels(said: schema.CampaignFile, rig: Rig) -> None:
+    for name, channel in said.channels.items():
+        _check_channel(f"{schema.FILE}: channels.{name}", name, channel, rig)
+    if _COMMAND not in said.channels:
+        raise InputError(
+            f"{schema.FILE}: channels.{_COMMAND} is missing; expected the torque that drives the rig"
+        )
+    if not any(name in said.channels for name in MEASURED):
+        expected = ", ".join(MEASURED)
+        raise InputError(f"{schema.FILE}: channels has no measurement; expected one of: {expected}")
+    columns = Counter(channel.column or name for name, channel in said.channels.items())
+    column, uses = columns.most_common(1)[0]
+    if uses > 1:
+        raise InputError(
+            f"{schema.FILE}: channels: column '{column}' serves {uses} channels; expected one column for each"
+        )
+
+
+def _check_channel(where: str, name: str, channel: schema.Channel, rig: Rig) -> None:
+    _check_unit(where, name, channel)
+    if name == units.TIME:
+        _check_time(where, channel)
+    if channel.gain == 0.0:
+        raise InputError(f"{where}.gain is 0; expected the physical value of one {channel.unit}")
+    if channel.unit in units.RAW_UNITS and channel.gain is None:
+        si = CHANNEL_UNITS[name]
+        raise InputError(
+            f"{where}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * (raw - offset)"
+        )
+    if units.is_strain(name):
+        _check_gauge(where, channel, rig)
+
+
+def _check_time(where: str, channel: schema.Channel) -> None:
+    # Time is what the clock of the card says: only its column may have another name.
+    for key in channel.model_fields_set - {"column", "unit"}:
+        raise InputError(f"{where}.{key} has no meaning for the time; expected column and unit only")
+
+
+def _check_unit(where: str, name: str, channel: schema.Channel) -> None:
+    try:
+        units.scale(name, channel.unit, channel.half_thickness or 0.0)
+    except InputError as error:
+        raise InputError(f"{where}.unit: {error}") from None
+
+
+def _check_gauge(where: str, channel: schema.Channel, rig: Rig) -> None:
+    for key in ("position", "half_thickness"):
+        if getattr(channel, key) is None:
+            raise InputError(f"{where}.{key} is missing; a strain gauge needs it, in m")
+    if channel.position is not None and channel.position > rig["length"]:
+        raise InputError(
+            f"{where}.position is {channel.position:g} m; "
+            f"expected 0 to {rig['length']:g} m, the length of the link"
+        )
+
+
+def _sensors(said: schema.CampaignFile) -> dict[str, Sensor]:
+    return {name: _sensor(name, ch) for name, ch in said.channels.items() if name != units.TIME}
+
+
+def _sensor(name: str, channel: schema.Channel) -> Sensor:
+    # The noise is that of the raw signal where the unit is: volts reach SI through the gain.
+    raw = abs(channel.gain or 1.0) if channel.unit in units.RAW_UNITS else 1.0
+    noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
+    return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0)
+
+
+def _noise_free(said: schema.CampaignFile) -> Iterator[str]:
+    for name, channel in said.channels.items():
+        if channel.noise == 0.0:
+            yield f"{schema.FILE}: channels.{name}.noise is 0, which no sensor has; taken as not declared"
+
+
+def _factor(name: str, channel: schema.Channel) -> float:
+    return units.scale(name, channel.unit, channel.half_thickness or 0.0)
+
+
+# Recordings
+
+
+def _check_recordings(said: schema.CampaignFile, rig: Rig) -> None:
+    # One experiment in two roles would report as a prediction what has been fitted.
+    file, uses = Counter(os.path.normpath(entry.file) for entry in said.recordings).most_common(1)[0]
+    if uses > 1:
+        raise InputError(f"{schema.FILE}: recordings: {file} is listed {uses} times; expected each file once")
+    for i, entry in enumerate(said.recordings, start=1):
+        deflection = entry.initial_tip_deflection
+        if deflection is not None and abs(deflection) >= rig["length"]:
+            raise InputError(
+                f"{schema.FILE}: recordings[{i}] ({entry.file}).initial_tip_deflection is {deflection:g} m; "
+                f"expected less than {rig['length']:g} m, the length of the link"
+            )
+
+
+def _read_recording(
+    root: Path, entry: schema.RecordingEntry, channels: Mapping[str, schema.Channel]
+) -> tuple[Recording, Table, list[str]]:
+    """Returns the recording, the table it came from, and what is odd about it."""
+    columns = {name: channel.column or name for name, channel in channels.items()}
+    columns.setdefault(units.TIME, units.TIME)
+    table = read_table(root / entry.file, entry.file, set(columns.values()))
+    time = _time(table, columns[units.TIME])
+    present = {n: c for n, c in columns.items() if n != units.TIME and not _absent(n, c, table, entry)}
+    values = {n: _physical(n, channels[n], table.columns[c]) for n, c in present.items()}
+    if not any(name in values for name in MEASURED):
+        expected = [columns[name] for name in MEASURED if name in columns]
+        raise InputError(f"{entry.file} has no measurement; expected a column: {', '.join(expected)}")
+    values[_COMMAND], notes = _held(values.get(_COMMAND), time, entry.file)
+    recording = Recording(
+        name=entry.file,
+        time=time,
+        channels=values,
+        clamped=entry.clamped,
+        loop=entry.loop,
+        initial_tip_deflection=entry.initial_tip_deflection,
+        start=entry.start,
+    )
+    return recording, table, notes + _near_misses(columns, table)
+
+
+def _time(table: Table, column: str) -> np.ndarray:
+    """Returns the instants as measured, jitter and gaps included (n) [s]."""
+    if column not in table.header:
+        found = nearest(column, table.header)
+        raise InputError(f"{table.name}, line 1: column '{column}' is missing; expected the time in s{found}")
+    time = table.columns[column]
+    if len(time) < 2:
+        found = "one sample" if len(time) else "no samples"
+        raise InputError(f"{table.name} has {found} after its header; expected at least 2")
+    missing = np.flatnonzero(np.isnan(time))
+    if missing.size:
+        line = table.lines[missing[0]]
+        raise InputError(f"{table.name}, line {line}: {column} is missing; expected a number")
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if back.size:
+        before, after = time[back[0]], time[back[0] + 1]
+        raise InputError(
+            f"{table.name}, line {table.lines[back[0] + 1]}: {column} is {after:g} after {before:g}; "
+            "expected it to increase strictly"
+        )
+    return time
+
+
+def _absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) -> bool:
+    """Whether a recording lacks a channel that it may lack.
+
+    Raises:
+      InputError: it may not lack it, or the column is there and empty.
+    """
+    dispensable = _dispensable(name, entry)
+    if column not in table.header:
+        if name in ("hub_angle", _COMMAND) and not dispensable:
+            raise InputError(
+                f"{table.name}, line 1: column '{column}'{_called(name, column)} is missing; "
+                f"only a recording with clamped = true may lack it{nearest(column, table.header)}"
+            )
+        return True
+    if not np.isnan(table.columns[column]).all():
+        return False
+    if dispensable:
+        return True
+    raise InputError(
+        f"{table.name}: {column}{_called(name, column)} is missing in all {len(table)} samples; "
+        "expected numbers, or a file without this column"
+    )
+
+
+def _called(name: str, column: str) -> str:
+    return "" if name == column else f" ({name})"
+
+
+def _dispensable(name: str, entry: schema.RecordingEntry) -> bool:
+    # A locked hub does not turn, whatever torque it withstands; only a controller has a reference.
+    if name in ("hub_angle", _COMMAND, "motor_torque"):
+        return entry.clamped
+    return name == "hub_reference" and entry.loop == "open"
+
+
+def _physical(name: str, channel: schema.Channel, raw: np.ndarray) -> np.ndarray:
+    """Returns the values in SI units: gain * (raw - offset) in `unit`, or in SI where the unit is V or A."""
+    gain = 1.0 if channel.gain is None else channel.gain
+    return gain * (raw - channel.offset) * _factor(name, channel)
+
+
+def _held(command: np.ndarray | None, time: np.ndarray, file: str) -> tuple[np.ndarray, list[str]]:
+    """Returns the command without gaps: it is held from its sample to the next one that is there.
+
+    Before the first sample that is there, the first value holds.
+    """
+    if command is None:
+        return np.zeros_like(time), []
+    missing = np.isnan(command)
+    if not missing.any():
+        return command, []
+    last = np.maximum.accumulate(np.where(missing, 0, np.arange(len(command))))
+    first = np.flatnonzero(~missing)[0]
+    filled = command[np.maximum(last, first)]
+    return filled, [f"{file}: {_COMMAND} is missing in {missing.sum()} samples; the value before is held"]
+
+
+def _near_misses(columns: Mapping[str, str], table: Table) -> list[str]:
+    """Returns a note for every column that is missing where another, unused one has almost its name."""
+    unused = set(table.header) - set(columns.values())
+    absent = [column for column in columns.values() if column not in table.header]
+    hints = ((column, nearest(column, unused)) for column in absent)
+    return [f"{table.name}: there is no column '{column}'{hint}" for column, hint in hints if hint]
+
+
+def _check_columns(said: schema.CampaignFile, tables: list[Table]) -> None:
+    found = set(chain.from_iterable(table.header for table in tables))
+    for name, channel in said.channels.items():
+        if (column := channel.column or name) not in found:
+            raise InputError(
+                f"{schema.FILE}: channels.{name}: no recording has a column '{column}'; "
+                f"the columns are: {', '.join(sorted(found))}{nearest(column, found)}"
+            )
+
+
+def _read_static(root: Path) -> StaticTest | None:
+    if not (root / STATIC).exists():
+        return None
+    table = read_table(root / STATIC, STATIC)
+    if not len(table):
+        raise InputError(f"{STATIC} has no rows after its header; expected one per load, or no such file")
+    return StaticTest(table.columns)
+
+
+def _read_only(values: np.ndarray) -> np.ndarray:
+    array = np.array(values, dtype=float)
+    array.flags.writeable = False
+    return array

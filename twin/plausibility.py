@@ -1,0 +1,242 @@
+"""What the declared rig says about its recordings: sensors that hang, torque in another unit than declared.
+
+Everything here is judged with margins of at least 10 against physics that every planar link obeys, so that no
+effect a rig may have, friction, play, back-EMF, a moving payload, is mistaken for a fault of the data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from twin import schema
+from twin.errors import InputError
+from twin.parameters import Rig
+from twin.recording import CHANNEL_UNITS, Recording, Sensor
+
+# Gaussian noise alone spans 8 standard deviations in 50 000 samples.
+_NOISE_SPAN = 12.0
+
+# Halfway, on a logarithmic scale, between right and wrong by a factor of 1000.
+_TOO_SMALL = 30.0
+# More generous, as undeclared viscous losses can take most of a torque.
+_TOO_LARGE = 50.0
+
+_SHAPE = ("strain_base", "strain_mid", "tip_deflection")
+
+
+# Sensors that hang
+
+
+def without_stuck_channels(
+    recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig
+) -> tuple[list[Recording], list[str]]:
+    """Returns the recordings, NaN where a channel hangs while the rig moves, and a sentence for each of them.
+
+    Each recording is judged by itself, so that none has an influence on what another one is fitted with.
+
+    Raises:
+      InputError: a sensor is dead: its channel never changes, in any recording.
+    """
+    for channel in sensors:
+        _refuse_dead(channel, recordings, sensors, rig)
+    stuck = [[c for c in r.measured() if _stuck(c, r, sensors, rig)] for r in recordings]
+    kept = [_blank(recording, channels) for recording, channels in zip(recordings, stuck, strict=True)]
+    notes = [_note(r, c) for r, channels in zip(recordings, stuck, strict=True) for c in channels]
+    return kept, notes
+
+
+def _refuse_dead(
+    channel: str, recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig
+) -> None:
+    present = [r for r in recordings if channel in r.measured()]
+    if channel == "hub_angle":
+        present = [r for r in present if not r.clamped]
+    if not present or not all(_constant(r[channel]) for r in present):
+        return
+    # A strain gauge has noise: a number that never changes is none. A hub may have rested all the time.
+    may_rest = channel in ("hub_angle", "motor_torque")
+    if may_rest and not any(_stuck(channel, recording, sensors, rig) for recording in present):
+        return
+    value = _value(present[0], channel)
+    files = ", ".join(recording.name for recording in present)
+    raise InputError(
+        f"{schema.FILE}: channels.{channel} never changes: it is {value} throughout {files}; "
+        "expected a measurement: leave out a dead sensor"
+    )
+
+
+def _stuck(channel: str, recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
+    if not _constant(recording[channel]):
+        return False
+    if channel == "hub_angle":
+        return _hub_must_turn(recording, sensors, rig)
+    if channel == "motor_torque":
+        return not recording.clamped and float(np.ptp(recording["torque_command"])) > 0
+    others = [c for c in ("hub_angle", *_SHAPE) if c != channel and c in recording]
+    return bool(recording.initial_tip_deflection) or any(_moves(recording[c], sensors[c]) for c in others)
+
+
+def _hub_must_turn(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
+    """Whether the link shows that the hub turned: from rest, only a turning hub can excite it.
+
+    A command below the static friction moves nothing: there a hub angle that stays is a measurement.
+    """
+    excited = recording.start == "unknown" or recording.initial_tip_deflection
+    if recording.clamped or excited or _peak(recording) <= 3 * rig["static_friction"]:
+        return False
+    return any(_moves(recording[c], sensors[c]) for c in _SHAPE if c in recording)
+
+
+def _blank(recording: Recording, channels: Sequence[str]) -> Recording:
+    missing = {channel: np.full(len(recording), np.nan) for channel in channels}
+    return recording.replace(channels={**recording.channels, **missing}) if missing else recording
+
+
+def _note(recording: Recording, channel: str) -> str:
+    value = _value(recording, channel)
+    return f"{recording.name}: {channel} stays at {value} while the rig moves; taken as missing there"
+
+
+def _value(recording: Recording, channel: str) -> str:
+    unit = CHANNEL_UNITS[channel]
+    return f"{_finite(recording[channel])[0]:g}{'' if unit == '1' else f' {unit}'}"
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    return values[np.isfinite(values)]
+
+
+def _constant(values: np.ndarray) -> bool:
+    known = _finite(values)
+    return known.size > 1 and float(np.ptp(known)) == 0.0
+
+
+def _moves(values: np.ndarray, sensor: Sensor) -> bool:
+    known = _finite(values)
+    return known.size > 1 and float(np.ptp(known)) > _NOISE_SPAN * _noise(known, sensor)
+
+
+def _noise(known: np.ndarray, sensor: Sensor) -> float:
+    """Returns the declared noise, or else the one that the differences of successive samples show."""
+    if sensor.noise is not None:
+        return sensor.noise
+    return 1.4826 * float(np.median(np.abs(np.diff(known)))) / math.sqrt(2)
+
+
+# Torque in another unit than declared
+
+
+def check_torque(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> None:
+    """Holds the command against the amplifier's limit, the declared friction and the motion.
+
+    The angular momentum about the hub axis changes by the torque alone, whatever the link does in between:
+    speeding up takes at least J a, J being that of the straight link.
+
+    Raises:
+      InputError: the command cannot be in the declared unit; a factor of 1000 is found, one of 3 is not.
+    """
+    for recording in recordings:
+        for complaint in _torque_complaints(recording, sensors, rig):
+            raise InputError(
+                f"{schema.FILE}: channels.torque_command.unit: in {recording.name} the command {complaint}; "
+                "expected N*m at the hub: check the unit or the gain"
+            )
+
+
+def _torque_complaints(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> Iterator[str]:
+    peak, limit = _peak(recording), rig["torque_limit"]
+    if peak > _TOO_LARGE * limit > 0:
+        yield f"peaks at {peak:.3g} N*m, {peak / limit:.0f} times the torque_limit of {limit:.3g} N*m"
+    if recording.clamped or "hub_angle" not in recording:
+        return
+    if not _moves(recording["hub_angle"], sensors["hub_angle"]):
+        return
+    rms = float(np.sqrt(np.mean(recording["torque_command"] ** 2)))
+    felt = _largest_torque(recording, sensors, rig)
+    if rms > _TOO_LARGE * felt > 0:
+        yield f"is {rms:.3g} N*m rms, where motion, bending and declared friction show {felt:.3g} N*m at most"
+    needed = _least_torque(recording, sensors, rig)
+    if needed > _TOO_SMALL * peak:
+        yield f"peaks at {peak:.3g} N*m, where the motion of hub_angle takes {needed:.3g} N*m at least"
+
+
+def _largest_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
+    """Returns the largest torque of which there is any sign [N m]: acceleration, bending, friction."""
+    period = _period(recording, rig)
+    signs = [rig["static_friction"], rig["coulomb_friction"]]
+    for span in (2 * period, 4 * period):
+        before, after = _steps(recording, span)
+        if before.size:
+            signs.append(_inertia(rig) * float(np.max(np.abs(after - before))) / span**2)
+    for channel in ("strain_base", "strain_mid"):
+        if channel in recording and (known := _finite(recording[channel])).size:
+            strain = float(np.max(np.abs(known - np.median(known))))
+            signs.append(rig["bending_stiffness"] * strain / sensors[channel].half_thickness)
+    return max(signs)
+
+
+def _least_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
+    """Returns the torque that made the hub speed up, or leave its rest, as it did [N m]."""
+    if recording.initial_tip_deflection:
+        return 0.0  # the released link turns the hub
+    known = _finite(recording["hub_angle"])
+    sigma = max(_noise(known, sensors["hub_angle"]), _resolution(known))
+    # Over four periods of the first mode the vibration of the hub averages out.
+    span = 4 * _period(recording, rig)
+    before, after = _steps(recording, span)
+    gain = np.abs(after) - np.abs(before)
+    speeding = float(np.max(gain, initial=0.0)) - _NOISE_SPAN * math.sqrt(6) * sigma
+    if speeding <= 0:
+        return 0.0
+    leaving = rig["static_friction"] if recording.start == "rest" else 0.0
+    return max(_inertia(rig) * speeding / span**2, leaving)
+
+
+def _steps(recording: Recording, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the angles by which the hub turned in pairs of successive spans [rad]; gaps are left out."""
+    time, angle = recording.time, recording["hub_angle"]
+    known = np.isfinite(angle)
+    middle = np.arange(time[0] + span, time[-1] - span, span / 8)
+    instants = np.add.outer((-span, 0.0, span), middle)
+    values = np.interp(instants, time[known], angle[known])
+    near = _distance(instants, time[known]) <= span / 8
+    a, b, c = values[:, near.all(axis=0)]
+    return b - a, c - b
+
+
+def _distance(instants: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    after = np.clip(np.searchsorted(samples, instants), 1, len(samples) - 1)
+    return np.minimum(np.abs(instants - samples[after - 1]), np.abs(samples[after] - instants))
+
+
+def _resolution(known: np.ndarray) -> float:
+    changes = np.abs(np.diff(known))
+    return float(np.min(changes[changes > 0], initial=np.inf)) if (changes > 0).any() else 0.0
+
+
+def _peak(recording: Recording) -> float:
+    return float(np.max(np.abs(recording["torque_command"])))
+
+
+def _inertia(rig: Rig) -> float:
+    """Returns the inertia of hub, straight link and payload about the hub axis [kg m^2]."""
+    link = rig["linear_density"] * rig["length"] ** 3 / 3
+    return rig["hub_inertia"] + link + rig["tip_mass"] * rig["length"] ** 2 + rig["tip_inertia"]
+
+
+def _period(recording: Recording, rig: Rig) -> float:
+    # A vibration faster than the samples would only make the windows many.
+    return max(1 / _first_frequency(rig), 2 * float(np.median(np.diff(recording.time))))
+
+
+def _first_frequency(rig: Rig) -> float:
+    """Returns an estimate of the first frequency with the hub free [Hz]: one mass on a massless beam.
+
+    A bar bends as if 33/140 of its mass were at its tip (Rayleigh); the hub opposite raises the frequency.
+    """
+    mass = rig["tip_mass"] + 33 / 140 * rig["linear_density"] * rig["length"]
+    locked = math.sqrt(3 * rig["bending_stiffness"] / rig["length"] ** 3 / mass) / (2 * math.pi)
+    return locked * math.sqrt(1 + mass * rig["length"] ** 2 / rig["hub_inertia"])

@@ -1,0 +1,234 @@
+"""What `campaign.toml` may say, and what is said to the author of one that says something else."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from twin.errors import InputError, nearest
+from twin.recording import CHANNEL_UNITS
+from twin.units import TIME
+
+FILE = "campaign.toml"
+
+PARAMETERS: Mapping[str, tuple[str, tuple[float, float]]] = {
+    "bending_stiffness": ("N*m^2", (1e-6, 1e6)),
+    "linear_density": ("kg/m", (1e-6, 1e3)),
+    "length": ("m", (1e-3, 1e2)),
+    "hub_inertia": ("kg*m^2", (1e-9, 1e3)),
+    "tip_mass": ("kg", (0.0, 1e3)),
+    "tip_inertia": ("kg*m^2", (0.0, 1e3)),
+    "damping_ratio": ("1", (0.0, 0.5)),
+    "static_friction": ("N*m", (0.0, 1e3)),
+    "coulomb_friction": ("N*m", (0.0, 1e3)),
+    "torque_limit": ("N*m", (0.0, math.inf)),
+}
+"""Every parameter of the format with its SI unit and what is physically possible."""
+
+DEFAULTS: Mapping[str, float] = {
+    "tip_mass": 0.0,
+    "tip_inertia": 0.0,
+    "damping_ratio": 0.01,
+    "static_friction": 0.0,
+    "coulomb_friction": 0.0,
+    "torque_limit": math.inf,
+}
+"""What holds for a rig that no preset describes; the other parameters are then required."""
+
+
+def _number(value: Any) -> Any:
+    # TOML knows integers and floats; True is neither, and "0.2" is a text.
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError("expected a number")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(_number)]
+Finite = Annotated[Number, Field(allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Channel(_Table):
+    """One `[channels.<name>]` table.
+
+    Attributes:
+      column: the CSV column; None for the channel's name.
+      unit: unit of the recorded values.
+      noise: standard deviation of the sensor noise, in `unit`.
+      gain: physical = gain * (raw - offset).
+      offset: raw value at physical zero.
+      position: distance of a strain gauge from the hub axis along the link [m].
+      half_thickness: distance of a strain gauge from the neutral axis [m].
+    """
+
+    unit: str
+    column: Annotated[str, Field(min_length=1)] | None = None
+    noise: Annotated[Finite, Field(ge=0.0)] | None = None
+    gain: Finite | None = None
+    offset: Finite = 0.0
+    position: Annotated[Finite, Field(ge=0.0)] | None = None
+    half_thickness: Annotated[Finite, Field(gt=0.0)] | None = None
+
+
+class RecordingEntry(_Table):
+    """One `[[recordings]]` table; `experiment` is a label for people."""
+
+    file: Annotated[str, Field(min_length=1)]
+    role: Literal["fit", "holdout"]
+    experiment: str = ""
+    clamped: bool = False
+    loop: Literal["open", "closed"] = "open"
+    start: Literal["rest", "unknown"] = "rest"
+    initial_tip_deflection: Finite | None = None
+
+
+class CampaignFile(_Table):
+    """The whole of `campaign.toml`."""
+
+    format: Literal[1]
+    name: Annotated[str, Field(min_length=1)]
+    rig: Annotated[str, Field(min_length=1)]
+    parameters: dict[str, Number] = {}
+    uncertainty: dict[str, Annotated[Finite, Field(ge=0.0)]] = {}
+    channels: Annotated[dict[str, Channel], Field(min_length=1)]
+    recordings: Annotated[list[RecordingEntry], Field(min_length=1)]
+
+
+_NAMES = {
+    "parameters": ("parameter", tuple(PARAMETERS)),
+    "uncertainty": ("parameter", tuple(PARAMETERS)),
+    "channels": ("channel", (TIME, *CHANNEL_UNITS)),
+}
+_TABLES: Mapping[str, type[_Table]] = {"channels": Channel, "recordings": RecordingEntry}
+
+
+def parse(text: str) -> CampaignFile:
+    """Returns what a `campaign.toml` says.
+
+    Raises:
+      InputError: it is not TOML, or it says something that the format does not know; one line per complaint.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(_syntax(str(error))) from None
+    unknown = list(_unknown_names(content))
+    if unknown:
+        raise InputError("\n".join(unknown))
+    try:
+        return CampaignFile.model_validate(content)
+    except ValidationError as error:
+        raise InputError("\n".join(_complaints(error, content))) from None
+
+
+def _syntax(message: str) -> str:
+    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+    if place is None:
+        return f"{FILE} is not TOML: {message}"
+    line = f", line {place[1]}, column {place[2]}" if place[1] else ", at its end"
+    return f"{FILE}{line}: {message[: place.start()]}; expected TOML"
+
+
+def _unknown_names(content: Mapping[str, Any]) -> Iterator[str]:
+    for table, (kind, known) in _NAMES.items():
+        names = content.get(table, {})
+        for name in names if isinstance(names, dict) else ():
+            if name not in known:
+                expected = f"expected one of: {', '.join(known)}{nearest(name, known)}"
+                yield f"{FILE}: {table}.{name} is not a {kind}; {expected}"
+
+
+def _complaints(error: ValidationError, content: Mapping[str, Any]) -> Iterator[str]:
+    # An unknown key first: where it is a slip of the pen, the missing one follows from it.
+    details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
+    for detail in details:
+        yield f"{FILE}: {_complaint(detail['type'], detail['loc'], detail, content)}"
+
+
+def _complaint(kind: str, loc: tuple[int | str, ...], detail: Any, content: Mapping[str, Any]) -> str:
+    field = _field(loc, content)
+    found = _toml(detail["input"])
+    if kind == "extra_forbidden":
+        known = tuple(_model(loc).model_fields)
+        return f"unknown key {field}; expected one of: {', '.join(known)}{nearest(str(loc[-1]), known)}"
+    if kind == "missing":
+        return f"{field} is missing{_meaning(str(loc[-1]))}"
+    if kind == "literal_error":
+        choices = get_args(_model(loc).model_fields[str(loc[-1])].annotation)
+        expected = ", ".join(_toml(choice) for choice in choices)
+        hint = nearest(str(detail["input"]), map(str, choices))
+        return f"{field} is {found}; expected one of: {expected}{hint}"
+    if kind == "too_short":
+        return f"{field} is empty; expected at least one"
+    expected = _EXPECTED.get(kind, detail["msg"]).format(**detail.get("ctx", {}))
+    return f"{field} is {found}; expected {expected}"
+
+
+_EXPECTED = {
+    "value_error": "a number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "bool_type": "true or false",
+    "string_type": "a text in quotes",
+    "string_too_short": "a text that is not empty",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "list_type": "a list of [[...]] tables",
+}
+
+_MEANINGS = {
+    "format": "; expected format = 1",
+    "name": '; expected name = "..." of the campaign',
+    "rig": '; expected rig = "..." with the name of a preset or of your rig',
+    "unit": '; expected unit = "..." of the column',
+    "role": '; expected role = "fit" or role = "holdout"',
+    "file": '; expected file = "..." of the recording',
+    "channels": "; expected one [channels.<name>] table per channel",
+    "recordings": "; expected one [[recordings]] table per file",
+}
+
+
+def _meaning(key: str) -> str:
+    return _MEANINGS.get(key, "")
+
+
+def _model(loc: tuple[int | str, ...]) -> type[_Table]:
+    return _TABLES[str(loc[0])] if len(loc) > 1 else CampaignFile
+
+
+def _field(loc: tuple[int | str, ...], content: Mapping[str, Any]) -> str:
+    """Returns the place as an author calls it: the third recording is `recordings[3] (multisine.csv)`."""
+    words: list[str] = []
+    for key in loc:
+        if isinstance(key, int) and words:
+            words[-1] += f"[{key + 1}]{_file_of(content, key)}"
+        else:
+            words.append(str(key))
+    return ".".join(words)
+
+
+def _file_of(content: Mapping[str, Any], index: int) -> str:
+    entry = content["recordings"][index]
+    file = entry.get("file") if isinstance(entry, dict) else None
+    return f" ({file})" if isinstance(file, str) else ""
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    return f"'{value}'" if isinstance(value, str) else str(value)

@@ -1,0 +1,172 @@
+"""Comma-separated numbers: a fast reader, and a slow one that says what is wrong and where."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError, nearest
+
+_MISSING = ("", "nan")
+_HUGE = 1e100  # beyond it, infinity included, a square overflows: no sensor says that
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of one CSV file.
+
+    Attributes:
+      name: what messages call the file.
+      header: every column of the file, in order, also those not read.
+      columns: name -> (n) values; NaN where a sample is missing.
+      lines: (n) line of the file on which each row stands.
+    """
+
+    name: str
+    header: tuple[str, ...]
+    columns: Mapping[str, np.ndarray] = field(repr=False)
+    lines: np.ndarray = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+
+def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> Table:
+    """Reads a CSV file: one header line, comma, decimal point, UTF-8.
+
+    Args:
+      path: the file.
+      name: what messages call the file.
+      wanted: the columns to read where the file has them; None for all. The other columns may hold anything.
+
+    Raises:
+      InputError: the file cannot be read as such a table.
+    """
+    lines = read_text(path, name).split("\n")
+    header = _header(lines[0], name)
+    used = [i for i, column in enumerate(header) if wanted is None or column in wanted]
+    rows = np.array([i + 2 for i, line in enumerate(lines[1:]) if line.strip()], dtype=int)
+    body = [lines[i - 1] for i in rows]
+    values = _fast(body, len(header), used)
+    if values is None:
+        values = np.array(list(_slow(body, rows, header, used, name))).reshape(len(body), len(used))
+    columns = {header[i]: values[:, j] for j, i in enumerate(used)}
+    return Table(name, header, columns, rows)
+
+
+def read_text(path: Path, name: str) -> str:
+    """Returns the text of a UTF-8 file with newlines as line ends; a byte-order mark is dropped.
+
+    Raises:
+      InputError: there is no such file, or it is not UTF-8.
+    """
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{name}: there is no such file in {path.parent}{_sibling(path)}") from None
+    except IsADirectoryError:
+        raise InputError(f"{name} is a folder; expected a file") from None
+    except OSError as error:
+        raise InputError(f"{name} cannot be read: {error.strerror}") from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        byte = f"byte 0x{raw[error.start]:02x}"
+        raise InputError(f"{name}, line {line}: {byte} is not UTF-8; save the file as UTF-8") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _sibling(path: Path) -> str:
+    return nearest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else ""
+
+
+def _header(line: str, name: str) -> tuple[str, ...]:
+    if not line.strip():
+        raise InputError(f"{name}, line 1 is empty; expected a header line with the names of the columns")
+    for other, called in ((";", "semicolons"), ("\t", "tabs")):
+        if line.count(other) > line.count(","):
+            raise InputError(
+                f"{name}, line 1: columns are separated by {called}; expected commas, with a decimal point"
+            )
+    header = tuple(cell.strip() for cell in _cells(line, f"{name}, line 1"))
+    if all(_is_number(cell) for cell in header):
+        raise InputError(
+            f"{name}, line 1 is '{_short(line)}'; expected a header line with the names of the columns"
+        )
+    twice = [column for i, column in enumerate(header) if column and column in header[:i]]
+    if twice:
+        raise InputError(f"{name}, line 1: column '{twice[0]}' occurs twice; expected each name once")
+    return header
+
+
+def _fast(body: list[str], width: int, used: list[int]) -> np.ndarray | None:
+    """Returns the used columns, or None where anything is out of the ordinary."""
+    if not body or not used or {line.count(",") for line in body} != {width - 1}:
+        return None
+    text = "\n".join(body)
+    if ",," in text or ",\n" in text or "\n," in text or text[0] == "," or text[-1] == ",":
+        body = [_fill(line) for line in body]
+    try:
+        values = np.loadtxt(body, delimiter=",", comments=None, usecols=used, ndmin=2)
+    except ValueError:
+        return None
+    return None if (np.abs(values) > _HUGE).any() else values
+
+
+def _fill(line: str) -> str:
+    # Every second empty field of a run is left over by the first replacement.
+    filled = f",{line},".replace(",,", ",nan,").replace(",,", ",nan,")
+    return filled[1:-1]
+
+
+def _slow(
+    body: list[str], rows: np.ndarray, header: tuple[str, ...], used: list[int], name: str
+) -> Iterator[list[float]]:
+    for line, row in zip(body, rows, strict=True):
+        cells = _cells(line, f"{name}, line {row}")
+        if len(cells) != len(header):
+            raise InputError(f"{name}, line {row} has {_ragged(cells, len(header))}")
+        yield [_number(cells[i], header[i], f"{name}, line {row}") for i in used]
+
+
+def _cells(line: str, where: str) -> list[str]:
+    try:
+        return next(csv.reader([line]))
+    except csv.Error as error:
+        raise InputError(f"{where}: {error}; expected comma-separated numbers") from None
+
+
+def _ragged(cells: list[str], width: int) -> str:
+    # 1,5 for 1.5 doubles the number of fields, but for those that are whole numbers.
+    doubled = width < len(cells) <= 2 * width and all(_is_number(cell) for cell in cells)
+    hint = "; if the comma is the decimal sign, write a decimal point" if doubled else ""
+    return f"{len(cells)} fields; expected {width}, as in the header{hint}"
+
+
+def _number(cell: str, column: str, where: str) -> float:
+    text = cell.strip()
+    if text.lower() in _MISSING:
+        return math.nan
+    if _is_number(text):
+        return float(text)
+    hint = " (decimal point, not comma)" if re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", text, re.I) else ""
+    found = f"{column} is '{_short(cell)}'"
+    raise InputError(f"{where}: {found}; expected a number{hint}, an empty field or nan")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return abs(float(cell)) <= _HUGE and "_" not in cell
+    except ValueError:
+        return False
+
+
+def _short(text: str, width: int = 40) -> str:
+    return text if len(text) <= width else f"{text[:width]}..."
