@@ -20,6 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+_FAST = {"contract", "arcp", "nsz", "reassoc"}
+_compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
+# A `Plant` is some 70 words, passed by value: what is called at every stage is inlined.
+_inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
+
 TIME_TOLERANCE = 1e-7
 """Width of the interval in which a stick or slip is located [s]."""
 
@@ -63,21 +68,21 @@ class Plant(NamedTuple):
     gravity_y: float = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _friction_raise(plant, theta):
     if plant.friction_amplitude == 0.0:
         return 0.0
     return 0.5 * plant.friction_amplitude * (1 + np.sin(plant.friction_order * theta + plant.friction_phase))
 
 
-@njit(cache=True, error_model="numpy")
+@_compiled
 def static_level(plant, theta, direction):
     """Torque [N m] that a resting hub withstands in `direction` (+1 or -1)."""
     level = plant.static_positive if direction > 0 else plant.static_negative
     return level + _friction_raise(plant, theta)
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def sliding_level(plant, theta, omega, direction):
     """Friction torque [N m] on a hub that slides in `direction` at rate `omega` [rad/s]."""
     if direction > 0:
@@ -89,7 +94,7 @@ def sliding_level(plant, theta, omega, direction):
     return coulomb + _friction_raise(plant, theta)
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def hub_torque(plant, t, theta, omega):
     """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link."""
     torque = plant.bias - plant.viscous * omega - plant.cable_stiffness * (theta - plant.cable_rest_angle)
@@ -101,20 +106,43 @@ def hub_torque(plant, t, theta, omega):
     return torque
 
 
-@njit(cache=True, error_model="numpy")
-def _generalised_forces(plant, phi, omega, force, mass):
+@_compiled
+def _directions(phi, sin, cos):
+    """Fills sin and cos of the angles (n + 1) relative to the hub, which is all that the inertia depends on.
+
+    Hinge angles are small: their sine and cosine come from a series, good to 1e-13 below 0.5 rad.
+    """
+    sin[0], cos[0] = 0.0, 1.0
+    for i in range(1, phi.size):
+        q = phi[i] - phi[i - 1]
+        if abs(q) < 0.5:
+            x = q * q
+            s = q * (1 - x / 6 * (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110)))))
+            c = 1 - x / 2 * (1 - x / 12 * (1 - x / 30 * (1 - x / 56 * (1 - x / 90 * (1 - x / 132)))))
+        else:
+            s, c = np.sin(q), np.cos(q)
+        sin[i] = sin[i - 1] * c + cos[i - 1] * s
+        cos[i] = cos[i - 1] * c - sin[i - 1] * s
+
+
+@_inlined
+def _generalised_forces(plant, phi, omega, force, mass, sin, cos):
     """Fills `force` (n + 1) with all but hub torques and `mass` (n + 1, n + 1) with the mass matrix."""
     m = phi.size
-    sin, cos = np.sin(phi), np.cos(phi)
+    _directions(phi, sin, cos)
     for i in range(m):
         force[i] = 0.0
     for i in range(m):
-        for j in range(i + 1):
+        squared = omega[i] * omega[i]
+        total = 0.0
+        for j in range(i):
             c = plant.inertia[i, j]
             mass[i, j] = c * (cos[i] * cos[j] + sin[i] * sin[j])
             s = c * (sin[i] * cos[j] - cos[i] * sin[j])
-            force[i] -= s * omega[j] * omega[j]
-            force[j] += s * omega[i] * omega[i]
+            total += s * omega[j] * omega[j]
+            force[j] += s * squared
+        force[i] -= total
+        mass[i, i] = plant.inertia[i, i]
     # Hinge moments: stiffness (softening with curvature) and modal damping.
     for i in range(1, m):
         angle = phi[i] - phi[i - 1]
@@ -135,43 +163,49 @@ def _generalised_forces(plant, phi, omega, force, mass):
         for i in range(m):
             force[i] -= drag * plant.lengths[i] * (cos[i] * vy - sin[i] * vx)
     if plant.gravity_x != 0.0 or plant.gravity_y != 0.0:
+        # Gravity in the hub's frame.
+        s, c = np.sin(phi[0]), np.cos(phi[0])
+        gx = c * plant.gravity_x + s * plant.gravity_y
+        gy = c * plant.gravity_y - s * plant.gravity_x
         for i in range(m):
-            force[i] += plant.first_moment[i] * (plant.gravity_y * cos[i] - plant.gravity_x * sin[i])
+            force[i] += plant.first_moment[i] * (gy * cos[i] - gx * sin[i])
 
 
-@njit(cache=True, error_model="numpy")
+@_compiled
 def _solve(mass, force, first):
-    """Solves mass x = force in place by Cholesky for rows and columns from `first` on; x in `force`."""
+    """Solves mass x = force in place for rows and columns from `first` on (Cholesky, LDL'); x in `force`."""
     m = force.size
     for i in range(first, m):
-        for j in range(first, i + 1):
+        # Row i of L D, then of L; the inverse pivots stay on the diagonal.
+        for j in range(first, i):
             s = mass[i, j]
             for k in range(first, j):
                 s -= mass[i, k] * mass[j, k]
-            if i == j:
-                mass[i, i] = np.sqrt(s)
-            else:
-                mass[i, j] = s / mass[j, j]
-    for i in range(first, m):
-        s = force[i]
-        for k in range(first, i):
-            s -= mass[i, k] * force[k]
-        force[i] = s / mass[i, i]
+            mass[i, j] = s
+        pivot = mass[i, i]
+        x = force[i]
+        for j in range(first, i):
+            scaled = mass[i, j] * mass[j, j]
+            pivot -= scaled * mass[i, j]
+            mass[i, j] = scaled
+            x -= scaled * force[j]
+        mass[i, i] = 1 / pivot
+        force[i] = x
     for i in range(m - 1, first - 1, -1):
-        s = force[i]
+        s = force[i] * mass[i, i]
         for k in range(i + 1, m):
             s -= mass[k, i] * force[k]
-        force[i] = s / mass[i, i]
+        force[i] = s
 
 
-@njit(cache=True, error_model="numpy")
-def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, mass):
+@_compiled
+def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch):
     """Fills `acc` (n + 1); returns the torque [N m] that friction must bear to hold a locked hub."""
-    _generalised_forces(plant, phi, omega, acc, mass)
+    mass, row = scratch[3:], scratch[2]
+    _generalised_forces(plant, phi, omega, acc, mass, scratch[0], scratch[1])
     torque = drive + hub_torque(plant, t, phi[0], omega[0])
     if locked:
         m = phi.size
-        row = np.empty(m)
         for j in range(1, m):
             row[j] = mass[j, 0]
         needed = acc[0] + torque
@@ -187,7 +221,7 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, mass):
     return 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@_compiled
 def _drive(u, u_before, age, lag):
     """Delivered torque [N m] `age` seconds after the command stepped to u from a delivered u_before."""
     if lag <= 0.0:
@@ -195,28 +229,28 @@ def _drive(u, u_before, age, lag):
     return u + (u_before - u) * np.exp(-age / lag)
 
 
-@njit(cache=True, error_model="numpy")
-def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, omega1, work, mass):
+@_compiled
+def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, omega1, work, scratch):
     """One classical Runge-Kutta step of length h; the result goes to phi1, omega1."""
     m = phi.size
     k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a = work
     for i in range(m):
         k1v[i] = omega[i]
-    _accelerations(plant, t, phi, omega, _drive(u, u_before, age, plant.lag), direction, locked, k1a, mass)
+    _accelerations(plant, t, phi, omega, _drive(u, u_before, age, plant.lag), direction, locked, k1a, scratch)
     half = _drive(u, u_before, age + h / 2, plant.lag)
     for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k1v[i]
         k2v[i] = omega[i] + 0.5 * h * k1a[i]
-    _accelerations(plant, t + h / 2, phi1, k2v, half, direction, locked, k2a, mass)
+    _accelerations(plant, t + h / 2, phi1, k2v, half, direction, locked, k2a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k2v[i]
         k3v[i] = omega[i] + 0.5 * h * k2a[i]
-    _accelerations(plant, t + h / 2, phi1, k3v, half, direction, locked, k3a, mass)
+    _accelerations(plant, t + h / 2, phi1, k3v, half, direction, locked, k3a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + h * k3v[i]
         k4v[i] = omega[i] + h * k3a[i]
     end = _drive(u, u_before, age + h, plant.lag)
-    _accelerations(plant, t + h, phi1, k4v, end, direction, locked, k4a, mass)
+    _accelerations(plant, t + h, phi1, k4v, end, direction, locked, k4a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
         omega1[i] = omega[i] + h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
@@ -225,19 +259,19 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
         omega1[0] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _needed(plant, t, phi, omega, drive, acc, mass):
+@_compiled
+def _needed(plant, t, phi, omega, drive, acc, scratch):
     """Torque [N m] that friction must bear to keep the hub at rest."""
-    return _accelerations(plant, t, phi, omega, drive, 0, True, acc, mass)
+    return _accelerations(plant, t, phi, omega, drive, 0, True, acc, scratch)
 
 
-@njit(cache=True, error_model="numpy")
+@_compiled
 def _holds(plant, theta, needed):
     return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
 
 
-@njit(cache=True, error_model="numpy")
-def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, work, mass):
+@_compiled
+def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, work, scratch):
     """Integrates phi, omega (n + 1) in place over `span` [s] under a held command u.
 
     `mode` is 0 while the hub sticks, else the direction +1 or -1 in which it slides. Returns the mode at the end.
@@ -249,47 +283,47 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
         if not clamped:
             drive = _drive(u, u_before, age, plant.lag)
             if mode == 0:
-                needed = _needed(plant, t, phi, omega, drive, acc, mass)
+                needed = _needed(plant, t, phi, omega, drive, acc, scratch)
                 if not _holds(plant, phi[0], needed):
                     mode = 1 if needed > 0 else -1
         locked = clamped or mode == 0
         h = left / max(1.0, np.ceil(left / h_max - 1e-9))
-        _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, mass)
+        _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, scratch)
         if not clamped:
             crossed = mode != 0 and omega1[0] * mode < 0.0
             slipped = False
             if mode == 0:
                 drive = _drive(u, u_before, age + h, plant.lag)
-                needed = _needed(plant, t + h, phi1, omega1, drive, acc, mass)
+                needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
                 slipped = not _holds(plant, phi[0], needed)
             if crossed or slipped:
                 # Bisect for the instant of the event, then restart behind it.
                 low, high = 0.0, h
                 while high - low > TIME_TOLERANCE:
                     mid = 0.5 * (low + high)
-                    _step(plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, mass)
+                    _step(plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, scratch)
                     if crossed:
                         beyond = omega1[0] * mode < 0.0
                     else:
                         drive = _drive(u, u_before, age + mid, plant.lag)
-                        needed = _needed(plant, t + mid, phi1, omega1, drive, acc, mass)
+                        needed = _needed(plant, t + mid, phi1, omega1, drive, acc, scratch)
                         beyond = not _holds(plant, phi[0], needed)
                     if beyond:
                         high = mid
                     else:
                         low = mid
                 h = high
-                _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, mass)
+                _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, scratch)
                 drive = _drive(u, u_before, age + h, plant.lag)
                 if crossed:
                     omega1[0] = 0.0
-                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, mass)
+                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
                     if _holds(plant, phi1[0], needed):
                         mode = 0
                     else:
                         mode = 1 if needed > 0 else -1
                 else:
-                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, mass)
+                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
                     mode = 1 if needed > 0 else -1
         for i in range(m):
             phi[i] = phi1[i]
@@ -300,7 +334,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
     return mode
 
 
-@njit(cache=True, error_model="numpy")
+@_compiled
 def simulate(plant, command_time, command, out_time, phi0, omega0, mode0, clamped, h_max):
     """Integrates from out_time[0] to out_time[-1].
 
@@ -319,7 +353,7 @@ def simulate(plant, command_time, command, out_time, phi0, omega0, mode0, clampe
     size = phi0.size
     phi, omega = phi0.copy(), omega0.copy()
     work = np.empty((8, size))
-    mass = np.empty((size, size))
+    scratch = np.empty((size + 3, size))
     angles = np.empty((out_time.size, size))
     rates = np.empty((out_time.size, size))
     modes = np.empty(out_time.size)
@@ -338,7 +372,7 @@ def simulate(plant, command_time, command, out_time, phi0, omega0, mode0, clampe
             if pointer + 1 < command_time.size and command_time[pointer + 1] < end:
                 end = command_time[pointer + 1]
             mode = advance(
-                plant, t, end - t, phi, omega, u, u_before, t - since, mode, clamped, h_max, work, mass
+                plant, t, end - t, phi, omega, u, u_before, t - since, mode, clamped, h_max, work, scratch
             )
             t = end
             while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
