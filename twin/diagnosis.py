@@ -1,0 +1,175 @@
+"""What a diagnosis says: plain values, made by `twin.diagnose`, read by the report, the JSON and the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from twin.parameters import Rig
+from twin.recording import CHANNEL_UNITS, Recording
+
+Verdict = Literal["explained", "no-missing-effect", "outside-library"]
+
+
+@dataclass(frozen=True)
+class AdoptedEffect:
+    """An effect that the model lacked.
+
+    Attributes:
+      name: its name in the vocabulary.
+      probability: that it is this one, among the candidates tried [1].
+      parameters, standard_errors: by parameter name, SI units.
+      units: unit of each parameter.
+    """
+
+    name: str
+    probability: float
+    parameters: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    units: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A declared parameter, moved within its uncertainty."""
+
+    declared: float
+    fitted: float
+    standard_error: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Root-mean-square of measured minus simulated over one recording, SI units.
+
+    Attributes:
+      before: of the model as declared.
+      calibrated: with declared parameters refitted within their uncertainty.
+      after: with the adopted effects.
+      noise: standard deviation of the sensor.
+      unit: SI unit of the channel.
+    """
+
+    before: float
+    calibrated: float
+    after: float
+    noise: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One recording beside what the three models make of it (channels at the instants of `measured`)."""
+
+    role: Literal["fit", "holdout"]
+    measured: Recording
+    before: Recording
+    calibrated: Recording
+    after: Recording
+    errors: Mapping[str, ChannelError]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What the calibrated model leaves unexplained, local in time: the picture of the cause.
+
+    Attributes:
+      label: name and unit of the unexplained quantity, such as "unmodelled hub torque [N m]".
+      time: (n) [s], over all fit recordings one after the other.
+      values: (n) in the unit of the label.
+      variables: name -> (n) what it may depend on, SI: `hub_angle`, `hub_rate`, `time`, `torque_command`, ...
+      explained_by: the variable that explains most of it, or None.
+      fitted: (n) what the adopted effects say it should be, or None.
+      recording: (n) index of the recording that each sample belongs to.
+    """
+
+    label: str
+    time: np.ndarray
+    values: np.ndarray
+    variables: Mapping[str, np.ndarray]
+    recording: np.ndarray
+    explained_by: str | None = None
+    fitted: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer of the loop on a campaign; `to_json` gives its interface.
+
+    Attributes:
+      campaign: its name.
+      verdict: "explained", "no-missing-effect" or "outside-library".
+      summary: the story in a few plain sentences.
+      effects: adopted effects, the most important first.
+      ranking: (name, score) of all candidates, best first; the score is the gain in log likelihood per candidate.
+      indistinguishable: sets of effects that these recordings cannot tell apart.
+      next_experiment: what to record to separate or confirm.
+      depends_on: variables on which what is left unexplained depends, strongest first.
+      calibrated: declared parameters that were refitted.
+      predictions: by file name; held-out ones were simulated once, at the end.
+      traces: what the calibrated model left unexplained.
+      notes: assumptions and data defects that the reader should know.
+      declared, fitted: the rig before and after calibration.
+      wall_s: how long it took [s].
+    """
+
+    campaign: str
+    verdict: Verdict
+    summary: str
+    effects: tuple[AdoptedEffect, ...]
+    ranking: tuple[tuple[str, float], ...]
+    indistinguishable: tuple[tuple[str, ...], ...]
+    next_experiment: str | None
+    depends_on: tuple[str, ...]
+    calibrated: Mapping[str, Calibrated]
+    predictions: Mapping[str, Prediction]
+    traces: tuple[Trace, ...]
+    notes: tuple[str, ...]
+    declared: Rig
+    fitted: Rig
+    wall_s: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the answer as a dictionary of plain values."""
+        return {
+            "campaign": self.campaign,
+            "verdict": self.verdict,
+            "summary": self.summary,
+            "effects": [
+                {
+                    "name": e.name,
+                    "probability": e.probability,
+                    "parameters": dict(e.parameters),
+                    "standard_errors": dict(e.standard_errors),
+                }
+                for e in self.effects
+            ],
+            "ranking": [{"name": name, "score": score} for name, score in self.ranking],
+            "indistinguishable": [list(names) for names in self.indistinguishable],
+            "next_experiment": self.next_experiment,
+            "depends_on": list(self.depends_on),
+            "calibrated": {
+                name: {"declared": c.declared, "fitted": c.fitted, "standard_error": c.standard_error}
+                for name, c in self.calibrated.items()
+            },
+            "errors": {file: _errors_json(p) for file, p in self.predictions.items()},
+            "notes": list(self.notes),
+            "wall_s": self.wall_s,
+        }
+
+
+def _errors_json(prediction: Prediction) -> dict[str, Any]:
+    rows: dict[str, Any] = {"role": prediction.role}
+    for channel, error in prediction.errors.items():
+        rows[channel] = {
+            "before": error.before,
+            "calibrated": error.calibrated,
+            "after": error.after,
+            "noise": error.noise,
+            "unit": CHANNEL_UNITS[channel],
+        }
+    return rows
