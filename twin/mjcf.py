@@ -1,0 +1,404 @@
+"""The rig as MJCF: segments, hinges, losses, motor, sensors, and what it looks like.
+
+The link bends in the horizontal plane; every joint turns about the vertical, z. At zero angle the link lies along
+x. What the numbers of a `Chain` become:
+
+    segment     body `link_i`, a rod with explicit inertia            hub, payload   bodies welded to the end ones
+    hinge       joint `bend_i` with stiffness                         hub angle      joint `hub`
+    damping     D = sum_i d_i p_i p_i^T: fixed tendon `loss_i` of length p_i . q with damping d_i, one per free mode
+    strain      fixed tendon `strain_base` of length half_thickness * w''(x), a row times the hinge angles
+    friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the break-away
+                level stands in `custom/numeric` and is applied by `twin.mujoco_chain`
+
+`python -m twin.mjcf [FOLDER]` writes the files of `models/`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from twin.chain import Chain, curvature_row
+from twin.planar import Plant
+from twin.recording import Sensor
+
+GAUGES = (
+    Sensor("strain_base", position=0.02, half_thickness=0.001),
+    Sensor("strain_mid", position=0.21, half_thickness=0.001),
+)
+"""Strain bridges of the files in `models/`: at the base and in the middle of the link, on a link 2 mm thick."""
+
+TIMESTEP = 5e-4  # s; below the stability limit 2.8 / omega_max of RK4 for up to 8 segments
+_HALF_THICKNESS, _HALF_HEIGHT = 0.001, 0.022  # m; I = 2.95e-11 m^4 (Table II) and a density near 1000 kg/m^3
+_FLOOR = -0.045  # m, the glass below the link's axis
+
+_HUB_MASS = 0.6  # kg; on the axis, so that no motion depends on it
+
+
+def build_spec(
+    rig: Mapping[str, float],
+    chain: Chain,
+    plant: Plant | None = None,
+    scene: bool = False,
+    gauges: Sequence[Sensor] = GAUGES,
+) -> mujoco.MjSpec:
+    """Returns the rig as an editable MuJoCo specification.
+
+    Args:
+      rig: parameters, SI; torque_limit may be infinite or missing.
+      chain: the chain of this rig.
+      plant: mechanisms to write as well as stiffness, damping and friction levels; `not_native` lists what MJCF
+        cannot say. By default the friction of the rig and nothing else.
+      scene: add table, light and camera.
+      gauges: strain bridges off the link's end are left out.
+    """
+    spec = dynamics_spec(chain, plant if plant is not None else _declared_plant(rig, chain), rig)
+    _add_motor(spec, rig)
+    _add_sensors(spec, rig, chain, gauges)
+    _add_looks(spec, rig, chain, gauges)
+    return _in_scene(spec) if scene else spec
+
+
+def not_native(plant: Plant) -> tuple[str, ...]:
+    """Returns the mechanisms of a plant that its MJCF leaves out; the runner applies them step by step."""
+    levels = (plant.static_positive, plant.static_negative, plant.coulomb_positive, plant.coulomb_negative)
+    coulomb = levels[2:]
+    present = {
+        "break-away friction above Coulomb": levels[:2] != coulomb,
+        "asymmetric friction": coulomb[0] != coulomb[1] or levels[0] != levels[1],
+        "stribeck friction": plant.stribeck_velocity != 0,
+        "position-dependent friction": plant.friction_amplitude != 0,
+        "periodic disturbance": plant.disturbance_amplitude != 0,
+        "softening stiffness": plant.softening != 0,
+        "quadratic tip drag": plant.tip_drag_quadratic != 0,
+        "actuator lag": plant.lag != 0,
+    }
+    return tuple(name for name, there in present.items() if there)
+
+
+def dynamics_spec(
+    chain: Chain, plant: Plant, rig: Mapping[str, float], locked: bool = False
+) -> mujoco.MjSpec:
+    """Returns the moving parts alone: bodies, joints, losses and native mechanisms, no sensors, no geometry.
+
+    Args:
+      chain: lengths, masses, inertias.
+      plant: stiffness, damping, hub mechanisms.
+      rig: hub_inertia, tip_mass, tip_inertia.
+      locked: the hub is part of the world; its angle is then the body's orientation.
+    """
+    if not np.allclose(plant.inertia, chain.inertia, rtol=1e-9, atol=0):
+        raise ValueError("plant and chain have different inertias; build the plant from this chain")
+    spec = mujoco.MjSpec()
+    spec.modelname = "flexible link"
+    spec.compiler.degree = False
+    spec.option.timestep = TIMESTEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    spec.option.noslip_iterations = 3  # without it frictionloss creeps
+    # Nothing in the plane depends on the vertical component.
+    spec.option.gravity = [plant.gravity_x, plant.gravity_y, -9.81]
+    _add_bodies(spec, chain, plant, rig, locked)
+    _add_losses(spec, chain, plant.damping)
+    if not locked:
+        _add_hub_mechanisms(spec, plant)
+    if plant.tip_drag_linear != 0:
+        add_tip_drag(spec, plant.tip_drag_linear)
+    return spec
+
+
+def write_models(folder: Path) -> tuple[Path, ...]:
+    """Writes `bossi2009.xml` and `scene.xml`; returns their paths."""
+    from twin.chain import build
+    from twin.rigs import preset
+
+    rig = preset("bossi2009")
+    spec = build_spec(rig, build(rig))
+    spec.modelname = "bossi2009"
+    bare, scene = folder / "bossi2009.xml", folder / "scene.xml"
+    bare.write_text(_tidy(spec.to_xml()), encoding="utf-8")
+    scene.write_text(_SCENE.format(file=bare.name, floor=_FLOOR), encoding="utf-8")
+    return bare, scene
+
+
+def _declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
+    static, coulomb = rig.get("static_friction", 0.0), rig.get("coulomb_friction", 0.0)
+    return Plant(
+        chain.lengths,
+        chain.inertia,
+        chain.stiffness,
+        chain.damping,
+        chain.first_moment,
+        chain.stiffness / rig["bending_stiffness"],
+        static,
+        static,
+        coulomb,
+        coulomb,
+    )
+
+
+# Moving parts
+
+
+def _add_bodies(
+    spec: mujoco.MjSpec, chain: Chain, plant: Plant, rig: Mapping[str, float], locked: bool
+) -> None:
+    body = spec.worldbody.add_body(name="hub")
+    if not locked:
+        body.add_joint(name="hub", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    _set_inertia(body, _HUB_MASS, 0.0, rig["hub_inertia"])
+    for i, (length, mass) in enumerate(zip(chain.lengths, chain.masses, strict=True)):
+        start = chain.lengths[i - 1] if i > 1 else chain.lengths[0] if i == 1 else 0.0
+        body = body.add_body(name=f"link_{i}", pos=[start, 0, 0])
+        if i > 0:
+            joint = body.add_joint(name=f"bend_{i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+            joint.stiffness[0] = plant.stiffness[i - 1]
+        _set_inertia(body, mass, length / 2, mass * length**2 / 12)
+    tip = body.add_body(name="payload", pos=[chain.lengths[-1], 0, 0])
+    tip.add_site(name="tip", size=[0.003, 0.003, 0.003], group=4)
+    _set_inertia(tip, rig["tip_mass"], 0.0, rig["tip_inertia"])
+
+
+def _set_inertia(body: mujoco.MjsBody, mass: float, centre: float, about_z: float) -> None:
+    """Mass [kg] at `centre` [m] along x with the inertia [kg m^2] about the vertical through it.
+
+    The other two never act in the plane; they are such that a body with them can exist.
+    """
+    body.explicitinertial = True
+    body.mass, body.ipos = mass, [centre, 0, 0]
+    body.inertia = [0.6 * about_z, 0.6 * about_z, about_z]
+
+
+def _add_losses(spec: mujoco.MjSpec, chain: Chain, damping: np.ndarray) -> None:
+    """D = sum_i d_i p_i p_i^T as tendons of length p_i . q with damping d_i; p_i [1] has its largest entry at 1."""
+    for i, (coefficients, value) in enumerate(_dyads(chain, damping), start=1):
+        tendon = spec.add_tendon(name=f"loss_{i}", group=5)
+        tendon.damping[0] = value
+        for hinge, coefficient in enumerate(coefficients, start=1):
+            tendon.wrap_joint(f"bend_{hinge}", coefficient)
+
+
+def _dyads(chain: Chain, damping: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    if not np.any(damping):
+        return []
+    frequencies, shapes = chain.modes("free")
+    momenta = (chain.mass_matrix() @ shapes)[1:]
+    # The share of each free mode, if it is these that the losses are declared for.
+    shares = np.linalg.solve(momenta, np.linalg.solve(momenta, damping).T)
+    values = np.diag(shares).copy()
+    if not np.allclose(shares, np.diag(values), rtol=0, atol=1e-9 * values.max()):
+        values, momenta = np.linalg.eigh(damping)
+    scale = np.abs(momenta).max(axis=0)
+    return [
+        (momenta[:, i] / scale[i], values[i] * scale[i] ** 2) for i in range(len(values)) if values[i] > 0
+    ]
+
+
+def _add_hub_mechanisms(spec: mujoco.MjSpec, plant: Plant) -> None:
+    hub = spec.joint("hub")
+    hub.frictionloss = (plant.coulomb_positive + plant.coulomb_negative) / 2
+    hub.damping[0] = plant.viscous
+    hub.stiffness[0] = plant.cable_stiffness
+    hub.springref = plant.cable_rest_angle
+    static = (plant.static_positive + plant.static_negative) / 2
+    spec.add_numeric(name="static_friction", data=[static], size=1)
+    spec.add_numeric(name="coulomb_friction", data=[hub.frictionloss], size=1)
+    if plant.bias != 0:
+        bias = _hub_actuator(spec, "bias")
+        bias.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        bias.gainprm[0], bias.biasprm[0] = 0.0, plant.bias
+    if plant.cogging_amplitude != 0:
+        wave = (plant.cogging_amplitude, plant.cogging_order, plant.cogging_phase)
+        add_hub_wave(spec, "cogging", *wave)
+
+
+def add_hub_wave(spec: mujoco.MjSpec, name: str, amplitude: float, order: float, phase: float) -> None:
+    """Torque amplitude * sin(order * theta + phase) [N m] on the hub: the cogging of MuJoCo's motor."""
+    actuator = _hub_actuator(spec, name)
+    # A motor without a winding to speak of: its torque constant may not be 0.
+    actuator.set_to_dcmotor(motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[amplitude, order, phase])
+
+
+def add_tip_drag(spec: mujoco.MjSpec, drag: float) -> None:
+    """Force ctrl - drag * velocity [N] on the payload, along two fixed axes in the plane."""
+    spec.worldbody.add_site(name="axis", group=4)
+    for name, direction in (("drag_x", [1, 0, 0, 0, 0, 0]), ("drag_y", [0, 1, 0, 0, 0, 0])):
+        actuator = spec.add_actuator(name=name, target="tip", trntype=mujoco.mjtTrn.mjTRN_SITE)
+        actuator.refsite, actuator.gear = "axis", direction
+        actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        actuator.biasprm[2] = -drag
+
+
+def _hub_actuator(spec: mujoco.MjSpec, name: str) -> mujoco.MjsActuator:
+    return spec.add_actuator(name=name, target="hub", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+
+
+# Motor and sensors
+
+
+def _add_motor(spec: mujoco.MjSpec, rig: Mapping[str, float]) -> None:
+    motor = _hub_actuator(spec, "motor")
+    limit = rig.get("torque_limit", math.inf)
+    if math.isfinite(limit):
+        motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        motor.ctrlrange = motor.forcerange = [-limit, limit]
+
+
+def _add_sensors(
+    spec: mujoco.MjSpec, rig: Mapping[str, float], chain: Chain, gauges: Sequence[Sensor]
+) -> None:
+    kind, joint, site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
+    spec.add_sensor(name="hub_angle", type=kind.mjSENS_JOINTPOS, objtype=joint, objname="hub")
+    spec.add_sensor(name="hub_rate", type=kind.mjSENS_JOINTVEL, objtype=joint, objname="hub")
+    for gauge in gauges:
+        _add_strain(spec, gauge, curvature_row(chain, rig, gauge.position))
+    spec.add_sensor(name="tip", type=kind.mjSENS_FRAMEPOS, objtype=site, objname="tip")
+    # Seen from the hub: its second component is the tip deflection w_c(l, t).
+    hub = {"reftype": mujoco.mjtObj.mjOBJ_XBODY, "refname": "hub"}
+    spec.add_sensor(name="tip_from_hub", type=kind.mjSENS_FRAMEPOS, objtype=site, objname="tip", **hub)
+    spec.add_sensor(name="tip_acceleration", type=kind.mjSENS_ACCELEROMETER, objtype=site, objname="tip")
+    motor = mujoco.mjtObj.mjOBJ_ACTUATOR
+    spec.add_sensor(name="motor_torque", type=kind.mjSENS_ACTUATORFRC, objtype=motor, objname="motor")
+
+
+def _add_strain(spec: mujoco.MjSpec, gauge: Sensor, row: np.ndarray) -> None:
+    """A tendon as long as the strain half_thickness * w''(x); the sensor reads its length."""
+    tendon = spec.add_tendon(name=gauge.channel, group=5)
+    for hinge, coefficient in enumerate(gauge.half_thickness * row, start=1):
+        tendon.wrap_joint(f"bend_{hinge}", coefficient)
+    kind, tendons = mujoco.mjtSensor.mjSENS_TENDONPOS, mujoco.mjtObj.mjOBJ_TENDON
+    spec.add_sensor(name=gauge.channel, type=kind, objtype=tendons, objname=gauge.channel)
+
+
+# Looks: box sections as on the rig; nothing collides, and no mass comes from here
+
+_BOX, _CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
+_COLOURS = {
+    "aluminium": (0.78, 0.80, 0.83, 1.0),
+    "steel": (0.30, 0.32, 0.35, 1.0),
+    "kevlar": (0.83, 0.66, 0.24, 1.0),
+    "gauge": (0.72, 0.22, 0.16, 1.0),
+    "hose": (0.16, 0.33, 0.55, 1.0),
+}
+
+
+def _add_looks(spec: mujoco.MjSpec, rig: Mapping[str, float], chain: Chain, gauges: Sequence[Sensor]) -> None:
+    for name, rgba in _COLOURS.items():
+        shine = {"specular": 0.6, "shininess": 0.7} if name in ("aluminium", "steel") else {"specular": 0.2}
+        spec.add_material(name=name, rgba=rgba, **shine)
+    _add_motor_and_fork(spec)
+    for i, length in enumerate(chain.lengths):
+        link = spec.body(f"link_{i}")
+        _box(link, "kevlar", (length / 2, 0, 0), (length / 2, _HALF_THICKNESS, _HALF_HEIGHT))
+        if i > 0:  # closes the gap that opens where two segments meet at an angle
+            _cylinder(link, "kevlar", (0, 0, 0), _HALF_THICKNESS, _HALF_HEIGHT)
+    starts = np.concatenate([[0.0], chain.hinges])
+    for gauge in gauges:
+        if gauge.position > rig["length"]:
+            continue
+        i = int(np.searchsorted(starts, gauge.position, side="right")) - 1
+        x = gauge.position - starts[i]
+        _box(spec.body(f"link_{i}"), "gauge", (x, 0, 0), (0.006, _HALF_THICKNESS + 4e-4, 0.007))
+    _add_payload(spec.body("payload"), rig)
+
+
+def _add_motor_and_fork(spec: mujoco.MjSpec) -> None:
+    base, hub = spec.worldbody, spec.body("hub")
+    _box(base, "steel", (0, 0, _FLOOR + 0.004), (0.034, 0.034, 0.004))
+    _cylinder(base, "steel", (0, 0, _FLOOR + 0.012), 0.024, 0.004)
+    _cylinder(hub, "aluminium", (0, 0, -0.027), 0.019, 0.002)
+    _cylinder(hub, "aluminium", (0, 0, 0), 0.009, 0.026)
+    # Two prongs hold the link between them.
+    for side in (1, -1):
+        y = side * (_HALF_THICKNESS + 0.0021)
+        _box(hub, "aluminium", (0.004, y, 0), (0.011, 0.002, _HALF_HEIGHT - 0.003))
+
+
+def _add_payload(body: mujoco.MjsBody, rig: Mapping[str, float]) -> None:
+    """A disc with the payload's mass and inertia, 1/2 m r^2, on its air-pad, below a clamp."""
+    mass = rig["tip_mass"]
+    if mass <= 0:
+        return
+    radius = float(np.clip(math.sqrt(2 * rig["tip_inertia"] / mass), 0.014, 0.06))
+    half = mass / (2700 * math.pi * radius**2) / 2
+    half = float(np.clip(half, 0.003, 0.012))
+    gap = 0.0006
+    pad = 0.0015
+    _cylinder(body, "hose", (0, 0, _FLOOR + gap + pad), 0.9 * radius, pad)
+    disc = _FLOOR + gap + 2 * pad + half
+    _cylinder(body, "aluminium", (0, 0, disc), radius, half)
+    low, high = disc + half, _HALF_HEIGHT
+    for side in (1, -1):
+        y = side * (_HALF_THICKNESS + 0.0026)
+        centre, size = (-0.002, y, (low + high) / 2), (0.008, 0.0025, (high - low) / 2)
+        _box(body, "aluminium", centre, size)
+
+
+def _box(body: mujoco.MjsBody, material: str, pos: Sequence[float], size: Sequence[float]) -> None:
+    body.add_geom(type=_BOX, pos=pos, size=size, material=material, contype=0, conaffinity=0)
+
+
+def _cylinder(body: mujoco.MjsBody, material: str, pos: Sequence[float], radius: float, half: float) -> None:
+    size = [radius, half, 0]
+    body.add_geom(type=_CYLINDER, pos=pos, size=size, material=material, contype=0, conaffinity=0)
+
+
+_SCENE = """<mujoco model="bossi2009 scene">
+  <include file="{file}"/>
+
+  <statistic center="0.2 0 -0.02" extent="0.45"/>
+
+  <visual>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.35 0.35 0.35" specular="0.1 0.1 0.1"/>
+    <global azimuth="-120" elevation="-28" offwidth="1280" offheight="960"/>
+    <quality shadowsize="4096" offsamples="8"/>
+    <rgba haze="0.85 0.89 0.93 1"/>
+  </visual>
+
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.93 0.95 0.97" rgb2="0.55 0.63 0.72" width="256" height="256"/>
+    <texture name="floor" type="2d" builtin="checker" rgb1="0.62 0.63 0.65" rgb2="0.58 0.59 0.61" width="256" height="256"/>
+    <material name="floor" texture="floor" texrepeat="10 10" reflectance="0"/>
+    <material name="glass" rgba="0.62 0.78 0.80 0.45" specular="0.9" shininess="0.95" reflectance="0.25"/>
+    <material name="frame" rgba="0.24 0.25 0.27 1" specular="0.3"/>
+  </asset>
+
+  <worldbody>
+    <light name="key" pos="0.4 -0.9 1.4" dir="-0.15 0.55 -0.85" diffuse="0.7 0.7 0.68" castshadow="true"/>
+    <light name="fill" pos="-0.8 0.8 1.2" dir="0.5 -0.5 -0.7" diffuse="0.2 0.22 0.25" castshadow="false"/>
+    <camera name="front" pos="0.18 -0.78 0.44" xyaxes="1 0 0 0 0.52 0.854" fovy="42"/>
+    <camera name="top" pos="0 0 1.35" fovy="45"/>
+    <geom name="floor" type="plane" pos="0 0 -0.75" size="3 3 0.1" material="floor" contype="0" conaffinity="0"/>
+    <geom name="table" type="box" pos="0 0 {floor}" size="0.55 0.55 0.005" material="glass" contype="0" conaffinity="0"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+def _in_scene(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    name = "rig.xml"
+    text = _SCENE.format(file=name, floor=_FLOOR)
+    return mujoco.MjSpec.from_string(text, include={name: spec.to_xml().encode()})
+
+
+def _tidy(xml: str) -> str:
+    """Drops blank lines at the end, and says where the file comes from."""
+    note = (
+        "<!-- Written by `python -m twin.mjcf models`; see README.md. Edit the generator, not this file. -->"
+    )
+    return f"{note}\n{xml.rstrip()}\n"
+
+
+def main() -> None:
+    """Writes the files of `models/` to the folder named on the command line, by default `models`."""
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "models")
+    for path in write_models(folder):
+        print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,447 @@
+"""The rig simulated by MuJoCo, stick and slip located inside the step.
+
+Two compiled models share the work: one with the hub's joint, for a hub that slides, and one without it, for a hub
+that sticks or is locked; a hub that is part of the world cannot creep. Both step with MuJoCo's RK4.
+
+Friction is as in `twin.planar`, against which a test holds this module. Sliding, it is a torque of constant
+direction. Where the hub's rate would cross zero, the step is taken again up to the crossing; there the hub sticks
+if the torque that holds it stays below the static level. With the joint model at the same state, that torque is
+
+    needed = theta_tt / (M^-1)_00          theta_tt: acceleration of a hub without dry friction
+
+What MJCF cannot say natively (`mjcf.not_native`) is added in a control callback at every stage of the step, so
+that the order of the integration stays four. The callback is global to the process: it is set for the time of a
+call only, and two simulations with such mechanisms cannot run in two threads of one process.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+
+from twin import mjcf
+from twin.chain import Chain
+from twin.planar import TIME_TOLERANCE, Plant
+
+_OFF = mujoco.mjtDisableBit
+_DISABLED = int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_SENSOR | _OFF.mjDSBL_AUTORESET)
+_NO_TIME = 1e-12  # s, what rounding leaves of a span
+
+
+class MujocoChain:
+    """A chain with its friction and mechanisms, simulated by MuJoCo; holds its state between calls.
+
+    Angles and rates go in and come out as in `twin.planar`: absolute, of the n + 1 segments, the hub's first.
+    The torque limit is the caller's.
+    """
+
+    def __init__(self, rig: Mapping[str, float], chain: Chain, plant: Plant) -> None:
+        """Compiles both models.
+
+        Args:
+          rig: hub_inertia, tip_mass, tip_inertia.
+          chain: the segments.
+          plant: what acts on them; its inertia must be that of the chain.
+        """
+        self._plant = plant
+        self._sliding = _Model(rig, chain, plant, locked=False)
+        self._locked = _Model(rig, chain, plant, locked=True)
+        self._time = 0.0
+        self.reset(np.zeros(len(chain.lengths)))
+
+    # State
+
+    @property
+    def time(self) -> float:
+        """Time [s]."""
+        return self._time
+
+    @property
+    def mode(self) -> int:
+        """0 while the hub sticks or is locked, else the direction +1 or -1 in which it slides."""
+        return self._mode
+
+    @property
+    def angles(self) -> np.ndarray:
+        """Absolute angles of the segments (n + 1) [rad]."""
+        return np.cumsum(self._relative()[0])
+
+    @property
+    def rates(self) -> np.ndarray:
+        """Absolute rates of the segments (n + 1) [rad/s]."""
+        return np.cumsum(self._relative()[1])
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's data of the model with the hub's joint, at the present state: for pictures and poses."""
+        angles, rates = self._relative()
+        data = self._sliding.data
+        data.qpos[:], data.qvel[:], data.time = angles, rates, self._time
+        mujoco.mj_kinematics(self._sliding.model, data)
+        return data
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model with the hub's joint."""
+        return self._sliding.model
+
+    def reset(
+        self,
+        phi: np.ndarray,
+        omega: np.ndarray | None = None,
+        mode: int = 0,
+        time: float = 0.0,
+        clamped: bool = False,
+        torque: float = 0.0,
+    ) -> None:
+        """Sets the state.
+
+        Args:
+          phi: absolute angles (n + 1) [rad].
+          omega: absolute rates (n + 1) [rad/s]; 0 by default.
+          mode: 0 the hub sticks, +1 or -1 it slides.
+          time: time [s].
+          clamped: the hub is locked.
+          torque: delivered torque so far [N m], where an actuator lag remembers it.
+        """
+        rates = np.zeros(len(phi)) if omega is None else omega
+        self._time, self._mode, self._clamped = float(time), int(mode), bool(clamped)
+        self._u = self._u_before = float(torque)
+        self._since, self._verified = self._time, False
+        self._hub = float(phi[0])
+        if self._is_locked:
+            self._locked.set_state(np.diff(phi), np.diff(rates))
+            self._locked.turn_hub(self._hub)
+        else:
+            self._sliding.set_state(np.diff(phi, prepend=0.0), np.diff(rates, prepend=0.0))
+
+    # Motion
+
+    def advance(self, torque: float, span: float, h_max: float = mjcf.TIMESTEP) -> None:
+        """Moves on by `span` [s] under a held torque command [N m], in steps of at most `h_max` [s]."""
+        self._command(torque)
+        with self._extras():
+            self._advance(span, h_max)
+
+    def simulate(
+        self,
+        command_time: np.ndarray,
+        command: np.ndarray,
+        out_time: np.ndarray,
+        phi0: np.ndarray,
+        omega0: np.ndarray,
+        mode0: int = 0,
+        clamped: bool = False,
+        h_max: float = mjcf.TIMESTEP,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Integrates from out_time[0] to out_time[-1]; arguments and results are those of `planar.simulate`.
+
+        Args:
+          command_time, command: (k) instants [s] and torque [N m] held from each to the next; before the first, 0.
+          out_time: (m) instants at which the state is wanted [s].
+          phi0, omega0: (n + 1) state at out_time[0].
+          mode0: 0 hub sticks, +1 or -1 it slides.
+          clamped: the hub is locked.
+          h_max: largest step [s].
+
+        Returns:
+          (m, n + 1) angles [rad], (m, n + 1) rates [rad/s], (m) mode.
+        """
+        start = float(out_time[0])
+        self.reset(phi0, omega0, mode0, start, clamped)
+        instants, torques = _from(start, command_time, command)
+        if len(command_time) and command_time[0] < start - 1e-9:
+            self._u = self._u_before = torques[0]
+        angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
+        modes = np.empty(len(out_time))
+        pointer = 0
+        with self._extras():
+            for row, wanted in enumerate(out_time.tolist()):
+                while self._time < wanted - _NO_TIME:
+                    while pointer < len(instants) and instants[pointer] <= self._time + _NO_TIME:
+                        self._command(torques[pointer])
+                        pointer += 1
+                    end = min(wanted, instants[pointer]) if pointer < len(instants) else wanted
+                    self._advance(end - self._time, h_max)
+                angles[row], rates[row] = self._relative()
+                modes[row] = self._mode
+        return np.cumsum(angles, axis=1), np.cumsum(rates, axis=1), modes
+
+    # Inside
+
+    @property
+    def _is_locked(self) -> bool:
+        return self._clamped or self._mode == 0
+
+    def _relative(self) -> tuple[np.ndarray, np.ndarray]:
+        """Hub and hinge angles and rates (n + 1 each), copies."""
+        if self._is_locked:
+            return np.append(self._hub, self._locked.qpos), np.append(0.0, self._locked.qvel)
+        return self._sliding.qpos.copy(), self._sliding.qvel.copy()
+
+    def _command(self, torque: float) -> None:
+        self._u_before = self._delivered(self._time)
+        self._u, self._since = float(torque), self._time
+        self._verified = False
+
+    def _delivered(self, time: float) -> float:
+        """Torque of the motor [N m], `lag` behind the command."""
+        if self._plant.lag <= 0:
+            return self._u
+        return self._u + (self._u_before - self._u) * math.exp((self._since - time) / self._plant.lag)
+
+    def _advance(self, span: float, h_max: float) -> None:
+        end = self._time + span
+        while (left := end - self._time) > _NO_TIME:
+            h = left / max(1.0, math.ceil(left / h_max - 1e-9))
+            if self._clamped:
+                self._locked.step(self._time, h)
+                self._time += h
+            elif self._mode == 0:
+                self._stick(h)
+            else:
+                self._slide(h)
+        self._time = end
+
+    def _slide(self, h: float) -> None:
+        """One step of a sliding hub, or less if its rate crosses zero."""
+        model, mode, start = self._sliding, self._mode, self._time
+        model.save()
+        model.push(self._u, mode)
+
+        def rate(length: float) -> float:
+            model.step_from_saved(start, length)
+            return model.qvel[0] * mode
+
+        before = model.qvel[0] * mode
+        model.step(start, h)
+        after = model.qvel[0] * mode
+        if after < 0:
+            h = _crossing(rate, h, before, after)
+        self._time = start + h
+        if after < 0:
+            model.qvel[0] = 0.0
+            self._stop_or_turn()
+
+    def _stop_or_turn(self) -> None:
+        """At zero rate the hub sticks, if static friction can hold it; else it slides where it is pulled."""
+        theta = self._hub = float(self._sliding.qpos[0])
+        needed = self._needed()
+        if abs(needed) > self._static(theta, needed):
+            self._mode = 1 if needed > 0 else -1
+            return
+        self._mode = 0
+        self._locked.set_state(self._sliding.qpos[1:], self._sliding.qvel[1:])
+        self._locked.turn_hub(theta)
+        self._verified = True
+
+    def _stick(self, h: float) -> None:
+        """One step of a hub at rest, or less if it breaks away."""
+        model, start = self._locked, self._time
+        before = 0.0
+        if not self._verified and (before := self._margin()) < 0:
+            self._break_away()
+            return
+        model.save()
+
+        def margin(length: float) -> float:
+            model.step_from_saved(start, length)
+            self._time = start + length
+            return self._margin()
+
+        model.step(start, h)
+        self._time = start + h
+        after = self._margin()
+        self._verified = after >= 0
+        if after < 0:
+            self._time = start + _crossing(margin, h, before, after)
+            self._break_away()
+
+    def _margin(self) -> float:
+        """How much more than what is needed static friction can bear [N m]; negative: the hub breaks away.
+
+        Leaves the model with the hub's joint at the present state of the locked one.
+        """
+        sliding, locked = self._sliding, self._locked
+        sliding.qpos[0], sliding.qvel[0] = self._hub, 0.0
+        sliding.qpos[1:], sliding.qvel[1:] = locked.qpos, locked.qvel
+        needed = self._needed()
+        return self._static(self._hub, needed) - abs(needed)
+
+    def _break_away(self) -> None:
+        """From sticking to sliding; `_margin` has just been asked."""
+        self._mode = 1 if self._sliding.needed > 0 else -1
+
+    def _needed(self) -> float:
+        """Torque [N m] that friction must bear to keep the hub where it is."""
+        self._sliding.push(self._u, 0)
+        return self._sliding.torque_to_hold(self._time)
+
+    def _static(self, theta: float, direction: float) -> float:
+        """As `planar.static_level`, without the price of handing a whole plant to compiled code."""
+        p = self._plant
+        level = p.static_positive if direction > 0 else p.static_negative
+        if p.friction_amplitude != 0:
+            level += p.friction_amplitude / 2 * (1 + math.sin(p.friction_order * theta + p.friction_phase))
+        return level
+
+    @contextmanager
+    def _extras(self) -> Iterator[None]:
+        """Installs the callback for the mechanisms that MuJoCo does not have, if there are any."""
+        force = self._extra_force()
+        if force is None:
+            yield
+            return
+        before = mujoco.get_mjcb_control()
+        mujoco.set_mjcb_control(force)
+        try:
+            yield
+        finally:
+            mujoco.set_mjcb_control(before)
+
+    def _extra_force(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
+        """Returns a control callback that adds what varies within a step and MJCF cannot say; None if nothing."""
+        p, sliding, locked = self._plant, self._sliding, self._locked
+        hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0
+        soft, drag = p.softening != 0, p.tip_drag_quadratic != 0
+        if not (hub or soft or drag):
+            return None
+        joints = sliding.model.nv
+
+        def force(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            which = sliding if model.nv == joints else locked
+            if hub and which is sliding:
+                which.vary_hub_torque(data.time, self._delivered(data.time) - self._u)
+            if soft:
+                which.soften()
+            if drag:
+                which.drag_tip()
+
+        return force
+
+
+class _Model:
+    """One of the two compiled models, its data and one saved state."""
+
+    def __init__(self, rig: Mapping[str, float], chain: Chain, plant: Plant, locked: bool) -> None:
+        spec = mjcf.dynamics_spec(chain, plant, rig, locked)
+        if plant.tip_drag_quadratic != 0 and plant.tip_drag_linear == 0:
+            mjcf.add_tip_drag(spec, 0.0)
+        self._waves = plant.friction_amplitude != 0 and not locked
+        if self._waves:
+            mjcf.add_hub_wave(spec, "friction", 0.0, plant.friction_order, plant.friction_phase)
+        self.model = spec.compile()
+        self.model.opt.disableflags = _DISABLED
+        self.data = mujoco.MjData(self.model)
+        self.qpos, self.qvel, self._applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
+        self._saved = self.qpos.copy(), self.qvel.copy()
+        self._plant = plant
+        self._wave = self.model.actuator("friction").id if self._waves else -1
+        self._drag = self.model.actuator("drag_x").id if plant.tip_drag_quadratic != 0 else -1
+        self._hub = self.model.body("hub").id
+        self._held, self._mode, self.needed = 0.0, 0, 0.0
+
+    def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Sets joint angles [rad] and rates [rad/s]."""
+        self.qpos[:], self.qvel[:] = qpos, qvel
+
+    def turn_hub(self, theta: float) -> None:
+        """Locks the hub at an angle [rad]: gravity's direction depends on it."""
+        self.model.body_quat[self._hub] = math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
+
+    def save(self) -> None:
+        """Remembers the state."""
+        self._saved[0][:], self._saved[1][:] = self.qpos, self.qvel
+
+    def step(self, time: float, h: float) -> None:
+        """Moves on by `h` from `time` [s]."""
+        self.model.opt.timestep, self.data.time = h, time
+        mujoco.mj_step(self.model, self.data)
+
+    def step_from_saved(self, time: float, h: float) -> None:
+        """Moves on by `h` from the saved state, which was that at `time` [s]."""
+        self.qpos[:], self.qvel[:] = self._saved
+        self.step(time, h)
+
+    def push(self, torque: float, mode: int) -> None:
+        """Applies a torque [N m] and the friction of a hub that slides in direction `mode`; 0: without friction."""
+        p = self._plant
+        raised = p.friction_amplitude / 2
+        level = p.coulomb_positive if mode > 0 else p.coulomb_negative
+        self._held, self._mode = torque - mode * (level + raised), mode
+        self._applied[0] = self._held
+        if self._waves:
+            self.model.actuator_biasprm[self._wave, 0] = -mode * raised
+
+    def torque_to_hold(self, time: float) -> float:
+        """Torque against the hub [N m] that would take its acceleration away."""
+        self.data.time = time
+        mujoco.mj_forward(self.model, self.data)
+        # M = L^T D L with the hub first: (M^-1)_00 = 1 / D_0, one over the hub's articulated inertia.
+        self.needed = float(self.data.qacc[0] / self.data.qLDiagInv[0])
+        return self.needed
+
+    # Mechanisms that MJCF cannot say, at the state of a stage
+
+    def vary_hub_torque(self, time: float, lagging: float) -> None:
+        """Adds to the torque held over the step: what the lag keeps back [N m], disturbance, Stribeck's excess."""
+        p, torque = self._plant, self._held + lagging
+        if p.disturbance_amplitude != 0:
+            angle = 2 * math.pi * p.disturbance_frequency * time + p.disturbance_phase
+            torque += p.disturbance_amplitude * math.sin(angle)
+        if p.stribeck_velocity > 0 and self._mode != 0:
+            forward = self._mode > 0
+            excess = (
+                p.static_positive - p.coulomb_positive if forward else p.static_negative - p.coulomb_negative
+            )
+            torque -= self._mode * excess * math.exp(-((self.qvel[0] / p.stribeck_velocity) ** 2))
+        self._applied[0] = torque
+
+    def soften(self) -> None:
+        """Takes away what a hinge's moment lacks: k q s kappa^2 / (kappa^2 + kappa_0^2)."""
+        p, bends = self._plant, len(self._plant.stiffness)
+        angle = self.qpos[-bends:]
+        squared = (p.curvature_per_angle * angle) ** 2
+        share = p.softening * squared / (squared + p.softening_curvature**2)
+        self._applied[-bends:] = p.stiffness * angle * share
+
+    def drag_tip(self) -> None:
+        """Force -c |v| v on the payload, v as the drag's transmission sees it."""
+        pair = slice(self._drag, self._drag + 2)
+        vx, vy = self.data.actuator_velocity[pair]
+        factor = -self._plant.tip_drag_quadratic * math.hypot(vx, vy)
+        self.data.ctrl[pair] = factor * vx, factor * vy
+
+
+def _from(start: float, instants: np.ndarray, torques: np.ndarray) -> tuple[list[float], list[float]]:
+    """The commands that act from `start` on: the last one at or before it, and all later ones."""
+    first = max(int(np.searchsorted(instants, start + _NO_TIME, side="right")) - 1, 0)
+    return instants[first:].tolist(), torques[first:].tolist()
+
+
+def _crossing(value: Callable[[float], float], high: float, at_low: float, at_high: float) -> float:
+    """Returns where `value` has just become negative between 0 and `high`, within TIME_TOLERANCE.
+
+    Regula falsi, one end's value halved when the other moves twice (M. Dowell, P. Jarratt, BIT 11, 1971). The
+    last call of `value` is at the returned place, so that its side effects stand. Never 0, so that time goes on.
+    """
+    low, moved, last = 0.0, 0, high
+    at_low = max(at_low, 0.0)
+    while high - low > TIME_TOLERANCE:
+        middle = high - at_high * (high - low) / (at_high - at_low)
+        # Stay off the ends, so that the bracket closes from both sides.
+        last = middle = min(max(middle, low + TIME_TOLERANCE / 2), high - TIME_TOLERANCE / 2)
+        at_middle = value(middle)
+        if at_middle < 0:
+            high, at_high = middle, at_middle
+            at_low, moved = (at_low / 2 if moved == -1 else at_low), -1
+        else:
+            low, at_low = middle, at_middle
+            at_high, moved = (at_high / 2 if moved == 1 else at_high), 1
+    if last != high:
+        value(high)
+    return high
