@@ -1,0 +1,203 @@
+"""The link: an inextensible, shear-rigid beam with exact rotations, in a Ritz basis for its tangent angle.
+
+The tangent angle relative to the hub is psi(xi) = sum_j q_j P_j(xi), xi = s/l, where P_j is the integral of
+the Legendre polynomial L_{j-1}: psi(0) = 0, and the curvature is expanded in orthogonal polynomials.
+The shape follows from x' = cos(psi), y' = sin(psi) without any small-angle assumption, integrals along the
+link by Gauss-Legendre quadrature. Seven functions give seven flexible modes, the first three to six digits.
+
+A clamp that gives adds one function P = 1, a rotation of the whole link at its root.
+
+Source for the kinematics: J. C. Simo and L. Vu-Quoc, "On the dynamics of flexible beams under large overall
+motions - the plane case", J. Appl. Mech. 53 (1986), with extension and shear suppressed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.optimize import root
+
+from twin.virtual_rig.rig import Rig
+
+Array = NDArray[np.float64]
+
+BASIS_FUNCTIONS = 7
+NODES = 9
+
+
+class Link(NamedTuple):
+    """The discretised link; n coordinates, N quadrature nodes.
+
+    The last column of `slope` is the rotation of the hub, so that hub and link coordinates are treated alike.
+    """
+
+    slope: Array  # (N + 1, n + 1): psi at nodes and tip per coordinate
+    curvature: Array  # (N, n): curvature at the nodes per coordinate [1/m]
+    weight: Array  # (N,): length that each node stands for [m]
+    to_tip: Array  # (N,): integrates from the root to the tip [m]
+    moment: Array  # (N,): first moment of all mass about each node, by its share of the length [kg m]
+    together: Array  # (N, N): second moment of the mass that two nodes move together [kg m^2]
+    stiffness: Array  # (n,): generalised stiffness, diagonal [N m]
+    damping: Array  # (n, n): losses in the link's deformation [N m s]
+
+
+def integrated_legendre(xi: Array, functions: int) -> Array:
+    """Returns P_j(xi), the integrals of the shifted Legendre polynomials from 0 (points x functions)."""
+    antiderivatives = [legendre.legint(row, lbnd=-1) / 2 for row in np.eye(functions)]
+    return np.stack([legendre.legval(2 * xi - 1, c) for c in antiderivatives], axis=-1)
+
+
+def curvature_at(rig: Rig, position: Array, coordinates: int) -> Array:
+    """Returns the curvature at `position` [m] per link coordinate (points x n) [1/m]."""
+    xi = np.asarray(position) / rig.length
+    functions = _bending_functions(rig, coordinates)
+    bending = legendre.legvander(2 * xi - 1, functions - 1) / rig.length
+    return np.pad(bending, ((0, 0), (0, coordinates - functions)))
+
+
+def build_link(rig: Rig, functions: int = BASIS_FUNCTIONS, nodes: int = NODES) -> Link:
+    """Returns the discretised link of this rig, damped so that every free mode has the declared ratio."""
+    points, weights = legendre.leggauss(nodes)
+    xi, weight = (points + 1) / 2, weights / 2 * rig.length
+    rows = np.append(xi, 1.0)
+
+    slope = integrated_legendre(rows, functions)
+    curvature = legendre.legvander(points, functions - 1) / rig.length
+    # The integral of squared Legendre polynomials over (0, 1) is 1/(2 j + 1).
+    stiffness = rig.bending_stiffness / rig.length / (2 * np.arange(functions) + 1)
+    if math.isfinite(rig.root_stiffness):
+        slope = np.c_[slope, np.ones(nodes + 1)]
+        curvature = np.c_[curvature, np.zeros(nodes)]
+        stiffness = np.append(stiffness, rig.root_stiffness)
+
+    # Position is the integral of the direction; masses sit at the nodes and at the tip.
+    integral = _integration_matrix(xi, rows) * rig.length
+    mass = np.append(rig.linear_density * weight, rig.tip_mass)
+    link = Link(
+        slope=np.ascontiguousarray(np.c_[slope, np.ones(nodes + 1)]),
+        curvature=np.ascontiguousarray(curvature),
+        weight=weight,
+        to_tip=integral[-1].copy(),
+        moment=integral.T @ mass,
+        together=np.ascontiguousarray(integral.T @ (mass[:, None] * integral)),
+        stiffness=stiffness,
+        damping=np.zeros((len(stiffness), len(stiffness))),
+    )
+    return link._replace(damping=_modal_damping(rig, link))
+
+
+def free_modes(rig: Rig, link: Link) -> tuple[Array, Array]:
+    """Returns angular frequencies [rad/s] and mass-normalised shapes (columns) with the hub free to turn.
+
+    The shapes are in the coordinates [q, theta]; the first is the rigid rotation, of frequency 0.
+    """
+    squares, shapes = eigh(np.diag(np.append(link.stiffness, 0.0)), mass_matrix(rig, link))
+    return np.sqrt(np.maximum(squares, 0.0)), shapes
+
+
+def clamped_modes(rig: Rig, link: Link) -> tuple[Array, Array]:
+    """Returns angular frequencies [rad/s] and mass-normalised shapes (columns) with the hub locked."""
+    squares, shapes = eigh(np.diag(link.stiffness), mass_matrix(rig, link)[:-1, :-1])
+    return np.sqrt(squares), shapes
+
+
+def mass_matrix(rig: Rig, link: Link) -> Array:
+    """Returns the mass matrix of the straight link in [q, theta] ((n + 1) x (n + 1)) [kg m^2]."""
+    matrix = link.slope[:-1].T @ link.together @ link.slope[:-1]
+    matrix += rig.tip_inertia * np.outer(link.slope[-1], link.slope[-1])
+    matrix[-1, -1] += rig.hub_inertia
+    return matrix
+
+
+def deflected_shape(rig: Rig, link: Link, tip_deflection: float) -> Array:
+    """Returns the coordinates q (n,) at rest with the tip held at `tip_deflection` [m] by a force.
+
+    The force is normal to the undeformed link; the deflection is measured along it.
+    """
+    n = len(link.stiffness)
+
+    def residual(unknown: Array) -> Array:
+        q, force = unknown[:-1], unknown[-1]
+        tip, per_q = tip_height(link, q)
+        return np.append(elastic_moment(rig, link, q) - force * per_q, tip - tip_deflection)
+
+    start = np.zeros(n + 1)
+    start[-1] = 3 * rig.bending_stiffness * tip_deflection / rig.length**3
+    start[:n] = start[-1] * tip_height(link, np.zeros(n))[1] / link.stiffness
+    return np.asarray(_solved(residual, start)[:n])
+
+
+def resting_shape(rig: Rig, link: Link, hub_angle: float, gravity: float) -> Array:
+    """Returns the coordinates q (n,) at rest under a constant field `gravity` [m/s^2] along the tilt."""
+    n = len(link.stiffness)
+    if gravity == 0.0:
+        return np.zeros(n)
+    direction = rig.tilt_direction - hub_angle
+
+    def residual(q: Array) -> Array:
+        turn = np.sin(direction - link.slope[:-1, :n] @ q)
+        pull = gravity * (link.moment * turn) @ link.slope[:-1, :n]
+        return np.asarray(elastic_moment(rig, link, q) - pull)
+
+    return _solved(residual, np.zeros(n))
+
+
+def tip_height(link: Link, q: Array) -> tuple[float, Array]:
+    """Returns the tip's deflection from the hub's tangent [m] and its derivatives by q (n,) [m]."""
+    n = len(q)
+    angle = link.slope[:-1, :n] @ q
+    return float(link.to_tip @ np.sin(angle)), (link.to_tip * np.cos(angle)) @ link.slope[:-1, :n]
+
+
+def elastic_moment(rig: Rig, link: Link, q: Array) -> Array:
+    """Returns the generalised restoring moments of the bent link (n,) [N m].
+
+    M = EI kappa (1 - s kappa^2/(kappa^2 + kappa_0^2)); the linear part is exact in this basis.
+    """
+    moment = link.stiffness * q
+    if rig.softening != 0.0:
+        kappa = link.curvature @ q
+        lost = rig.softening * kappa**3 / (kappa**2 + rig.softening_curvature**2)
+        moment = moment - rig.bending_stiffness * link.curvature.T @ (link.weight * lost)
+    return np.asarray(moment)
+
+
+def _solved(residual, start: Array) -> Array:
+    """Returns the root of `residual` from `start`, or says that the statics did not converge."""
+    solution = root(residual, start, tol=1e-13)
+    if np.abs(solution.fun).max() > 1e-9:
+        raise ValueError(f"static shape of the link not found: {solution.message}")
+    return np.asarray(solution.x)
+
+
+def _integration_matrix(xi: Array, rows: Array) -> Array:
+    """Returns the matrix that integrates the interpolant through the nodes from 0 to each row."""
+    nodes = len(xi)
+    integrals = integrated_legendre(rows, nodes)
+    return integrals @ np.linalg.inv(legendre.legvander(2 * xi - 1, nodes - 1))
+
+
+def _bending_functions(rig: Rig, coordinates: int) -> int:
+    """Returns how many of the link's coordinates bend it; the last one may be the clamp's rotation."""
+    return coordinates - 1 if math.isfinite(rig.root_stiffness) else coordinates
+
+
+def _modal_damping(rig: Rig, link: Link) -> Array:
+    """Returns the damping matrix in q (n x n) that gives every free mode the declared ratio.
+
+    C = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the flexible free modes. Orthogonality to the rigid
+    rotation makes its row and column of theta vanish: it brakes deformation only. A clamp that gives is taken
+    to lose nothing, so that the link's own losses are those of the rig with a rigid clamp.
+    """
+    n = len(link.stiffness)
+    bending = _bending_functions(rig, n)
+    rigid = link._replace(
+        slope=np.delete(link.slope, np.s_[bending:n], axis=1), stiffness=link.stiffness[:bending]
+    )
+    omega, shapes = free_modes(rig, rigid)
+    momenta = (mass_matrix(rig, rigid) @ shapes)[:-1, 1:]
+    damping = momenta * (2 * rig.damping_ratio * omega[1:]) @ momenta.T
+    return np.pad(damping, ((0, n - bending), (0, n - bending)))

@@ -1,0 +1,215 @@
+"""Campaigns on disk: a folder of CSV files and a campaign.toml that declares the rig, but not its effects."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.virtual_rig.beam import Array, build_link
+from twin.virtual_rig.effects import switch_on
+from twin.virtual_rig.experiments import Experiment, planned_campaign, run_experiment
+from twin.virtual_rig.rig import UNCERTAINTY, Rig, declared_values, with_declared
+from twin.virtual_rig.sensors import Sensors, checked_dirt, measured, noise_of, sample_times, soiled
+
+DECIMALS = {
+    "time": 5,
+    "torque_command": 5,
+    "motor_torque": 5,
+    "hub_reference": 6,
+    "hub_angle": 5,
+    "strain_base": 8,
+    "strain_mid": 8,
+}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a campaign does not say: the effects, the true parameters and the dirt."""
+
+    name: str
+    seed: int
+    effects: dict[str, dict[str, float]]
+    declared: dict[str, float]  # as in campaign.toml, SI units
+    true: dict[str, float]  # the same parameters as they really are, before the effects
+    defects: dict[str, dict[str, list[float]]]  # file -> kind -> times [s]
+
+    def write(self, path: Path | str) -> None:
+        """Writes the truth as JSON."""
+        Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
+
+
+def make_campaign(
+    folder: Path | str,
+    effects: Mapping[str, Mapping[str, float]],
+    seed: int,
+    *,
+    name: str | None = None,
+    rig: Rig | None = None,
+    sensors: Sensors | None = None,
+    experiments: Sequence[Experiment] | None = None,
+    perturb: float = 0.0,
+    dirty: Iterable[str] = (),
+    motor_torque: bool = True,
+    truth_file: Path | str | None = None,
+    force: bool = False,
+) -> Truth:
+    """Makes a campaign on a rig with undeclared effects and returns what it does not declare.
+
+    Args:
+        folder: Where to write; made if it does not exist.
+        effects: Effects by name with their parameters, see `effects`.
+        seed: The same seed gives the same files.
+        name: Of the campaign; default, the folder's.
+        rig: The rig as declared; default, the neutral `Rig()`.
+        sensors: The data acquisition; default, 500 Hz.
+        experiments: What is done; default, a random plan of eight recordings.
+        perturb: The true parameters differ from the declared ones by this share of their uncertainty.
+        dirty: Kinds of dirt in the data, see `sensors.DIRT`.
+        motor_torque: Whether the drive's torque is measured.
+        truth_file: Where to write the truth as JSON, outside `folder`.
+        force: Whether to write into a folder that is not empty.
+
+    Raises:
+        InputError: for unknown effects or dirt, a folder that is not empty, or a truth file inside it.
+    """
+    folder = Path(folder)
+    kinds = checked_dirt(dirty)
+    _check_places(folder, truth_file, force)
+    declared_rig = rig or Rig()
+    card = sensors or Sensors()
+    actual = _perturbed(declared_rig, perturb, np.random.default_rng([seed, 1]))
+    true_rig = switch_on(actual, effects)
+    plans = experiments or planned_campaign(declared_rig, card, np.random.default_rng([seed, 2]))
+
+    folder.mkdir(parents=True, exist_ok=True)
+    defects = {}
+    for number, plan in enumerate(plans):
+        table = _record(true_rig, card, plan, kinds, np.random.default_rng([seed, 3, number]))
+        table, found = soiled(table, card, kinds, np.random.default_rng([seed, 4, number]))
+        if not motor_torque:
+            table.pop("motor_torque", None)
+        _write_csv(folder / f"{plan.name}.csv", table)
+        if found:
+            defects[f"{plan.name}.csv"] = found
+    title = name or folder.resolve().name
+    text = _campaign_toml(title, declared_rig, card, plans, motor_torque)
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+
+    truth = Truth(
+        name=title,
+        seed=seed,
+        effects={effect: dict(values) for effect, values in effects.items()},
+        declared=declared_values(declared_rig),
+        true=declared_values(actual),
+        defects=defects,
+    )
+    if truth_file is not None:
+        truth.write(truth_file)
+    return truth
+
+
+def _check_places(folder: Path, truth_file: Path | str | None, force: bool) -> None:
+    """Refuses to overwrite a campaign, and to put the truth inside one."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; expected a folder to write a campaign into.")
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise InputError(f"{folder} is not empty; give another folder, or --force to write into this one.")
+    if truth_file is not None and folder.resolve() in Path(truth_file).resolve().parents:
+        raise InputError(
+            f"truth file is {truth_file}, inside the campaign; expected a place outside {folder}."
+        )
+
+
+def _perturbed(rig: Rig, share: float, generator: np.random.Generator) -> Rig:
+    """Returns the rig with parameters off by `share` of their uncertainty, at most two deviations."""
+    draws = np.clip(generator.standard_normal(len(UNCERTAINTY)), -2.0, 2.0)
+    values = declared_values(rig)
+    changed = {
+        name: values[name] * (1 + share * sigma * draw)
+        for (name, sigma), draw in zip(UNCERTAINTY.items(), draws, strict=True)
+    }
+    return with_declared(rig, changed) if share else rig
+
+
+def _record(
+    rig: Rig, sensors: Sensors, plan: Experiment, kinds: Iterable[str], generator: np.random.Generator
+) -> dict[str, Array]:
+    """Returns the columns of one recording (samples,) by channel name."""
+    link = build_link(rig)
+    times = sample_times(sensors, len(plan.commands), kinds, generator)
+    noise = noise_of(sensors, len(times), generator)
+    motion = run_experiment(rig, link, sensors, plan, times, noise["hub_angle"])
+    table = {"time": times, "torque_command": motion.commands}
+    if plan.reference is not None:
+        table["hub_reference"] = plan.reference
+    channels = measured(rig, link, sensors, times, motion, noise)
+    if plan.clamped:
+        # The locked rig has neither a turning hub nor a working motor.
+        channels = {name: channels[name] for name in ("strain_base", "strain_mid")}
+    return table | channels
+
+
+def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
+    """Writes the columns with fixed decimals; a missing sample is an empty field."""
+    formats = [f"%.{DECIMALS[name]}f" for name in table]
+    rows = (
+        ",".join("" if value != value else form % value for form, value in zip(formats, row, strict=True))
+        for row in zip(*(column.tolist() for column in table.values()), strict=True)
+    )
+    path.write_text("\n".join([",".join(table), *rows]) + "\n", encoding="utf-8")
+
+
+def _campaign_toml(
+    name: str, rig: Rig, sensors: Sensors, plans: Sequence[Experiment], motor_torque: bool
+) -> str:
+    """Returns campaign.toml: what is known of the rig."""
+    lines = [
+        "# A campaign on the virtual rig (python -m twin.virtual_rig).",
+        "format = 1",
+        f'name = "{name}"',
+        'rig = "bossi2009"',
+        "",
+        "[parameters]",
+    ]
+    lines += [f"{parameter} = {value:.10g}" for parameter, value in declared_values(rig).items()]
+    lines += ["", "[uncertainty]"]
+    lines += [f"{parameter} = {sigma:g}" for parameter, sigma in UNCERTAINTY.items()]
+    gauge = f"half_thickness = {sensors.half_thickness:g}"
+    lines += _channel("hub_angle", "rad", sensors.hub_noise)
+    lines += _channel("strain_base", "1", sensors.strain_noise)
+    lines += [f"position = {sensors.position_base:g}", gauge]
+    lines += _channel("strain_mid", "1", sensors.strain_noise)
+    lines += [f"position = {sensors.position_mid:g}", gauge]
+    if motor_torque:
+        lines += _channel("motor_torque", "N*m", sensors.torque_noise)
+    lines += _channel("torque_command", "N*m")
+    if any(plan.reference is not None for plan in plans):
+        lines += _channel("hub_reference", "rad")
+    for plan in plans:
+        lines += _recording(plan)
+    return "\n".join(lines) + "\n"
+
+
+def _channel(name: str, unit: str, noise: float | None = None) -> list[str]:
+    """Returns the lines of one channel's table."""
+    lines = ["", f"[channels.{name}]", f'unit = "{unit}"']
+    return lines if noise is None else [*lines, f"noise = {noise:g}"]
+
+
+def _recording(plan: Experiment) -> list[str]:
+    """Returns the lines of one recording's table."""
+    lines = [
+        "",
+        "[[recordings]]",
+        f'file = "{plan.name}.csv"',
+        f'experiment = "{plan.label}"',
+        f"clamped = {str(plan.clamped).lower()}",
+        f'loop = "{"open" if plan.reference is None else "closed"}"',
+        f'role = "{plan.role}"',
+    ]
+    if plan.tip_deflection is not None:
+        lines.append(f"initial_tip_deflection = {plan.tip_deflection:g}")
+    return lines

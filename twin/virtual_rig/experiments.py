@@ -1,0 +1,236 @@
+"""The experiments of a campaign: torque profiles, closed loops, and how each is run on the rig.
+
+Profiles follow the paper's: a sweep through the bending modes, bang-bang slews designed on the frictionless
+rigid rig, a rising torque until motion, the free vibration of the clamped link, and two closed loops.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import bilinear_zpk
+
+from twin.virtual_rig.beam import Array, Link, deflected_shape, resting_shape
+from twin.virtual_rig.plant import GRAVITY, Loop, Motion, at_rest, hub_angle, quantised, simulate
+from twin.virtual_rig.rig import Rig
+from twin.virtual_rig.sensors import Sensors
+
+RAMP_RATE = 0.02  # N m/s, slow enough that the link follows without swinging
+RAMP_TOP = 0.12  # N m
+MOVED = 0.02  # rad, at which a break-away test ends
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment as it is planned."""
+
+    name: str  # of the file, without suffix
+    label: str
+    role: str  # "fit" or "holdout"
+    start_angle: float  # rad, of the resting hub
+    commands: Array  # (samples,) [N m]; zeros where a controller computes them
+    reference: Array | None = None  # (samples,) [rad], of a closed loop
+    tip_deflection: float | None = None  # m; given: the hub is clamped and the tip released from there
+    ramps: tuple[tuple[int, int], ...] = ()  # samples; each ramp ends early where the hub moves
+
+    @property
+    def clamped(self) -> bool:
+        """Whether the hub is locked."""
+        return self.tip_deflection is not None
+
+
+def planned_campaign(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> list[Experiment]:
+    """Returns the experiments of a campaign on the declared rig, about 75 s in all, drawn at random."""
+    # Slews to be seen while fitting, and others to be predicted.
+    seen = generator.choice([30, 45, 60, 75, 90], size=2, replace=False)
+    unseen = generator.choice([20, 38, 52, 68, 82, 105], size=1)
+    rich = multisine if generator.random() < 0.5 else random_steps
+    closed = sinus if generator.random() < 0.5 else step
+    return [
+        torque_sweep(rig, sensors, generator),
+        rich(rig, sensors, generator),
+        *(bang_bang(rig, sensors, generator, float(angle)) for angle in np.sort(seen)),
+        free_vibration(rig, sensors, generator),
+        break_away(rig, sensors, generator),
+        *(bang_bang(rig, sensors, generator, float(angle), role="holdout") for angle in unseen),
+        closed(rig, sensors, generator),
+    ]
+
+
+def torque_sweep(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """A torque of slowly rising frequency, 0.1 to 30 Hz in 15 s, past the first two bending modes."""
+    t = _times(sensors, 16.0)
+    age = np.clip(t - 0.5, 0.0, 15.0)
+    phase = 2 * np.pi * (0.1 * age + (30.0 - 0.1) / (2 * 15.0) * age**2)
+    torque = generator.uniform(0.12, 0.16) * np.sin(phase) * _taper(age, 15.0)
+    return _open_loop("torque-sweep", torque, sensors, generator)
+
+
+def multisine(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """Forty sines of random phase between 0.2 and 25 Hz, 0.2 N m at the highest peak."""
+    t = _times(sensors, 12.0)
+    age = np.clip(t - 0.5, 0.0, 10.5)
+    frequencies = np.geomspace(0.2, 25.0, 40)
+    phases = generator.uniform(0, 2 * np.pi, len(frequencies))
+    torque = np.sin(2 * np.pi * frequencies * age[:, None] + phases).sum(axis=1) * _taper(age, 10.5)
+    return _open_loop("multisine", 0.2 * torque / np.abs(torque).max(), sensors, generator)
+
+
+def random_steps(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """Pairs of opposite torque steps, and rests between them, of random height and length."""
+    t = _times(sensors, 10.0)
+    torque = np.zeros(len(t))
+    at = 0.4
+    sign = generator.choice([-1, 1])
+    while at < 8.5:
+        length = generator.uniform(0.08, 0.3)
+        height = sign * generator.uniform(0.08, 0.2)
+        torque[(t >= at) & (t < at + length)] = height
+        torque[(t >= at + length) & (t < at + 2 * length)] = -height
+        at += 3 * length
+        sign = -sign if generator.random() < 0.7 else sign
+    return _open_loop("random-steps", torque, sensors, generator)
+
+
+def bang_bang(
+    rig: Rig, sensors: Sensors, generator: np.random.Generator, degrees: float, role: str = "fit"
+) -> Experiment:
+    """A slew by two opposite torques, and another one back, designed on the frictionless rigid rig.
+
+    phi = A T^2/J with each torque A held for T.
+    """
+    t = _times(sensors, 8.0)
+    sign = generator.choice([-1.0, 1.0])
+    torque = np.zeros(len(t))
+    for start, direction in ((0.4, sign), (generator.uniform(3.5, 4.5), -sign)):
+        height = generator.uniform(0.1, 0.185)
+        length = math.sqrt(math.radians(degrees) * rigid_inertia(rig) / height)
+        torque[(t >= start) & (t < start + length)] = direction * height
+        torque[(t >= start + length) & (t < start + 2 * length)] = -direction * height
+    plan = _open_loop("bang-bang", torque, sensors, generator)
+    centred = plan.start_angle / 2 - sign * math.radians(degrees) / 2
+    return replace(plan, name=f"bang-bang-{degrees:.0f}", role=role, start_angle=centred)
+
+
+def free_vibration(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """The clamped link, its tip drawn aside by 30 mm and released."""
+    plan = _open_loop("free-vibration", np.zeros(len(_times(sensors, 10.0))), sensors, generator)
+    return replace(plan, start_angle=0.0, tip_deflection=0.03)
+
+
+def break_away(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """A slowly rising torque until the hub moves, in both directions."""
+    t = _times(sensors, 14.0)
+    sign = generator.choice([-1.0, 1.0])
+    length = RAMP_TOP / RAMP_RATE
+    torque = np.zeros(len(t))
+    ramps = []
+    for start, direction in ((0.4, sign), (7.0, -sign)):
+        inside = (t >= start) & (t < start + length)
+        torque[inside] = direction * RAMP_RATE * (t[inside] - start)
+        ramps.append((int(np.argmax(inside)), int(np.argmax(inside) + inside.sum())))
+    plan = _open_loop("break-away", torque, sensors, generator)
+    return replace(plan, label="torque-ramp", ramps=tuple(ramps))
+
+
+def sinus(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """The hub follows 40 deg sinusoids at 0.2 or 0.4 Hz."""
+    t = _times(sensors, 9.0)
+    start = generator.uniform(-0.4, 0.4)
+    swing = math.radians(40.0) * generator.choice([-1, 1])
+    age = np.maximum(t - 0.5, 0.0)
+    reference = start + swing * np.sin(2 * np.pi * generator.choice([0.2, 0.4]) * age)
+    return Experiment("sinus-40", "closed-loop-sinus", "holdout", start, np.zeros(len(t)), reference)
+
+
+def step(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """The hub follows a step of 120 deg, filtered by 1/(1 + s/3)^2."""
+    t = _times(sensors, 8.0)
+    sign = generator.choice([-1.0, 1.0])
+    start = -sign * math.radians(60.0) + generator.uniform(-0.1, 0.1)
+    age = 3.0 * np.maximum(t - 0.5, 0.0)
+    reference = start + sign * math.radians(120.0) * (1 - (1 + age) * np.exp(-age))
+    return Experiment("step-120", "closed-loop-step", "holdout", start, np.zeros(len(t)), reference)
+
+
+def rigid_inertia(rig: Rig) -> float:
+    """Returns J = J0 + rho l^3/3 + mp l^2 + Jp, the inertia of the unbent rig about the hub [kg m^2]."""
+    link = rig.linear_density * rig.length**3 / 3
+    return rig.hub_inertia + link + rig.tip_mass * rig.length**2 + rig.tip_inertia
+
+
+def compensator(sample_rate: float) -> Array:
+    """Returns b0, b1, b2, a1, a2 of the paper's compensator by the bilinear rule.
+
+    R(s) = 5 (s + 1)/((s + 5)(s + 300)), from the error in degrees to N m.
+    """
+    z, p, k = bilinear_zpk([-1.0], [-5.0, -300.0], 5.0, fs=sample_rate)
+    return np.append(k * np.poly(z).real, np.poly(p).real[1:])
+
+
+def run_experiment(
+    rig: Rig, link: Link, sensors: Sensors, plan: Experiment, times: Array, hub_noise: Array
+) -> Motion:
+    """Returns the motion of the rig in one experiment, sampled at `times` (samples,) [s].
+
+    Args:
+        rig: The rig as it really is.
+        link: Its discretised link.
+        sensors: The card, whose readings close a loop.
+        plan: What is done.
+        times: Sample times [s].
+        hub_noise: Noise of the hub sensor (samples,) [rad], which a controller sees.
+    """
+    start = _initial_state(rig, link, plan)
+    if plan.reference is None:
+        commands = plan.commands
+        for first, last in plan.ramps:
+            commands = _cut_ramp(rig, link, start, times, commands, first, last)
+        return simulate(rig, link, start, times, commands, clamped=plan.clamped)
+    loop = Loop(
+        True,
+        compensator(sensors.sample_rate),
+        plan.reference,
+        hub_noise,
+        sensors.hub_step,
+        sensors.torque_step,
+    )
+    return simulate(rig, link, start, times, plan.commands, loop=loop)
+
+
+def _initial_state(rig: Rig, link: Link, plan: Experiment) -> Array:
+    """Returns the state at rest from which the experiment starts."""
+    if plan.tip_deflection is not None:
+        shape = deflected_shape(rig, link, plan.tip_deflection)
+    else:
+        shape = resting_shape(rig, link, plan.start_angle, GRAVITY * math.sin(rig.tilt))
+    return at_rest(rig, link, plan.start_angle, shape)
+
+
+def _cut_ramp(
+    rig: Rig, link: Link, start: Array, times: Array, commands: Array, first: int, last: int
+) -> Array:
+    """Returns the commands with the ramp between two samples cut off where the hub has moved."""
+    motion = simulate(rig, link, start, times[:last], commands[:last])
+    angle = hub_angle(rig, link, motion.states)[first:]
+    moved = np.abs(angle - angle[0]) > MOVED
+    result = commands.copy()
+    if moved.any():
+        result[first + int(np.argmax(moved)) : last] = 0.0
+    return result
+
+
+def _open_loop(name: str, torque: Array, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """Returns an open-loop experiment from a random hub angle, with the torques that the card can put out."""
+    commands = quantised(torque, sensors.torque_step)
+    return Experiment(name, name, "fit", generator.uniform(-0.6, 0.6), np.asarray(commands))
+
+
+def _times(sensors: Sensors, duration: float) -> Array:
+    """Returns the nominal sample times [s]."""
+    return np.arange(round(duration * sensors.sample_rate)) / sensors.sample_rate
+
+
+def _taper(age: Array, duration: float) -> Array:
+    """Returns a factor that rises from 0 to 1 within 0.5 s and falls in the last 0.3 s."""
+    return np.clip(age / 0.5, 0.0, 1.0) * np.clip((duration - age) / 0.3, 0.0, 1.0)

@@ -1,0 +1,715 @@
+"""The rig in motion: equations of the hub and the link, friction, and an integrator that locates events.
+
+State y = [q_1 .. q_n, extras, theta, and the rates of all of them]; extras are a torsional oscillator and a
+motor behind a backlash, present only when their effect is. In the axes of the turning hub the link lies at
+p(s) = int exp(i psi), accelerated by int (i psi_tt - psi_t^2) exp(i psi) with psi_t absolute; d'Alembert's
+principle in the Ritz coordinates gives M(q) z_tt = F. With the link's block of M eliminated, what is left is
+
+    J_eff theta_tt = hold - f
+
+where `hold` is the torque that keeps the hub still: motor, cable, ..., and the link's reaction at its root.
+
+Friction: while sliding f = coulomb sgn(omega). Where omega crosses zero the hub sticks if |hold| is below the
+static level, else it slides on in the direction of `hold`; stuck, it breaks away when |hold| exceeds that.
+Both events are located to 1e-10 s by bracketing the length of a step.
+
+Integrator: the pair 5(4) of J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980), adaptive, with
+an end at every change of the held command, so that no step spans a jump.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from twin.virtual_rig.beam import Array, Link
+from twin.virtual_rig.rig import Rig
+
+STUCK = 0
+EVENT_TIME = 1e-10  # s, to which stick and slip are located
+RATE_UNIT = 1000.0  # 1/s: rates are larger than angles by about a frequency of the high modes
+LONGEST_STEP = 1e-3  # s, so that no event comes and goes within a step
+MOST_EVENTS = 20000
+GRAVITY = 9.81  # m/s^2
+CONTACT_STIFFNESS = 1000.0  # N m/rad, of the flanks of a backlash
+CONTACT_LOSS = 0.2  # damping ratio of the motor's inertia on a flank
+
+
+# Fused multiplication and addition is the only freedom: results stay those of the formulas.
+compiled = njit(cache=True, fastmath={"contract"})
+
+
+class Drive(NamedTuple):
+    """The torque of a held command: target + (start - target) exp(-(t - since)/lag)."""
+
+    target: float  # N m
+    start: float  # N m
+    since: float  # s
+
+
+class Loop(NamedTuple):
+    """A sampled controller on the measured hub angle; torque [N m] from the error in degrees.
+
+    tau_k = b0 e_k + b1 e_(k-1) + b2 e_(k-2) - a1 tau_(k-1) - a2 tau_(k-2)
+    """
+
+    active: bool
+    coefficients: Array  # (5,): b0, b1, b2, a1, a2
+    reference: Array  # (samples,) [rad]
+    noise: Array  # (samples,) of the hub sensor [rad]
+    sensor_step: float  # rad, quantisation of the hub sensor; 0 for none
+    torque_step: float  # N m, quantisation of the command
+
+
+class Motion(NamedTuple):
+    """What `run` returns, at the output times."""
+
+    states: Array  # (samples, 2 nz)
+    commands: Array  # (samples,) [N m]
+    event_times: Array  # (events,) [s]
+    event_modes: Array  # (events,) 0: stuck; +1, -1: slides from here on in this direction
+
+
+@compiled
+def saturated(rig, command):
+    """Returns what the drive makes of a command before its dynamics [N m]."""
+    if abs(command) <= rig.dead_zone:
+        return 0.0
+    return rig.torque_gain * min(max(command, -rig.torque_limit), rig.torque_limit)
+
+
+@compiled
+def all_saturated(rig, commands):
+    """Returns what the drive makes of many commands (samples,) before its dynamics [N m]."""
+    result = np.empty(len(commands))
+    for k in range(len(commands)):
+        result[k] = saturated(rig, commands[k])
+    return result
+
+
+@compiled
+def drive_torque(rig, drive, t):
+    """Returns the torque that the drive delivers at time t [N m]."""
+    if rig.actuator_lag <= 0.0:
+        return drive.target
+    return drive.target + (drive.start - drive.target) * math.exp(-(t - drive.since) / rig.actuator_lag)
+
+
+@compiled
+def sensed_hub(rig, theta):
+    """Returns what the potentiometer reads without noise [rad]."""
+    ripple = rig.hub_ripple * np.sin(rig.hub_ripple_order * theta + rig.hub_ripple_phase)
+    return rig.hub_gain * theta + ripple
+
+
+@compiled
+def quantised(value, step):
+    """Returns the value rounded to multiples of step; step 0 leaves it."""
+    if step <= 0.0:
+        return value
+    return step * np.rint(value / step)
+
+
+@compiled
+def extras(rig):
+    """Returns whether the rig has a torsional oscillator and a motor behind a backlash."""
+    return rig.torsional_inertia_share > 0.0, rig.backlash_gap > 0.0 and rig.backlash_motor_share > 0.0
+
+
+@compiled
+def friction_ripple(rig, theta):
+    """Returns A (1 + sin(n theta + phi))/2, by which both friction levels are raised [N m]."""
+    if rig.friction_ripple == 0.0:
+        return 0.0
+    angle = rig.friction_ripple_order * theta + rig.friction_ripple_phase
+    return rig.friction_ripple * 0.5 * (1.0 + math.sin(angle))
+
+
+@compiled
+def static_level(rig, direction, theta):
+    """Returns the torque that the resting hub withstands in a direction [N m]."""
+    level = rig.static_positive if direction > 0 else rig.static_negative
+    return level + friction_ripple(rig, theta)
+
+
+@compiled
+def sliding_friction(rig, t, direction, theta, omega):
+    """Returns the friction torque f on a hub that slides in a direction [N m]."""
+    level = rig.coulomb_positive if direction > 0 else rig.coulomb_negative
+    if rig.stribeck_velocity > 0.0:
+        static = rig.static_positive if direction > 0 else rig.static_negative
+        level += (static - level) * math.exp(-((omega / rig.stribeck_velocity) ** 2))
+    if rig.warming_rise != 0.0:
+        level += rig.warming_rise * math.exp(-t / rig.warming_time)
+    return direction * (level + friction_ripple(rig, theta)) + rig.viscous_friction * omega
+
+
+@compiled
+def hub_torque(rig, t, theta, omega):
+    """Returns the torques on the hub other than drive, friction and link [N m]."""
+    torque = rig.torque_bias - rig.cable_stiffness * (theta - rig.cable_rest_angle)
+    if rig.disturbance_torque != 0.0:
+        phase = 2.0 * math.pi * rig.disturbance_frequency * t + rig.disturbance_phase
+        torque += rig.disturbance_torque * math.sin(phase)
+    if abs(theta) > rig.stop_angle:
+        side = 1.0 if theta > 0.0 else -1.0
+        push = rig.stop_stiffness * (abs(theta) - rig.stop_angle) + rig.stop_damping * side * omega
+        torque -= side * max(push, 0.0)
+    return torque
+
+
+@compiled
+def link_balance(rig, link, t, y, nz, work):
+    """Writes the link's part of the mass matrix and forces.
+
+    With W the mass that two nodes move together, the mass matrix is B' [W_kl cos(psi_k - psi_l)] B and the
+    inertia forces of the rates are -B' sum_l W_kl sin(psi_k - psi_l) psi_t_l^2.
+    """
+    mass_matrix, force, sine, cosine, spin, couple, product = work
+    nodes, columns = link.slope.shape[0] - 1, link.slope.shape[1]
+    n, hub = columns - 1, nz - 1
+    theta, omega = y[hub], y[nz + hub]
+
+    # Tangent angle relative to the hub and its absolute rate.
+    for k in range(nodes):
+        angle, rate = 0.0, omega
+        for j in range(n):
+            angle += link.slope[k, j] * y[j]
+            rate += link.slope[k, j] * y[nz + j]
+        sine[k] = math.sin(angle)
+        cosine[k] = math.cos(angle)
+        spin[k] = rate
+
+    field_x, field_y = body_field(rig, t, theta)
+    drag_x, drag_y = tip_drag(rig, link, sine, cosine, spin)
+
+    # The couple on the tangent at each node, from rates, field and drag; and W cos(psi_k - psi_l) B.
+    product[:] = 0.0
+    for k in range(nodes):
+        total = cosine[k] * (link.moment[k] * field_y + link.to_tip[k] * drag_y)
+        total -= sine[k] * (link.moment[k] * field_x + link.to_tip[k] * drag_x)
+        for m in range(nodes):
+            together = link.together[k, m] * (cosine[k] * cosine[m] + sine[k] * sine[m])
+            total -= link.together[k, m] * (sine[k] * cosine[m] - cosine[k] * sine[m]) * spin[m] ** 2
+            for j in range(columns):
+                product[k, j] += together * link.slope[m, j]
+        couple[k] = total
+
+    # Project on the coordinates; the hub's is the last one. The payload's inertia turns with the tip.
+    mass_matrix[:] = 0.0
+    force[:] = 0.0
+    for i in range(columns):
+        row = i if i < n else hub
+        for j in range(i + 1):
+            column = j if j < n else hub
+            mass_matrix[row, column] = rig.tip_inertia * link.slope[nodes, i] * link.slope[nodes, j]
+    for k in range(nodes):
+        for i in range(columns):
+            row = i if i < n else hub
+            weight = link.slope[k, i]
+            force[row] += weight * couple[k]
+            for j in range(i):
+                mass_matrix[row, j] += weight * product[k, j]
+            mass_matrix[row, row] += weight * product[k, i]
+
+    # Elastic and damping moments; the softening part by quadrature of the lost moment.
+    for i in range(n):
+        force[i] -= link.stiffness[i] * y[i]
+        for j in range(n):
+            force[i] -= link.damping[i, j] * y[nz + j]
+    if rig.softening != 0.0:
+        soften(rig, link, y, force)
+
+
+@compiled
+def body_field(rig, t, theta):
+    """Returns the acceleration field on every mass [m/s^2], in the axes of the hub: tilt and shaking base."""
+    x = y = 0.0
+    if rig.tilt != 0.0:
+        down = rig.tilt_direction - theta
+        x += GRAVITY * math.sin(rig.tilt) * math.cos(down)
+        y += GRAVITY * math.sin(rig.tilt) * math.sin(down)
+    if rig.disturbance_acceleration != 0.0:
+        phase = 2.0 * math.pi * rig.disturbance_frequency * t + rig.disturbance_phase
+        shake = rig.disturbance_acceleration * math.sin(phase)
+        x -= shake * math.cos(theta)
+        y += shake * math.sin(theta)
+    return x, y
+
+
+@compiled
+def tip_drag(rig, link, sine, cosine, spin):
+    """Returns the force of the air on the tip [N], in the axes of the hub: -(b + c |v|) v."""
+    if rig.air_pad_drag == 0.0 and rig.air_drag == 0.0:
+        return 0.0, 0.0
+    vx = vy = 0.0
+    for k in range(len(spin)):
+        vx -= link.to_tip[k] * sine[k] * spin[k]
+        vy += link.to_tip[k] * cosine[k] * spin[k]
+    drag = rig.air_pad_drag + rig.air_drag * math.sqrt(vx * vx + vy * vy)
+    return -drag * vx, -drag * vy
+
+
+@compiled
+def soften(rig, link, y, force):
+    """Gives back the bending moment that a softening link lacks, EI s kappa^3/(kappa^2 + kappa_0^2)."""
+    nodes, n = link.curvature.shape
+    for k in range(nodes):
+        kappa = 0.0
+        for j in range(n):
+            kappa += link.curvature[k, j] * y[j]
+        lost = rig.softening * kappa**3 / (kappa * kappa + rig.softening_curvature**2)
+        for j in range(n):
+            force[j] += rig.bending_stiffness * link.weight[k] * lost * link.curvature[k, j]
+
+
+@compiled
+def contact_torque(rig, play, rate):
+    """Returns the torque from a motor to the hub through a backlash [N m], by their relative angle [rad]."""
+    gap = abs(play) - 0.5 * rig.backlash_gap
+    if gap <= 0.0:
+        return 0.0
+    side = 1.0 if play > 0.0 else -1.0
+    inertia = rig.backlash_motor_share * rig.hub_inertia
+    loss = 2.0 * CONTACT_LOSS * math.sqrt(CONTACT_STIFFNESS * inertia)
+    return side * max(CONTACT_STIFFNESS * gap + loss * side * rate, 0.0)
+
+
+@compiled
+def extra_balance(rig, link, torque, y, nz, work):
+    """Adds the hub, and the torsional oscillator and the motor behind it, to mass matrix and forces.
+
+    Both extras are angles relative to the hub and carry a share of its inertia. The drive's torque and the
+    cogging of its magnets act on the motor, friction and everything else on the hub.
+    """
+    mass_matrix, force = work[0], work[1]
+    torsional, backlash = extras(rig)
+    hub = nz - 1
+    row = link.slope.shape[1] - 1
+    motor_angle = y[hub]
+    mass_matrix[hub, hub] += rig.hub_inertia
+    if torsional:
+        inertia = rig.torsional_inertia_share * rig.hub_inertia
+        frequency = 2.0 * math.pi * rig.torsional_frequency
+        mass_matrix[row, row] = inertia
+        mass_matrix[hub, row] = inertia
+        force[row] = -inertia * frequency * (frequency * y[row] + 2.0 * rig.torsional_damping * y[nz + row])
+        row += 1
+    if backlash:
+        inertia = rig.backlash_motor_share * rig.hub_inertia
+        mass_matrix[row, row] = inertia
+        mass_matrix[hub, row] = inertia
+        motor_angle += y[row]
+        force[row] = -contact_torque(rig, y[row], y[nz + row])
+    if rig.cogging_amplitude != 0.0:
+        torque += rig.cogging_amplitude * math.sin(rig.cogging_order * motor_angle + rig.cogging_phase)
+    if backlash:
+        force[row] += torque
+    force[hub] += torque
+
+
+@compiled
+def factorised(matrix, size):
+    """Overwrites the lower triangle of a symmetric matrix by its Cholesky factor up to the last row."""
+    for i in range(size):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            if i == j:
+                # The last pivot stays a square: it is the inertia that the hub feels.
+                matrix[i, i] = math.sqrt(total) if i < size - 1 else total
+            else:
+                matrix[i, j] = total / matrix[j, j]
+
+
+@compiled
+def derivative(rig, link, drive, t, y, mode, nz, work, out):
+    """Writes dy/dt and returns `hold`, the torque that keeps the hub from accelerating [N m]."""
+    mass_matrix, force = work[0], work[1]
+    hub = nz - 1
+    theta, omega = y[hub], y[nz + hub]
+    link_balance(rig, link, t, y, nz, work)
+    force[hub] += hub_torque(rig, t, theta, omega)
+    extra_balance(rig, link, drive_torque(rig, drive, t), y, nz, work)
+    factorised(mass_matrix, nz)
+
+    # Forward substitution; what remains in the hub's row is the torque that holds it.
+    for i in range(nz):
+        total = force[i]
+        for k in range(i):
+            total -= mass_matrix[i, k] * force[k]
+        force[i] = total / mass_matrix[i, i] if i < hub else total
+    hold = force[hub]
+    acceleration = 0.0
+    if mode != STUCK:
+        friction = sliding_friction(rig, t, mode, theta, omega)
+        acceleration = (hold - friction) / mass_matrix[hub, hub]
+
+    # Back substitution for the rest, with the hub's acceleration known.
+    out[nz + hub] = acceleration
+    for i in range(hub - 1, -1, -1):
+        total = force[i] - mass_matrix[hub, i] * acceleration
+        for k in range(i + 1, hub):
+            total -= mass_matrix[k, i] * out[nz + k]
+        out[nz + i] = total / mass_matrix[i, i]
+    for i in range(nz):
+        out[i] = y[nz + i]
+    return hold
+
+
+@compiled
+def step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance):
+    """Makes one Dormand-Prince step of length h from slopes[0]; writes `new` and slopes[6].
+
+    Returns the estimated error in units of the tolerance, and the holding torque at the end [N m].
+    """
+    size = 2 * nz
+    for i in range(size):
+        stage[i] = y[i] + h * slopes[0, i] / 5.0
+    derivative(rig, link, drive, t + h / 5.0, stage, mode, nz, work, slopes[1])
+    for i in range(size):
+        stage[i] = y[i] + h * (3.0 / 40.0 * slopes[0, i] + 9.0 / 40.0 * slopes[1, i])
+    derivative(rig, link, drive, t + 0.3 * h, stage, mode, nz, work, slopes[2])
+    for i in range(size):
+        stage[i] = y[i] + h * (
+            44.0 / 45.0 * slopes[0, i] - 56.0 / 15.0 * slopes[1, i] + 32.0 / 9.0 * slopes[2, i]
+        )
+    derivative(rig, link, drive, t + 0.8 * h, stage, mode, nz, work, slopes[3])
+    for i in range(size):
+        stage[i] = y[i] + h * (
+            19372.0 / 6561.0 * slopes[0, i]
+            - 25360.0 / 2187.0 * slopes[1, i]
+            + 64448.0 / 6561.0 * slopes[2, i]
+            - 212.0 / 729.0 * slopes[3, i]
+        )
+    derivative(rig, link, drive, t + 8.0 / 9.0 * h, stage, mode, nz, work, slopes[4])
+    for i in range(size):
+        stage[i] = y[i] + h * (
+            9017.0 / 3168.0 * slopes[0, i]
+            - 355.0 / 33.0 * slopes[1, i]
+            + 46732.0 / 5247.0 * slopes[2, i]
+            + 49.0 / 176.0 * slopes[3, i]
+            - 5103.0 / 18656.0 * slopes[4, i]
+        )
+    derivative(rig, link, drive, t + h, stage, mode, nz, work, slopes[5])
+    for i in range(size):
+        new[i] = y[i] + h * (
+            35.0 / 384.0 * slopes[0, i]
+            + 500.0 / 1113.0 * slopes[2, i]
+            + 125.0 / 192.0 * slopes[3, i]
+            - 2187.0 / 6784.0 * slopes[4, i]
+            + 11.0 / 84.0 * slopes[5, i]
+        )
+    hold = derivative(rig, link, drive, t + h, new, mode, nz, work, slopes[6])
+
+    # Difference of the fifth and fourth order solutions.
+    error = 0.0
+    for i in range(size):
+        difference = h * (
+            71.0 / 57600.0 * slopes[0, i]
+            - 71.0 / 16695.0 * slopes[2, i]
+            + 71.0 / 1920.0 * slopes[3, i]
+            - 17253.0 / 339200.0 * slopes[4, i]
+            + 22.0 / 525.0 * slopes[5, i]
+            - 1.0 / 40.0 * slopes[6, i]
+        )
+        unit = 1.0 if i < nz else RATE_UNIT
+        scale = tolerance * (unit + max(abs(y[i]), abs(new[i])))
+        error += (difference / scale) ** 2
+    return math.sqrt(error / size), hold
+
+
+@compiled
+def excess(rig, hold, theta):
+    """Returns by how much a holding torque exceeds the static level in its direction [N m]."""
+    direction = 1 if hold > 0.0 else -1
+    return abs(hold) - static_level(rig, direction, theta)
+
+
+@compiled
+def violation(rig, mode, y, hold, nz):
+    """Returns what turns positive where a mode ends: reversed velocity, or torque above the level."""
+    if mode == STUCK:
+        return excess(rig, hold, y[nz - 1])
+    return -mode * y[2 * nz - 1]
+
+
+@compiled
+def lowest_time(h, w0, w1, a0, a1):
+    """Returns where in a step a velocity (cubic through values w, slopes a) dips below zero, or 0."""
+    if w0 <= 0.0 or w1 <= 0.0 or a0 >= 0.0 or a1 <= 0.0:
+        return 0.0
+    best, at = 0.0, 0.0
+    for k in range(1, 10):
+        x = k / 10.0
+        value = (
+            (1.0 + 2.0 * x) * (1.0 - x) ** 2 * w0
+            + x * (1.0 - x) ** 2 * h * a0
+            + x * x * (3.0 - 2.0 * x) * w1
+            + x * x * (x - 1.0) * h * a1
+        )
+        if value < best:
+            best, at = value, x * h
+    return at
+
+
+@compiled
+def advance(rig, link, drive, y, t, end, mode, clamped, trial, nz, arrays, tolerance, events):
+    """Integrates y in place from t to end under one held command.
+
+    Returns the mode at the end, the step length to try next [s] and the number of events so far.
+    """
+    work, slopes, stage, new = arrays
+    times, modes, count = events
+    hub = 2 * nz - 1
+    hold = derivative(rig, link, drive, t, y, mode, nz, work, slopes[0])
+    blind = 0.0
+    while end - t > 1e-12:
+        # A stuck hub whose level is exceeded breaks away at once.
+        if mode == STUCK and not clamped and t >= blind and excess(rig, hold, y[nz - 1]) > 0.0:
+            mode = 1 if hold > 0.0 else -1
+            hold = derivative(rig, link, drive, t, y, mode, nz, work, slopes[0])
+            count = logged(times, modes, count, t, mode)
+        h = min(trial, end - t)
+        error, new_hold = step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance)
+        if error > 1.0:
+            trial = h * max(0.2, 0.9 * error ** (-0.2))
+            continue
+        watched = not clamped and t + h > blind
+        if watched and mode != STUCK:
+            dip = lowest_time(h, mode * y[hub], mode * new[hub], mode * slopes[0, hub], mode * slopes[6, hub])
+            if dip > 1e-9:
+                trial = dip
+                h = dip
+                error, new_hold = step(
+                    rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance
+                )
+        if watched and violation(rig, mode, new, new_hold, nz) > 0.0:
+            # Bracket the event by the length of a step, then end the step just behind it.
+            low, high = 0.0, h
+            while high - low > EVENT_TIME:
+                middle = 0.5 * (low + high)
+                error, new_hold = step(
+                    rig, link, drive, t, y, middle, mode, nz, work, slopes, stage, new, tolerance
+                )
+                if violation(rig, mode, new, new_hold, nz) > 0.0:
+                    high = middle
+                else:
+                    low = middle
+            h = high
+            error, new_hold = step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance)
+            if h < 2.0 * EVENT_TIME:
+                # Held and released at one instant: leave it be for a moment.
+                blind = t + 1e-6
+            y[:] = new
+            t += h
+            y[hub] = 0.0
+            hold = derivative(rig, link, drive, t, y, STUCK, nz, work, slopes[0])
+            held = mode != STUCK and excess(rig, hold, y[nz - 1]) <= 0.0
+            mode = STUCK if held else (1 if hold > 0.0 else -1)
+            hold = derivative(rig, link, drive, t, y, mode, nz, work, slopes[0])
+            count = logged(times, modes, count, t, mode)
+            continue
+        y[:] = new
+        slopes[0, :] = slopes[6, :]
+        hold = new_hold
+        t += h
+        # Only an unclipped step says how long the next one may be.
+        growth = min(5.0, 0.9 * max(error, 1e-10) ** (-0.2))
+        if h >= trial or growth < 1.0:
+            trial = min(h * growth, LONGEST_STEP)
+    return mode, trial, count
+
+
+@compiled
+def logged(times, modes, count, t, mode):
+    """Notes an event and returns the number of events; further ones than fit are not kept."""
+    if count < len(times):
+        times[count] = t
+        modes[count] = mode
+        return count + 1
+    return count
+
+
+@compiled
+def run(rig, link, start, clamped, command_times, commands, output_times, loop, tolerance):
+    """Integrates a whole experiment; see `simulate`."""
+    nz = len(start) // 2
+    y = start.copy()
+    nodes, columns = link.slope.shape[0] - 1, link.slope.shape[1]
+    work = (
+        np.zeros((nz, nz)),
+        np.zeros(nz),
+        np.zeros(nodes),
+        np.zeros(nodes),
+        np.zeros(nodes),
+        np.zeros(nodes),
+        np.zeros((nodes, columns)),
+    )
+    arrays = (work, np.zeros((7, 2 * nz)), np.zeros(2 * nz), np.zeros(2 * nz))
+    times = np.zeros(MOST_EVENTS)
+    modes = np.zeros(MOST_EVENTS)
+    count = 0
+    samples = len(output_times)
+    states = np.zeros((samples, 2 * nz))
+    issued = commands.copy()
+    errors = np.zeros(3)
+    torques = np.zeros(2)
+
+    t = 0.0
+    mode = STUCK
+    if y[2 * nz - 1] != 0.0 and not clamped:
+        mode = 1 if y[2 * nz - 1] > 0.0 else -1
+    trial = 1e-4
+    drive = Drive(0.0, 0.0, 0.0)
+    read = given = 0
+    while read < samples:
+        # Readings come before the command of the same instant: the controller needs them.
+        if given >= len(command_times) or output_times[read] <= command_times[given] + 1e-12:
+            due = max(output_times[read], 0.0)
+            mode, trial, count = advance(
+                rig,
+                link,
+                drive,
+                y,
+                t,
+                due,
+                mode,
+                clamped,
+                trial,
+                nz,
+                arrays,
+                tolerance,
+                (times, modes, count),
+            )
+            t = max(t, due)
+            states[read] = y
+            if loop.active:
+                measured = quantised(sensed_hub(rig, y[nz - 1]) + loop.noise[read], loop.sensor_step)
+                errors[2], errors[1] = errors[1], errors[0]
+                errors[0] = math.degrees(loop.reference[read] - measured)
+                c = loop.coefficients
+                torque = c[0] * errors[0] + c[1] * errors[1] + c[2] * errors[2]
+                torque -= c[3] * torques[0] + c[4] * torques[1]
+                torques[1], torques[0] = torques[0], torque
+                issued[read] = quantised(torque, loop.torque_step)
+            read += 1
+        else:
+            due = command_times[given]
+            mode, trial, count = advance(
+                rig,
+                link,
+                drive,
+                y,
+                t,
+                due,
+                mode,
+                clamped,
+                trial,
+                nz,
+                arrays,
+                tolerance,
+                (times, modes, count),
+            )
+            t = max(t, due)
+            delivered = drive_torque(rig, drive, t)
+            drive = Drive(saturated(rig, issued[given]), delivered, t)
+            given += 1
+    return states, issued, times[:count], modes[:count]
+
+
+def coordinates(rig: Rig, link: Link) -> int:
+    """Returns the number of coordinates nz: link, extras, hub."""
+    return len(link.stiffness) + int(sum(extras(rig))) + 1
+
+
+def at_rest(rig: Rig, link: Link, hub_angle: float, shape: Array) -> Array:
+    """Returns the state (2 nz,) of a resting rig with a hub angle [rad] and link coordinates `shape` (n,)."""
+    nz = coordinates(rig, link)
+    state = np.zeros(2 * nz)
+    state[: len(shape)] = shape
+    state[nz - 1] = hub_angle
+    return state
+
+
+def open_loop() -> Loop:
+    """Returns the controller of an open-loop experiment: none."""
+    return Loop(False, np.zeros(5), np.zeros(0), np.zeros(0), 0.0, 0.0)
+
+
+def simulate(
+    rig: Rig,
+    link: Link,
+    start: Array,
+    times: Array,
+    commands: Array,
+    *,
+    clamped: bool = False,
+    loop: Loop | None = None,
+    tolerance: float = 1e-7,
+) -> Motion:
+    """Returns the motion of the rig at the sample times.
+
+    Args:
+        rig: The rig as it really is.
+        link: Its discretised link.
+        start: Initial state (2 nz,).
+        times: Sample times (samples,) [s], increasing from 0; commands are held from one to the next.
+        commands: Torque commands (samples,) [N m]; ignored where `loop` computes them.
+        clamped: Whether the hub is locked.
+        loop: A controller, or None.
+        tolerance: Of each step, relative to 1 rad and 1000 rad/s plus the state.
+
+    Returns:
+        The motion, read `sensor_delay` before each sample time; commands act `actuator_delay` after it.
+    """
+    output_times = times - rig.sensor_delay
+    command_times = times + rig.actuator_delay
+    return Motion(
+        *run(
+            rig,
+            link,
+            np.ascontiguousarray(start, dtype=float),
+            clamped,
+            command_times,
+            np.ascontiguousarray(commands, dtype=float),
+            output_times,
+            loop or open_loop(),
+            tolerance,
+        )
+    )
+
+
+def delivered_torque(rig: Rig, times: Array, commands: Array) -> Array:
+    """Returns what the drive delivers at the times of the sensors' readings (samples,) [N m].
+
+    Gain, limit, dead time and lag are in it; a reading at the instant of a new command sees that command.
+    """
+    command_times = times + rig.actuator_delay
+    targets = all_saturated(rig, commands)
+    at = times - rig.sensor_delay
+    latest = np.searchsorted(command_times, at + 1e-12, side="right") - 1
+    if rig.actuator_lag <= 0.0:
+        return np.where(latest >= 0, targets[latest], 0.0)
+    # Torque at the start of every hold, then along it.
+    starts = np.zeros(len(targets))
+    decay = np.exp(-np.diff(command_times) / rig.actuator_lag)
+    for k, factor in enumerate(decay):
+        starts[k + 1] = targets[k] + (starts[k] - targets[k]) * factor
+    age = np.maximum(at - command_times[latest], 0.0)
+    torque = targets[latest] + (starts[latest] - targets[latest]) * np.exp(-age / rig.actuator_lag)
+    return np.where(latest >= 0, torque, 0.0)
+
+
+def torsion_angle(rig: Rig, link: Link, states: Array) -> Array:
+    """Returns the torsional oscillator's angle against the hub (samples,) [rad]; 0 where there is none."""
+    if not extras(rig)[0]:
+        return np.zeros(len(states))
+    return np.asarray(states[:, len(link.stiffness)])
+
+
+def hub_angle(rig: Rig, link: Link, states: Array) -> Array:
+    """Returns the hub angle (samples,) [rad] of states (samples x 2 nz)."""
+    return np.asarray(states[:, coordinates(rig, link) - 1])

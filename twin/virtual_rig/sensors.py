@@ -1,0 +1,136 @@
+"""What the data acquisition makes of a motion: gains, drifts, clipping, noise, quantisation, dirt."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, nearest
+from twin.virtual_rig.beam import Array, Link, curvature_at
+from twin.virtual_rig.plant import (
+    Motion,
+    delivered_torque,
+    hub_angle,
+    quantised,
+    sensed_hub,
+    torsion_angle,
+)
+from twin.virtual_rig.rig import Rig
+
+# Strain of the bridges at base and middle by a torsional mode, per rad against the hub. Assumed: the
+# vocabulary only says that they see it.
+TORSION_STRAIN = np.array([5.12e-3, 3.58e-3])
+
+DIRT = ("missing-fields", "spikes", "dropped-rows", "jitter")
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """The card and its channels: standard deviations of white noise, and steps of the converter (16 bit)."""
+
+    sample_rate: float = 500.0  # Hz
+    hub_noise: float = 3e-4  # rad
+    strain_noise: float = 2e-6
+    torque_noise: float = 1e-3  # N m
+    hub_step: float = 1e-4  # rad; 0 for none
+    strain_step: float = 1e-7
+    torque_step: float = 1e-5  # N m, of the commanded and the measured torque
+    position_base: float = 0.02  # m from the hub axis
+    position_mid: float = 0.21  # m from the hub axis
+    half_thickness: float = 0.0008  # m, neutral axis to gauge
+
+
+def noise_of(sensors: Sensors, samples: int, generator: np.random.Generator) -> dict[str, Array]:
+    """Returns the noise of every measured channel (samples,) in its unit."""
+    spread = {
+        "hub_angle": sensors.hub_noise,
+        "strain_base": sensors.strain_noise,
+        "strain_mid": sensors.strain_noise,
+        "motor_torque": sensors.torque_noise,
+    }
+    return {channel: sigma * generator.standard_normal(samples) for channel, sigma in spread.items()}
+
+
+def measured(
+    rig: Rig, link: Link, sensors: Sensors, times: Array, motion: Motion, noise: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Returns what the sensors report of a motion: the measured channels by name (samples,) in SI units."""
+    bends = curvature_at(rig, np.array([sensors.position_base, sensors.position_mid]), len(link.stiffness))
+    strain = sensors.half_thickness * motion.states[:, : len(link.stiffness)] @ bends.T
+    strain = strain + np.outer(torsion_angle(rig, link, motion.states), TORSION_STRAIN)
+    base = np.clip(rig.gain_base * strain[:, 0] + rig.drift_base * times, -rig.clip_base, rig.clip_base)
+    mid = np.clip(rig.gain_mid * strain[:, 1] + rig.drift_mid * times, -rig.clip_mid, rig.clip_mid)
+    hub = sensed_hub(rig, hub_angle(rig, link, motion.states))
+    torque = delivered_torque(rig, times, motion.commands)
+    return {
+        "hub_angle": quantised(hub + noise["hub_angle"], sensors.hub_step),
+        "strain_base": quantised(base + noise["strain_base"], sensors.strain_step),
+        "strain_mid": quantised(mid + noise["strain_mid"], sensors.strain_step),
+        "motor_torque": quantised(torque + noise["motor_torque"], sensors.torque_step),
+    }
+
+
+def checked_dirt(kinds: Iterable[str]) -> tuple[str, ...]:
+    """Returns the kinds of dirt, or says which one is unknown."""
+    kinds = tuple(kinds)
+    for kind in kinds:
+        if kind not in DIRT:
+            raise InputError(f"dirt is '{kind}'; expected one of: {', '.join(DIRT)}{nearest(kind, DIRT)}")
+    return kinds
+
+
+def sample_times(
+    sensors: Sensors, samples: int, kinds: Iterable[str], generator: np.random.Generator
+) -> Array:
+    """Returns the sample times (samples,) [s], increasing from 0; with jitter, off by 12 % of a period."""
+    period = 1.0 / sensors.sample_rate
+    times = np.arange(samples) * period
+    if "jitter" in kinds:
+        times[1:] += period * np.clip(0.12 * generator.standard_normal(samples - 1), -0.3, 0.3)
+    return np.round(times, 5)
+
+
+def soiled(
+    table: Mapping[str, Array], sensors: Sensors, kinds: Iterable[str], generator: np.random.Generator
+) -> tuple[dict[str, Array], dict[str, list[float]]]:
+    """Returns a recording with dirt in its measured channels, and the times of each defect by kind [s].
+
+    Args:
+        table: Columns of the recording by name (samples,), with `time` and `torque_command`.
+        sensors: For the size of a spike: 30 to 300 noise levels.
+        kinds: Names of `DIRT`; jitter is a matter of the sample times and leaves the table alone.
+        generator: Of random numbers.
+    """
+    result = {name: column.copy() for name, column in table.items()}
+    defects: dict[str, list[float]] = {}
+    times = table["time"]
+    channels = [name for name in ("hub_angle", "strain_base", "strain_mid") if name in table]
+    if "spikes" in kinds:
+        rows = np.sort(generator.choice(len(times), size=3, replace=False))
+        for row in rows:
+            name = channels[generator.integers(len(channels))]
+            sigma = sensors.hub_noise if name == "hub_angle" else sensors.strain_noise
+            result[name][row] += generator.choice([-1, 1]) * sigma * 10 ** generator.uniform(1.5, 2.5)
+        defects["spikes"] = times[rows].tolist()
+    if "missing-fields" in kinds:
+        defects["missing-fields"] = []
+        for name in channels:
+            gone = _bursts(len(times), 0.01, generator)
+            result[name][gone] = np.nan
+            defects["missing-fields"] += times[gone].tolist()
+    if "dropped-rows" in kinds:
+        gone = _bursts(len(times), 0.01, generator)
+        # The command is held between rows: a row that brings a new one cannot be dropped without changing it.
+        gone &= np.append(False, np.diff(table["torque_command"]) == 0.0)
+        defects["dropped-rows"] = times[gone].tolist()
+        result = {name: column[~gone] for name, column in result.items()}
+    return result, defects
+
+
+def _bursts(samples: int, share: float, generator: np.random.Generator) -> NDArray[np.bool_]:
+    """Returns a mask (samples,) with about this share set, in bursts of 1 to 9 samples."""
+    mask = np.zeros(samples, dtype=bool)
+    for start in generator.integers(1, samples, size=max(1, int(samples * share / 5))):
+        mask[start : start + generator.integers(1, 10)] = True
+    return mask
