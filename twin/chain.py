@@ -1,10 +1,10 @@
 """The link as a chain: rigid segments joined by hinges with springs, fitted to the exact modes.
 
-A chain of equal segments with k = EI/h needs many of them: its frequencies are off by O(n^-2). Here the lengths
-and masses of the segments and the stiffnesses of the hinges are the unknowns of a small least-squares problem
-instead, whose targets are what the chain is used for: three free and three clamped frequencies, the static
-deflection and rotation of the tip, the link's mass moments, and the quadratic change of the modal masses with the
-deflection, which sets how the frequencies move with the amplitude. Uniformity is the regularisation.
+A chain of equal segments with k = EI/h needs many of them: its frequencies are off by O(n^-2). Here the
+lengths and masses of the segments and the stiffnesses of the hinges are the unknowns of a small least-squares
+problem instead, whose targets are what the chain is used for: three free and three clamped frequencies, the
+static deflection and rotation of the tip, the rig's mass moments, and the quadratic change of the modal masses
+with the deflection, which sets how the frequencies move with the amplitude. Uniformity is the regularisation.
 
 Relative coordinates: hub angle, then the n hinge angles. Absolute ones: the angles of the n + 1 segments.
 """
@@ -27,8 +27,10 @@ DEFAULT_SEGMENTS = 8
 _TARGET_MODES = 3
 _DEPARTURE = 0.03  # weight of log lengths and stiffnesses against a relative error of 1e-3
 _MASS_DEPARTURE = 1.0
-_FREQUENCY_WEIGHT = 10.0
-_AMPLITUDE_WEIGHT = (0.3, 0.1, 0.02)  # first free, first clamped, second free mode
+_FREQUENCY_WEIGHT = 60.0
+_STATIC_WEIGHT = 15.0
+_MOMENT_WEIGHT = 10.0
+_AMPLITUDE_WEIGHT = (0.6, 0.15, 0.03)  # first free, first clamped, second free mode
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,8 @@ class Chain:
       lengths, masses: (n + 1) of the segments [m], [kg].
       stiffness: (n) of the hinges [N m/rad].
       damping: (n x n) moments on the hinges per hinge rate [N m s/rad].
-      inertia: (n + 1 x n + 1) c_ij of the kinetic energy 1/2 sum c_ij cos(phi_i - phi_j) phi_i' phi_j' [kg m^2].
+      inertia: (n + 1 x n + 1) [kg m^2], c_ij of the kinetic energy
+        1/2 sum c_ij cos(phi_i - phi_j) phi_i' phi_j'.
       first_moment: (n + 1) masses times lever along each segment [kg m].
     """
 
@@ -82,7 +85,7 @@ class Chain:
         return _relative(self.inertia)
 
     def modes(self, boundary: Boundary = "free") -> tuple[np.ndarray, np.ndarray]:
-        """Returns angular frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n), relative coordinates."""
+        """Returns angular frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n), relative."""
         return _modes(self.mass_matrix(), self.stiffness, boundary)
 
     def damping_ratios(self, boundary: Boundary = "free") -> np.ndarray:
@@ -148,7 +151,7 @@ def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
         return np.r_[1e3 * weights * errors, departure]
 
     start = np.zeros(3 * segments + 2)
-    return _perturbed(equal, least_squares(residual, start, xtol=1e-10, ftol=1e-10).x)
+    return _perturbed(equal, least_squares(residual, start, xtol=1e-8, ftol=1e-8).x)
 
 
 def uniform_shape(segments: int) -> ChainShape:
@@ -160,10 +163,12 @@ def uniform_shape(segments: int) -> ChainShape:
 def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarray:
     """Returns the row (n) that turns hinge angles into the link's curvature w'' at x [1/m per rad].
 
-    The row reproduces the exact curvature of the first three free and clamped modes and of a static tip force and
-    tip moment as well as a least-squares fit of least norm allows.
+    The row reproduces the exact curvature of the first three free and clamped modes and of a static tip force
+    and tip moment as well as a least-squares fit of least norm allows.
     """
-    bends, curvatures, weights = [], [], []
+    bends: list[np.ndarray] = []
+    curvatures: list[float] = []
+    weights: list[float] = []
     for boundary in ("free", "clamped"):
         count = min(_TARGET_MODES, chain.shape.segments)
         exact = beam.modes(rig, count, boundary)
@@ -220,8 +225,10 @@ def _modes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> tuple
 
 
 def _modal_damping(inertia: np.ndarray, stiffness: np.ndarray, ratio: float) -> np.ndarray:
-    """D = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the free modes; its hub row is zero: phi_i is orthogonal
-    to the rigid rotation, so nothing brakes it."""
+    """D = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the free modes.
+
+    Its hub row is zero: phi_i is orthogonal to the rigid rotation, so nothing brakes it.
+    """
     mass = _relative(inertia)
     frequencies, shapes = _modes(mass, stiffness, "free")
     momenta = (mass @ shapes)[1:]
@@ -237,12 +244,12 @@ def _perturbed(shape: ChainShape, z: np.ndarray) -> ChainShape:
 
 
 def _weights(modes: int) -> np.ndarray:
-    return np.r_[np.full(2 * modes, _FREQUENCY_WEIGHT), np.ones(5), _AMPLITUDE_WEIGHT]
+    groups = ((2 * modes, _FREQUENCY_WEIGHT), (3, _STATIC_WEIGHT), (2, _MOMENT_WEIGHT))
+    return np.r_[*(np.full(*group) for group in groups), _AMPLITUDE_WEIGHT]
 
 
 def _figures(shape: ChainShape, ends: tuple[float, float, float], modes: int) -> np.ndarray:
     """What the fit compares, of a chain in units of the link: see `_targets`."""
-    hub_inertia, tip_mass, tip_inertia = ends
     inertia, first_moment = _inertia(shape.lengths, shape.masses, *ends)
     mass = _relative(inertia)
     free, free_shapes = _modes(mass, shape.stiffnesses, "free")
@@ -250,7 +257,7 @@ def _figures(shape: ChainShape, ends: tuple[float, float, float], modes: int) ->
     levers = 1 - np.cumsum(shape.lengths)[:-1]
     flexibility = 1 / shape.stiffnesses
     static = (np.sum(levers**2 * flexibility), np.sum(levers * flexibility), np.sum(flexibility))
-    moments = (first_moment.sum() - tip_mass, mass[0, 0] - hub_inertia - tip_inertia - tip_mass)
+    moments = (first_moment.sum(), mass[0, 0])
     stretched = [
         _chain_mass_change(inertia, np.cumsum(column))
         for column in (free_shapes[:, 0], clamped_shapes[:, 0], free_shapes[:, 1])
@@ -262,7 +269,7 @@ def _targets(unit: Mapping[str, float], modes: int) -> np.ndarray:
     """The same figures of the exact beam."""
     free, clamped = (beam.modes(unit, _TARGET_MODES, boundary) for boundary in ("free", "clamped"))
     static = (1 / 3, 1 / 2, 1.0)
-    moments = (1 / 2, 1 / 3)
+    moments = (1 / 2 + unit["tip_mass"], beam.rigid_inertia(unit))
     stretched = [_beam_mass_change(unit, *which) for which in ((free, 0), (clamped, 0), (free, 1))]
 
     return np.r_[free.frequencies[:modes], clamped.frequencies[:modes], static, moments, stretched]
