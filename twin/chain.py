@@ -3,8 +3,9 @@
 A chain of equal segments with k = EI/h needs many of them: its frequencies are off by O(n^-2). Here the
 lengths and masses of the segments and the stiffnesses of the hinges are the unknowns of a small least-squares
 problem instead, whose targets are what the chain is used for: three free and three clamped frequencies, the
-static deflection and rotation of the tip, the rig's mass moments, and the quadratic change of the modal masses
-with the deflection, which sets how the frequencies move with the amplitude. Uniformity is the regularisation.
+static deflection and rotation of the tip, the rig's mass moments, and the quadratic change of the modal
+masses with the deflection, which sets how the frequencies move with the amplitude. Uniformity is the
+regularisation.
 
 Relative coordinates: hub angle, then the n hinge angles. Absolute ones: the angles of the n + 1 segments.
 """

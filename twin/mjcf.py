@@ -1,14 +1,14 @@
 """The rig as MJCF: segments, hinges, losses, motor, sensors, and what it looks like.
 
-The link bends in the horizontal plane; every joint turns about the vertical, z. At zero angle the link lies along
-x. What the numbers of a `Chain` become:
+The link bends in the horizontal plane; every joint turns about the vertical, z. At zero angle the link lies
+along x. What the numbers of a `Chain` become:
 
-    segment     body `link_i`, a rod with explicit inertia            hub, payload   bodies welded to the end ones
-    hinge       joint `bend_i` with stiffness                         hub angle      joint `hub`
-    damping     D = sum_i d_i p_i p_i^T: fixed tendon `loss_i` of length p_i . q with damping d_i, one per free mode
+    segment     body `link_i`, a rod with explicit inertia; hub and payload are bodies welded to the end ones
+    hinge       joint `bend_i` with stiffness; the hub's is called `hub`
+    damping     D = sum_i d_i p_i p_i^T: fixed tendon `loss_i` of length p_i . q with damping d_i, each a mode
     strain      fixed tendon `strain_base` of length half_thickness * w''(x), a row times the hinge angles
-    friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the break-away
-                level stands in `custom/numeric` and is applied by `twin.mujoco_chain`
+    friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the
+                break-away level stands in `custom/numeric` and is applied by `twin.mujoco_chain`
 
 `python -m twin.mjcf [FOLDER]` writes the files of `models/`.
 """
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -31,7 +31,7 @@ GAUGES = (
     Sensor("strain_base", position=0.02, half_thickness=0.001),
     Sensor("strain_mid", position=0.21, half_thickness=0.001),
 )
-"""Strain bridges of the files in `models/`: at the base and in the middle of the link, on a link 2 mm thick."""
+"""Strain bridges of the files in `models/`: at the base and in the middle of a link 2 mm thick."""
 
 TIMESTEP = 5e-4  # s; below the stability limit 2.8 / omega_max of RK4 for up to 8 segments
 _HALF_THICKNESS, _HALF_HEIGHT = 0.001, 0.022  # m; I = 2.95e-11 m^4 (Table II) and a density near 1000 kg/m^3
@@ -52,8 +52,8 @@ def build_spec(
     Args:
       rig: parameters, SI; torque_limit may be infinite or missing.
       chain: the chain of this rig.
-      plant: mechanisms to write as well as stiffness, damping and friction levels; `not_native` lists what MJCF
-        cannot say. By default the friction of the rig and nothing else.
+      plant: mechanisms to write as well as stiffness, damping and friction levels; `not_native` lists what
+        MJCF cannot say. By default the friction of the rig and nothing else.
       scene: add table, light and camera.
       gauges: strain bridges off the link's end are left out.
     """
@@ -121,7 +121,7 @@ def write_models(folder: Path) -> tuple[Path, ...]:
     spec.modelname = "bossi2009"
     bare, scene = folder / "bossi2009.xml", folder / "scene.xml"
     bare.write_text(_tidy(spec.to_xml()), encoding="utf-8")
-    scene.write_text(_SCENE.format(file=bare.name, floor=_FLOOR), encoding="utf-8")
+    scene.write_text(_scene(bare.name), encoding="utf-8")
     return bare, scene
 
 
@@ -174,7 +174,7 @@ def _set_inertia(body: mujoco.MjsBody, mass: float, centre: float, about_z: floa
 
 
 def _add_losses(spec: mujoco.MjSpec, chain: Chain, damping: np.ndarray) -> None:
-    """D = sum_i d_i p_i p_i^T as tendons of length p_i . q with damping d_i; p_i [1] has its largest entry at 1."""
+    """D = sum_i d_i p_i p_i^T as tendons of length p_i . q with damping d_i; the largest part of p_i is 1."""
     for i, (coefficients, value) in enumerate(_dyads(chain, damping), start=1):
         tendon = spec.add_tendon(name=f"loss_{i}", group=5)
         tendon.damping[0] = value
@@ -278,7 +278,7 @@ def _add_strain(spec: mujoco.MjSpec, gauge: Sensor, row: np.ndarray) -> None:
 
 _BOX, _CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 _COLOURS = {
-    "aluminium": (0.78, 0.80, 0.83, 1.0),
+    "aluminium": (0.66, 0.68, 0.71, 1.0),
     "steel": (0.30, 0.32, 0.35, 1.0),
     "kevlar": (0.83, 0.66, 0.24, 1.0),
     "gauge": (0.72, 0.22, 0.16, 1.0),
@@ -310,12 +310,13 @@ def _add_motor_and_fork(spec: mujoco.MjSpec) -> None:
     base, hub = spec.worldbody, spec.body("hub")
     _box(base, "steel", (0, 0, _FLOOR + 0.004), (0.034, 0.034, 0.004))
     _cylinder(base, "steel", (0, 0, _FLOOR + 0.012), 0.024, 0.004)
-    _cylinder(hub, "aluminium", (0, 0, -0.027), 0.019, 0.002)
-    _cylinder(hub, "aluminium", (0, 0, 0), 0.009, 0.026)
-    # Two prongs hold the link between them.
+    _cylinder(hub, "aluminium", (0, 0, -0.0265), 0.020, 0.0025)
+    # A fork: a bridge behind the axis and two prongs that hold the link between them.
+    _box(hub, "aluminium", (-0.008, 0, -0.002), (0.005, 0.0075, 0.022))
     for side in (1, -1):
-        y = side * (_HALF_THICKNESS + 0.0021)
-        _box(hub, "aluminium", (0.004, y, 0), (0.011, 0.002, _HALF_HEIGHT - 0.003))
+        y = side * (_HALF_THICKNESS + 0.0032)
+        _box(hub, "aluminium", (0.003, y, -0.002), (0.011, 0.003, 0.022))
+        _cylinder(hub, "steel", (0.008, 0, -0.002 + side * 0.012), 0.0022, 0.0085, across=True)
 
 
 def _add_payload(body: mujoco.MjsBody, rig: Mapping[str, float]) -> None:
@@ -327,7 +328,7 @@ def _add_payload(body: mujoco.MjsBody, rig: Mapping[str, float]) -> None:
     half = mass / (2700 * math.pi * radius**2) / 2
     half = float(np.clip(half, 0.003, 0.012))
     gap = 0.0006
-    pad = 0.0015
+    pad = 0.0025
     _cylinder(body, "hose", (0, 0, _FLOOR + gap + pad), 0.9 * radius, pad)
     disc = _FLOOR + gap + 2 * pad + half
     _cylinder(body, "aluminium", (0, 0, disc), radius, half)
@@ -336,15 +337,26 @@ def _add_payload(body: mujoco.MjsBody, rig: Mapping[str, float]) -> None:
         y = side * (_HALF_THICKNESS + 0.0026)
         centre, size = (-0.002, y, (low + high) / 2), (0.008, 0.0025, (high - low) / 2)
         _box(body, "aluminium", centre, size)
+        _cylinder(body, "steel", (-0.003, 0, side * 0.010), 0.002, 0.0072, across=True)
 
 
 def _box(body: mujoco.MjsBody, material: str, pos: Sequence[float], size: Sequence[float]) -> None:
     body.add_geom(type=_BOX, pos=pos, size=size, material=material, contype=0, conaffinity=0)
 
 
-def _cylinder(body: mujoco.MjsBody, material: str, pos: Sequence[float], radius: float, half: float) -> None:
-    size = [radius, half, 0]
-    body.add_geom(type=_CYLINDER, pos=pos, size=size, material=material, contype=0, conaffinity=0)
+def _cylinder(
+    body: mujoco.MjsBody,
+    material: str,
+    pos: Sequence[float],
+    radius: float,
+    half: float,
+    across: bool = False,
+) -> None:
+    """Upright, or across the link like a bolt."""
+    geom = body.add_geom(type=_CYLINDER, pos=pos, size=[radius, half, 0], material=material)
+    geom.contype = geom.conaffinity = 0
+    if across:
+        geom.quat = [math.sqrt(0.5), math.sqrt(0.5), 0, 0]
 
 
 _SCENE = """<mujoco model="bossi2009 scene">
@@ -360,20 +372,25 @@ _SCENE = """<mujoco model="bossi2009 scene">
   </visual>
 
   <asset>
-    <texture type="skybox" builtin="gradient" rgb1="0.93 0.95 0.97" rgb2="0.55 0.63 0.72" width="256" height="256"/>
-    <texture name="floor" type="2d" builtin="checker" rgb1="0.62 0.63 0.65" rgb2="0.58 0.59 0.61" width="256" height="256"/>
+    <texture type="skybox" builtin="gradient" rgb1="0.93 0.95 0.97" rgb2="0.55 0.63 0.72"
+      width="256" height="256"/>
+    <texture name="floor" type="2d" builtin="checker" rgb1="0.62 0.63 0.65" rgb2="0.58 0.59 0.61"
+      width="256" height="256"/>
     <material name="floor" texture="floor" texrepeat="10 10" reflectance="0"/>
-    <material name="glass" rgba="0.62 0.78 0.80 0.45" specular="0.9" shininess="0.95" reflectance="0.25"/>
+    <material name="glass" rgba="0.62 0.78 0.80 0.4" specular="0.6" shininess="0.9" reflectance="0.3"/>
     <material name="frame" rgba="0.24 0.25 0.27 1" specular="0.3"/>
   </asset>
 
   <worldbody>
-    <light name="key" pos="0.4 -0.9 1.4" dir="-0.15 0.55 -0.85" diffuse="0.7 0.7 0.68" castshadow="true"/>
-    <light name="fill" pos="-0.8 0.8 1.2" dir="0.5 -0.5 -0.7" diffuse="0.2 0.22 0.25" castshadow="false"/>
-    <camera name="front" pos="0.18 -0.78 0.44" xyaxes="1 0 0 0 0.52 0.854" fovy="42"/>
+    <light name="key" pos="0.15 -0.3 1.7" dir="-0.05 0.16 -1" diffuse="0.5 0.5 0.48" castshadow="true"/>
+    <light name="fill" pos="-0.8 -0.8 1.2" dir="0.5 0.5 -0.7" diffuse="0.2 0.22 0.25" castshadow="false"/>
+    <camera name="front" pos="0.2 -0.62 0.36" xyaxes="1 0 0 0 0.5 0.866" fovy="42"/>
     <camera name="top" pos="0 0 1.35" fovy="45"/>
-    <geom name="floor" type="plane" pos="0 0 -0.75" size="3 3 0.1" material="floor" contype="0" conaffinity="0"/>
-    <geom name="table" type="box" pos="0 0 {floor}" size="0.55 0.55 0.005" material="glass" contype="0" conaffinity="0"/>
+    <geom name="floor" type="plane" pos="0 0 -0.75" size="3 3 0.1" material="floor"
+      contype="0" conaffinity="0"/>
+    <geom name="table" type="box" pos="0 0 {table}" size="0.55 0.55 0.005" material="glass"
+      contype="0" conaffinity="0"/>
+{frame}
   </worldbody>
 </mujoco>
 """
@@ -381,8 +398,24 @@ _SCENE = """<mujoco model="bossi2009 scene">
 
 def _in_scene(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     name = "rig.xml"
-    text = _SCENE.format(file=name, floor=_FLOOR)
-    return mujoco.MjSpec.from_string(text, include={name: spec.to_xml().encode()})
+    return mujoco.MjSpec.from_string(_scene(name), include={name: spec.to_xml().encode()})
+
+
+def _scene(file: str) -> str:
+    # The table's upper face is the glass that the air-pad floats on.
+    return _SCENE.format(file=file, table=round(_FLOOR - 0.005, 6), frame="\n".join(_frame()))
+
+
+def _frame() -> Iterator[str]:
+    """Four rails below the edges of the glass, and four legs down to the floor."""
+    z, half = _FLOOR - 0.025, 0.55
+    bar = '    <geom type="box" pos="{} {} {:g}" size="{:g} {:g} {:g}" material="frame" '
+    bar += 'contype="0" conaffinity="0"/>'
+    for side in (half - 0.015, 0.015 - half):
+        yield bar.format(side, 0, z, 0.015, half, 0.015)
+        yield bar.format(0, side, z, half, 0.015, 0.015)
+        for other in (half - 0.015, 0.015 - half):
+            yield bar.format(side, other, (z - 0.75) / 2, 0.015, 0.015, (z + 0.75) / 2)
 
 
 def _tidy(xml: str) -> str:

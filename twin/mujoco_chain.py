@@ -1,17 +1,18 @@
 """The rig simulated by MuJoCo, stick and slip located inside the step.
 
-Two compiled models share the work: one with the hub's joint, for a hub that slides, and one without it, for a hub
-that sticks or is locked; a hub that is part of the world cannot creep. Both step with MuJoCo's RK4.
+Two compiled models share the work: one with the hub's joint, for a hub that slides, and one without it, for a
+hub that sticks or is locked; a hub that is part of the world cannot creep. Both step with MuJoCo's RK4.
 
 Friction is as in `twin.planar`, against which a test holds this module. Sliding, it is a torque of constant
-direction. Where the hub's rate would cross zero, the step is taken again up to the crossing; there the hub sticks
-if the torque that holds it stays below the static level. With the joint model at the same state, that torque is
+direction. Where the hub's rate would cross zero, the step is taken again up to the crossing; there the hub
+sticks if the torque that holds it stays below the static level. With the model that has the joint, at the
+same state, that torque is
 
     needed = theta_tt / (M^-1)_00          theta_tt: acceleration of a hub without dry friction
 
-What MJCF cannot say natively (`mjcf.not_native`) is added in a control callback at every stage of the step, so
-that the order of the integration stays four. The callback is global to the process: it is set for the time of a
-call only, and two simulations with such mechanisms cannot run in two threads of one process.
+What MJCF cannot say natively (`mjcf.not_native`) is added in a control callback at every stage of the step,
+so that the order of the integration stays four. The callback is global to the process: it is set for the time
+of a call only, and two simulations with such mechanisms cannot run in two threads of one process.
 """
 
 from __future__ import annotations
@@ -141,7 +142,7 @@ class MujocoChain:
         """Integrates from out_time[0] to out_time[-1]; arguments and results are those of `planar.simulate`.
 
         Args:
-          command_time, command: (k) instants [s] and torque [N m] held from each to the next; before the first, 0.
+          command_time, command: (k) instants [s] and torque [N m] held from each to the next; 0 before them.
           out_time: (m) instants at which the state is wanted [s].
           phi0, omega0: (n + 1) state at out_time[0].
           mode0: 0 hub sticks, +1 or -1 it slides.
@@ -304,7 +305,7 @@ class MujocoChain:
             mujoco.set_mjcb_control(before)
 
     def _extra_force(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
-        """Returns a control callback that adds what varies within a step and MJCF cannot say; None if nothing."""
+        """Returns a control callback that adds what varies within a step and MJCF cannot say, if anything."""
         p, sliding, locked = self._plant, self._sliding, self._locked
         hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0
         soft, drag = p.softening != 0, p.tip_drag_quadratic != 0
@@ -368,7 +369,7 @@ class _Model:
         self.step(time, h)
 
     def push(self, torque: float, mode: int) -> None:
-        """Applies a torque [N m] and the friction of a hub that slides in direction `mode`; 0: without friction."""
+        """Applies a torque [N m] and the friction of a hub that slides in direction `mode`; 0: none."""
         p = self._plant
         raised = p.friction_amplitude / 2
         level = p.coulomb_positive if mode > 0 else p.coulomb_negative
@@ -388,7 +389,7 @@ class _Model:
     # Mechanisms that MJCF cannot say, at the state of a stage
 
     def vary_hub_torque(self, time: float, lagging: float) -> None:
-        """Adds to the torque held over the step: what the lag keeps back [N m], disturbance, Stribeck's excess."""
+        """Adds to the held torque what the lag keeps back [N m], the disturbance and Stribeck's excess."""
         p, torque = self._plant, self._held + lagging
         if p.disturbance_amplitude != 0:
             angle = 2 * math.pi * p.disturbance_frequency * time + p.disturbance_phase
@@ -426,8 +427,8 @@ def _from(start: float, instants: np.ndarray, torques: np.ndarray) -> tuple[list
 def _crossing(value: Callable[[float], float], high: float, at_low: float, at_high: float) -> float:
     """Returns where `value` has just become negative between 0 and `high`, within TIME_TOLERANCE.
 
-    Regula falsi, one end's value halved when the other moves twice (M. Dowell, P. Jarratt, BIT 11, 1971). The
-    last call of `value` is at the returned place, so that its side effects stand. Never 0, so that time goes on.
+    Regula falsi, one end's value halved when the other moves twice (M. Dowell, P. Jarratt, BIT 11, 1971).
+    The last call of `value` is at the returned place, so that its side effects stand. Never 0: time goes on.
     """
     low, moved, last = 0.0, 0, high
     at_low = max(at_low, 0.0)
