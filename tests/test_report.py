@@ -1,0 +1,340 @@
+"""The report and the summary say all that a reader needs, and nothing in a campaign breaks them."""
+
+import io
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import synthetic_diagnosis as synthetic
+from rich.console import Console
+
+from twin.diagnosis import ChannelError, Trace
+from twin.report import display, print_summary, summary, write_report
+from twin.report.decimate import decimate, thin
+from twin.report.figures import compress, other_variables_figure, recording_figure, trace_figure
+from twin.report.html import render
+
+VERDICTS = {
+    "explained": (synthetic.diagnosis, "The model lacks cable torsion"),
+    "no-missing-effect": (synthetic.nothing_missing, "Nothing is missing"),
+    "outside-library": (synthetic.outside, "Something is missing that no effect in the library explains"),
+}
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    return synthetic.diagnosis()
+
+
+def page(diagnosis) -> str:
+    """Returns the page without plotly.js, in which anything might occur."""
+    return re.sub(r"<script>\s*/\*\*.*?</script>", "", render(diagnosis), flags=re.DOTALL)
+
+
+class _Outline(HTMLParser):
+    """Checks that elements close in order, and keeps what a reader sees."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.words, self.tags = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in ("meta", "br", "line", "rect", "circle", "path"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] not in ("script", "style"):
+            self.words.append(data)
+
+
+def outline(html: str) -> _Outline:
+    parser = _Outline()
+    parser.feed(html)
+    parser.close()
+    assert parser.open == []
+    return parser
+
+
+def seen(html: str) -> str:
+    return " ".join(" ".join(outline(html).words).split())
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_headline_says_the_verdict(verdict):
+    make, headline = VERDICTS[verdict]
+    assert headline in seen(page(make(duration=0.5)))
+
+
+def test_page_tells_the_story_in_order(diagnosis):
+    text = seen(page(diagnosis))
+    chapters = (
+        "What was measured",
+        "What the model said, and where it failed",
+        "What explains it",
+        "How well now",
+        "What remains",
+        "What to do next",
+        "Calibrated parameters",
+        "Fit recordings",
+        "Assumptions and data defects",
+    )
+    places = [text.index(chapter) for chapter in chapters]
+    assert places == sorted(places)
+
+
+def test_page_has_numbers_with_errors_and_units(diagnosis):
+    text = seen(page(diagnosis))
+    assert "0.0101 ± 0.0003 N m/rad" in text
+    assert "0.240 ± 0.021 rad (13.8°)" in text
+    assert "cable torsion , gravity tilt" in text.replace("tilt .", "tilt")
+    assert diagnosis.next_experiment in text
+    for note in diagnosis.notes:
+        assert note in text
+
+
+def test_errors_are_multiples_of_the_noise(diagnosis):
+    error = diagnosis.predictions["bang-bang-90.csv"].errors["hub_angle"]
+    text = seen(page(diagnosis))
+    for model in ("before", "calibrated", "after"):
+        assert display.ratio(getattr(error, model) / error.noise) in text
+
+
+def test_moved_parameter_is_told_in_declared_sigmas(diagnosis):
+    # hub inertia: 7 % at a declared uncertainty of 3 %
+    assert "+7.0 % +2.3" in seen(page(diagnosis))
+
+
+def test_page_needs_no_network(diagnosis):
+    html = render(diagnosis)
+    assert html.count("plotly.js v") == 1
+    tags = outline(page(diagnosis)).tags
+    assert not [tag for tag, attributes in tags if {"src", "href", "srcset"} & set(attributes)]
+    assert "url(" not in page(diagnosis)
+
+
+def test_every_plot_has_its_figure(diagnosis):
+    tags = outline(page(diagnosis)).tags
+    wanted = [a["data-figure"] for _, a in tags if "data-figure" in a]
+    there = [a["id"] for tag, a in tags if tag == "script" and "id" in a]
+    # five recordings, one trace, and the trace against other variables
+    assert len(wanted) == 7
+    assert wanted == there
+
+
+def test_odd_names_are_escaped(diagnosis):
+    name = '</script><img src=x onerror="alert(1)">&amp;{{ 7*7 }}<b>.csv'
+    odd = replace(
+        diagnosis,
+        campaign=name,
+        summary=name,
+        next_experiment=name,
+        notes=(name,),
+        indistinguishable=((name, name),),
+        predictions={name: diagnosis.predictions["bang-bang-90.csv"]},
+        traces=(replace(diagnosis.traces[0], label=name, variables={name: diagnosis.traces[0].values}),),
+    )
+    html = page(odd)
+    assert not [tag for tag, _ in outline(html).tags if tag == "img"]
+    assert name in seen(html)
+    assert name in summary(odd).replace("\n", "")
+
+
+def test_lone_surrogates_and_control_characters_can_be_written(diagnosis, tmp_path):
+    odd = replace(diagnosis, campaign="caf\udce9 \x1b[31mred")
+    write_report(odd, tmp_path / "report.html")
+    assert "caf? " in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "\x1b" not in summary(odd)
+    summary(odd).encode("utf-8")
+
+
+def test_clamped_recording_has_no_hub_angle(diagnosis):
+    figure = recording_figure(diagnosis.predictions["release.csv"])
+    titles = re.findall(r'"text":"([^"]*)"', figure.json)
+    assert not [title for title in titles if title.startswith(("hub angle", "command"))]
+    assert [title for title in titles if title.startswith("base strain")]
+
+
+def test_figure_is_json_that_ends_no_script(diagnosis):
+    for prediction in diagnosis.predictions.values():
+        figure = recording_figure(prediction)
+        assert "<" not in figure.json
+        assert json.loads(figure.json)["layout"]["height"] == figure.height
+
+
+def test_channel_of_nan_alone_is_drawn_as_nothing(diagnosis):
+    prediction = diagnosis.predictions["bang-bang-90.csv"]
+    nothing = np.full(len(prediction.measured), np.nan)
+    channels = {**prediction.measured.channels, "strain_mid": nothing}
+    lost = replace(prediction, measured=prediction.measured.replace(channels=channels))
+    error = ChannelError(np.nan, np.nan, np.nan, 2e-6, "1")
+    lost = replace(lost, errors={**prediction.errors, "strain_mid": error})
+    text = seen(page(replace(diagnosis, predictions={"lost.csv": lost})))
+    assert "mid strain – –" in text
+    assert "mid strain 100 % missing" in text
+    assert " nan" not in text
+
+
+def test_unknown_noise_is_told_in_the_unit(diagnosis):
+    prediction = diagnosis.predictions["release.csv"]
+    errors = {name: replace(e, noise=np.nan) for name, e in prediction.errors.items()}
+    unknown = replace(diagnosis, predictions={"release.csv": replace(prediction, errors=errors)})
+    text = seen(page(unknown))
+    assert "The noise of base strain, mid strain is not known" in text
+    assert "µε" in summary(unknown)
+
+
+def test_nothing_at_all_is_a_page_too(diagnosis):
+    empty = replace(
+        diagnosis,
+        summary="",
+        effects=(),
+        ranking=(),
+        indistinguishable=(),
+        next_experiment=None,
+        depends_on=(),
+        calibrated={},
+        predictions={},
+        traces=(),
+        notes=(),
+    )
+    assert "No recording was held out" in seen(page(empty))
+    assert "explained" in summary(empty)
+
+
+def test_without_held_out_recordings_fit_ones_are_named_so(diagnosis):
+    fit = {file: p for file, p in diagnosis.predictions.items() if p.role == "fit"}
+    alone = replace(diagnosis, predictions=fit)
+    assert "none was held out" in seen(page(alone))
+    assert "Error on fit recordings" in summary(alone)
+
+
+def test_empty_trace_has_no_figure():
+    none = np.array([])
+    empty = Trace("torque [N m]", none, none, {"hub_angle": none}, none.astype(int), "hub_angle", none)
+    assert trace_figure(empty, "hub_angle") is None
+    assert other_variables_figure(empty, "hub_angle") is None
+    lost = replace(empty, time=np.arange(3.0), values=np.full(3, np.nan), recording=np.zeros(3, dtype=int))
+    assert trace_figure(lost, None) is None
+
+
+def test_partial_explanation_is_not_sold_as_a_whole(diagnosis):
+    partial = replace(diagnosis, verdict="outside-library")
+    assert display.headline(partial) == "Cable torsion explains part of it; the rest is outside the library."
+    assert "The rest follows no effect of the library" in seen(page(partial))
+
+
+def test_what_remains_is_listed_worst_first(diagnosis):
+    rows = display.remaining(diagnosis)
+    assert rows
+    assert all(over > display.NOISE_LIKE for *_, over in rows)
+    assert [row[3] for row in rows] == sorted((row[3] for row in rows), reverse=True)
+
+
+# Numbers
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.0101, 0.00031, "0.0101 ± 0.0003"),
+        (0.2401, 0.0214, "0.240 ± 0.021"),
+        (123.4, 25.0, "123 ± 25"),
+        (1.73e-5, 4e-7, "0.0000173 ± 0.0000004"),
+        (1.5e-12, 2.3e-13, "(1.50 ± 0.23)e-12"),
+        (0.5, np.nan, "0.5000"),
+        (0.5, 0.0, "0.5000"),
+        (0.5, None, "0.5000"),
+        (np.inf, 1.0, "∞"),
+    ],
+)
+def test_value_has_the_digits_that_its_error_allows(value, error, text):
+    assert display.with_error(value, error) == text
+
+
+def test_number_keeps_significant_digits():
+    assert [display.number(x, 2) for x in (0.0, 12.34, 0.000123, 1e-9, np.nan)] == [
+        "0",
+        "12",
+        "0.00012",
+        "1.0e-09",
+        "–",
+    ]
+
+
+def test_probability_is_never_certain():
+    assert display.probability(1.0) == "> 99.9 %"
+    assert display.probability(0.0) == "< 0.1 %"
+    assert display.probability(0.982) == "98.2 %"
+
+
+def test_compressed_axis_is_odd_and_logarithmic_far_out():
+    assert compress(0.0) == 0.0
+    assert compress(-5.0) == -compress(5.0)
+    assert compress(1000.0) - compress(100.0) == pytest.approx(1.0, abs=1e-3)
+
+
+# Decimation
+
+
+def test_decimation_keeps_every_peak():
+    values = np.zeros(100_000)
+    values[41_234], values[77_777] = 5.0, -3.0
+    kept = decimate(values, 2000)
+    assert len(kept) <= 2002
+    assert {0, 41_234, 77_777, 99_999} <= set(kept)
+    assert np.all(np.diff(kept) > 0)
+
+
+def test_decimation_keeps_gaps():
+    values = np.arange(10_000.0)
+    values[4_000:6_000] = np.nan
+    kept = decimate(values, 500)
+    assert np.isnan(values[kept]).any()
+    assert np.nanmax(values[kept]) == 9_999
+
+
+def test_short_series_stay_whole():
+    assert list(decimate(np.array([1.0, np.nan]), 2000)) == [0, 1]
+    assert len(decimate(np.array([]), 2000)) == 0
+    assert len(thin(0, 100)) == 0
+    assert list(thin(3, 100)) == [0, 1, 2]
+
+
+# The terminal
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_summary_names_verdict_and_errors(verdict):
+    make, headline = VERDICTS[verdict]
+    text = summary(make(duration=0.5), {"report": "out/report.html"})
+    assert text.startswith(f"practice rig: {verdict}\n{headline}")
+    assert "bang-bang-90.csv" in text
+    assert "multisine.csv" not in text
+    assert "out/report.html" in text
+    assert "\x1b" not in text
+
+
+def test_columns_are_aligned(diagnosis):
+    lines = summary(diagnosis).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("recording"))
+    ends = {re.match(r"\S*\s+\w+ \w+\s+[\d.]+", line).end() for line in lines[first + 1 : first + 6]}
+    assert ends == {lines[first].index("before") + len("before")}
+
+
+def test_ascii_terminal_gets_ascii(diagnosis):
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    print_summary(diagnosis, Console(file=stream, width=100))
+    stream.flush()
+    assert "0.0101 +- 0.0003" in stream.buffer.getvalue().decode("ascii")
+
+
+def test_a_long_path_is_not_wrapped(diagnosis):
+    path = "/tmp/" + "long-folder-name/" * 12 + "report.html"
+    assert path in summary(diagnosis, {"report": path})

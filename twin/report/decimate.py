@@ -1,0 +1,35 @@
+"""Long series as few points, with every peak still there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def decimate(values: np.ndarray, points: int = 2000) -> np.ndarray:
+    """Returns the indices of about `points` samples that look the same when plotted as a line.
+
+    Of each stretch of samples its smallest and its largest are kept, in their order; the first and last
+    sample stay. A stretch without a number keeps one NaN, so that the line breaks there.
+
+    Args:
+      values: (n) samples, NaN where one is missing.
+      points: how many to keep.
+    """
+    n = len(values)
+    if n <= points:
+        return np.arange(n)
+    size = -(-2 * n // points)
+    padded = np.full(-(-n // size) * size, np.nan)
+    padded[:n] = values
+    stretches = padded.reshape(-1, size)
+    start = size * np.arange(len(stretches))
+    # NaN is neither the smallest nor the largest; where all are NaN both are the first sample.
+    low = start + np.argmin(np.where(np.isnan(stretches), np.inf, stretches), axis=1)
+    high = start + np.argmax(np.where(np.isnan(stretches), -np.inf, stretches), axis=1)
+    kept = np.unique(np.concatenate([low, high, [0, n - 1]]))
+    return kept[kept < n]
+
+
+def thin(count: int, points: int) -> np.ndarray:
+    """Returns about `points` indices evenly spread over `count` samples, for clouds of points."""
+    return np.unique(np.linspace(0, max(count - 1, 0), min(points, count)).astype(int))

@@ -1,0 +1,356 @@
+"""Plotly figures of a diagnosis: recordings beside the models, and what the model lacked."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from twin.diagnosis import Prediction, Trace
+from twin.recording import Recording
+from twin.report.decimate import decimate, thin
+from twin.report.display import NOISE_LIKE, channel, over_noise, variable
+
+# Okabe and Ito's palette: apart for every common kind of colour vision, and in grey.
+COLOURS: Mapping[str, str] = {
+    "measured": "#2b2b2b",
+    "before": "#d55e00",
+    "calibrated": "#b3558f",
+    "after": "#0072b2",
+    "cloud": "#8d96a0",
+    "noise": "#e3efe6",
+}
+
+MODELS = ("before", "calibrated", "after")
+_FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
+_GRID, _AXIS = "#e9ecef", "#9aa3ab"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure for the page.
+
+    Attributes:
+      json: data and layout for plotly.js.
+      height: height on the page [px].
+    """
+
+    json: str
+    height: int
+
+
+def recording_figure(prediction: Prediction, points: int = 2000) -> Figure | None:
+    """Returns measured, before and after of every channel, each beside its residual; None if there is none.
+
+    Left the channels, right measured minus model in noise levels, linear up to two and logarithmic beyond,
+    so that an error of hundreds and one of the noise are both seen; below, the command. All share the time.
+
+    Args:
+      prediction: one recording beside what the models make of it.
+      points: how many points a line keeps.
+    """
+    names = [name for name in prediction.measured.measured() if name in prediction.after]
+    if not names:
+        return None
+    commanded = "torque_command" in prediction.measured and not prediction.measured.clamped
+    page = _Page([1.0] * len(names) + [0.45] * commanded, row=175)
+    for row, name in enumerate(names):
+        _signal_panel(page, row, prediction, name, points)
+        _residual_panel(page, row, prediction, name, points)
+    if commanded:
+        _command_panel(page, len(names), prediction.measured, points)
+    page.time_below(0, len(names) + commanded)
+    page.time_below(1, len(names))
+    page.caption(0, "Measured and simulated")
+    page.caption(1, "Measured − simulated, in noise levels")
+    return page.figure()
+
+
+def trace_figure(trace: Trace, against: str | None) -> Figure | None:
+    """Returns an unexplained quantity against what explains it, and over time; None if it is empty.
+
+    Args:
+      trace: the unexplained quantity.
+      against: the variable; None for the time alone.
+    """
+    kept = np.flatnonzero(np.isfinite(trace.values))
+    if not len(kept):
+        return None
+    page = _Page([1.0], row=340, columns=(0.46, 0.43) if against else (1.0,), linked=False)
+    if against:
+        _cloud_panel(page, 0, trace, against, kept)
+    _history_panel(page, 1 if against else 0, trace)
+    return page.figure()
+
+
+def other_variables_figure(trace: Trace, against: str | None) -> Figure | None:
+    """Returns the unexplained quantity against variables that explain less of it; None without any."""
+    kept = np.flatnonzero(np.isfinite(trace.values))
+    names = [name for name in trace.variables if name not in (against, "time")][:4]
+    if not len(kept) or not names:
+        return None
+    gap = 0.06
+    width = (1.0 - gap * (len(names) - 1)) / len(names)
+    page = _Page([1.0], row=230, columns=(width,) * len(names), linked=False, gap=gap)
+    for column, name in enumerate(names):
+        _cloud_panel(page, column, trace, name, kept, points=800, legend=False)
+    return page.figure()
+
+
+class _Page:
+    """Panels in rows and columns, as plotly axes."""
+
+    def __init__(
+        self,
+        rows: list[float],
+        row: int,
+        columns: tuple[float, ...] = (0.55, 0.38),
+        linked: bool = True,
+        gap: float | None = None,
+    ):
+        self.linked = linked
+        self.rows, self.columns = rows, columns
+        self.data: list[dict[str, Any]] = []
+        self.layout: dict[str, Any] = {"annotations": [], "shapes": []}
+        self.top, self.bottom, between = 58, 44, 22
+        self.inner = int(row * sum(rows) + between * (len(rows) - 1))
+        self.space = between / self.inner
+        spare = 1.0 - sum(columns)
+        self.gap = gap if gap is not None else spare / max(len(columns) - 1, 1)
+
+    def axes(self, row: int, column: int) -> tuple[str, str]:
+        """Returns the names of the axes of a panel, which are made when first asked for."""
+        number = row * len(self.columns) + column + 1
+        suffix = "" if number == 1 else str(number)
+        if f"xaxis{suffix}" not in self.layout:
+            self._make_axes(row, column, suffix)
+        return f"x{suffix}", f"y{suffix}"
+
+    def _make_axes(self, row: int, column: int, suffix: str) -> None:
+        left = sum(self.columns[:column]) + self.gap * column
+        whole = sum(self.rows)
+        unit = (1.0 - self.space * (len(self.rows) - 1)) / whole
+        top = 1.0 - sum(self.rows[:row]) * unit - self.space * row
+        style = {"gridcolor": _GRID, "linecolor": _AXIS, "zeroline": False, "ticks": "outside", "ticklen": 3}
+        style |= {"tickcolor": _AXIS, "showline": True}
+        x = {**style, "domain": [left, left + self.columns[column]], "anchor": f"y{suffix}"}
+        if self.linked and suffix:
+            x["matches"] = "x"
+        y = {**style, "domain": [max(top - self.rows[row] * unit, 0.0), top], "anchor": f"x{suffix}"}
+        self.layout |= {f"xaxis{suffix}": x, f"yaxis{suffix}": y | {"automargin": False}}
+
+    def set(self, axis: str, **options: Any) -> None:
+        """Changes an axis, say "x3"."""
+        self.layout[f"{axis[0]}axis{axis[1:]}"] |= options
+
+    def add(self, row: int, column: int, **trace: Any) -> None:
+        """Adds a trace to a panel."""
+        x, y = self.axes(row, column)
+        self.data.append({"type": "scatter", "xaxis": x, "yaxis": y, **trace})
+
+    def time_below(self, column: int, rows: int) -> None:
+        """Labels the time below the last of the panels of a column only."""
+        for row in range(rows):
+            last = row == rows - 1
+            self.set(self.axes(row, column)[0], showticklabels=last)
+            if last:
+                self.set(self.axes(row, column)[0], title=_title("time", "s"))
+
+    def caption(self, column: int, text: str) -> None:
+        """Writes above a column of panels."""
+        left = sum(self.columns[:column]) + self.gap * column
+        place = {
+            "x": left,
+            "y": 1.0,
+            "xref": "paper",
+            "yref": "paper",
+            "xanchor": "left",
+            "yanchor": "bottom",
+        }
+        font = {"size": 12.5, "color": "#444"}
+        self.layout["annotations"].append(
+            {**place, "text": text, "showarrow": False, "yshift": 6, "font": font}
+        )
+
+    def figure(self) -> Figure:
+        """Returns the page as JSON that is safe inside a script element."""
+        import plotly.graph_objects as go
+
+        height = self.inner + self.top + self.bottom
+        legend = {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}
+        legend |= {"yref": "container", "bgcolor": "rgba(0,0,0,0)", "font": {"size": 13}}
+        legend |= {"y": 0.995, "yanchor": "top", "itemsizing": "constant"}
+        layout = {
+            **self.layout,
+            "template": go.layout.Template(),
+            "font": {"family": _FONT, "size": 12, "color": "#333"},
+            "margin": {"l": 66, "r": 12, "t": self.top, "b": self.bottom},
+            "height": height,
+            "paper_bgcolor": "white",
+            "plot_bgcolor": "white",
+            "hovermode": "closest",
+            "legend": legend,
+        }
+        text = go.Figure(self.data, layout).to_json()
+        # "</script>" or "<!--" inside would end or break the element around it.
+        return Figure(text.replace("<", "\\u003c").replace("\u2028", "\\u2028"), height)
+
+
+def _line(time: np.ndarray, values: np.ndarray, points: int) -> dict[str, np.ndarray]:
+    kept = decimate(values, points)
+    return {"x": time[kept].astype("f4"), "y": values[kept].astype("f4")}
+
+
+def _signal_panel(page: _Page, row: int, prediction: Prediction, name: str, points: int) -> None:
+    shown = channel(name)
+    series = {"measured": prediction.measured, **{model: getattr(prediction, model) for model in MODELS}}
+    for model, recording in series.items():
+        if name not in recording:
+            continue
+        line = _line(recording.time, shown.factor * recording[name], points)
+        page.add(
+            row, 0, **line, **_style(model), showlegend=row == 0, hovertemplate=_hover(model, shown.unit)
+        )
+    page.set(page.axes(row, 0)[1], title=_title(shown.label, shown.unit))
+
+
+def _style(model: str) -> dict[str, Any]:
+    width = {"measured": 2.6, "before": 1.4, "calibrated": 1.4, "after": 1.6}[model]
+    dash = {"measured": "solid", "before": "solid", "calibrated": "dot", "after": "5px,3px"}[model]
+    colour = "#a9b0b7" if model == "measured" else COLOURS[model]
+    style: dict[str, Any] = {"mode": "lines", "name": model, "legendgroup": model}
+    # Three lines are enough to look at; a click on its name in the legend brings the fourth.
+    visible = {"visible": "legendonly"} if model == "calibrated" else {}
+    return style | visible | {"line": {"color": colour, "width": width, "dash": dash}}
+
+
+def _hover(name: str, unit: str) -> str:
+    return f"{name}: %{{y:.4g}} {unit}<br>%{{x:.3f}} s<extra></extra>"
+
+
+def _title(label: str, unit: str) -> dict[str, Any]:
+    text = f"{html.escape(label)} [{html.escape(unit)}]" if unit else html.escape(label)
+    return {"text": text, "font": {"size": 12}, "standoff": 4}
+
+
+# Residuals: linear within the noise, logarithmic beyond it
+
+
+def compress(x: np.ndarray | float) -> np.ndarray:
+    """Returns x, linear up to about NOISE_LIKE and logarithmic beyond: a decade is one unit."""
+    return np.arcsinh(np.asarray(x, dtype=float) / NOISE_LIKE) / math.log(10)
+
+
+def _residual_panel(page: _Page, row: int, prediction: Prediction, name: str, points: int) -> None:
+    shown, error = channel(name), prediction.errors.get(name)
+    sigma = error.noise if error is not None and over_noise(error.noise, error.noise) == 1.0 else None
+    axis = page.axes(row, 1)[1]
+    largest = 0.0
+    for model in MODELS:
+        recording = getattr(prediction, model)
+        if name not in recording:
+            continue
+        residual = prediction.measured[name] - recording[name]
+        drawn = compress(residual / sigma) if sigma else shown.factor * residual
+        kept = decimate(drawn, points)
+        real = (shown.factor * residual[kept]).astype("f4")
+        line = {"x": recording.time[kept].astype("f4"), "y": drawn[kept].astype("f4"), "customdata": real}
+        hover = f"measured − {model}: %{{customdata:.3g}} {shown.unit}<br>%{{x:.3f}} s<extra></extra>"
+        style = _style(model) | {"line": {"color": COLOURS[model], "width": 1}, "showlegend": False}
+        page.add(row, 1, **line, **style, hovertemplate=hover)
+        if model != "calibrated" and np.isfinite(drawn).any():
+            largest = max(largest, float(np.nanmax(np.abs(drawn))))
+    if sigma:
+        _noise_band(page, row, axis)
+        page.set(axis, **_compressed_ticks(largest))
+    else:
+        page.set(axis, title=_title("residual", shown.unit))
+
+
+def _noise_band(page: _Page, row: int, axis: str) -> None:
+    half = float(compress(2.0))
+    x = page.axes(row, 1)[0]
+    band = {"type": "rect", "xref": f"{x} domain", "x0": 0, "x1": 1, "yref": axis, "y0": -half, "y1": half}
+    page.layout["shapes"].append(
+        {**band, "fillcolor": COLOURS["noise"], "line": {"width": 0}, "layer": "below"}
+    )
+
+
+def _compressed_ticks(largest: float) -> dict[str, Any]:
+    decades = [10**k for k in range(1, 7) if compress(10**k) < 1.05 * largest]
+    # The panel is low: labels that would touch are left out.
+    decades = decades[-1::-2][::-1] if len(decades) > 3 else decades
+    if largest < compress(80):
+        decades = [2, *decades]
+    ticks = [-d for d in reversed(decades)] + [0] + decades
+    reach = max(1.08 * largest, float(compress(3.5)))
+    labels = [f"{t:+d}".replace("-", "−") if t else "0" for t in ticks]
+    return {"tickvals": [float(compress(t)) for t in ticks], "ticktext": labels, "range": [-reach, reach]}
+
+
+def _command_panel(page: _Page, row: int, measured: Recording, points: int) -> None:
+    shown = channel("torque_command")
+    line = _line(measured.time, shown.factor * measured["torque_command"], points)
+    style = {"mode": "lines", "line": {"color": "#6b747c", "width": 1.2, "shape": "hv"}, "name": "command"}
+    page.add(row, 0, **line, **style, showlegend=False, hovertemplate=_hover("command", shown.unit))
+    page.set(page.axes(row, 0)[1], title=_title("command", shown.unit), nticks=4)
+
+
+# What the model lacked
+
+
+def _cloud_panel(
+    page: _Page,
+    column: int,
+    trace: Trace,
+    against: str,
+    kept: np.ndarray,
+    points: int = 2500,
+    legend: bool = True,
+) -> None:
+    shown = variable(against)
+    x = shown.factor * np.asarray(trace.variables[against])
+    kept = kept[np.isfinite(x[kept])]
+    few = kept[thin(len(kept), points)]
+    hover = f"%{{y:.4g}} at %{{x:.4g}} {shown.unit}<extra></extra>"
+    marker = {"color": COLOURS["cloud"], "size": 4 if legend else 3, "opacity": 0.5}
+    cloud = {"x": x[few].astype("f4"), "y": trace.values[few].astype("f4"), "mode": "markers"}
+    page.add(0, column, **cloud, marker=marker, name="unexplained", showlegend=legend, hovertemplate=hover)
+    if trace.fitted is not None and legend:
+        fitted = {"x": cloud["x"], "y": trace.fitted[few].astype("f4"), "mode": "markers"}
+        marker = {"color": COLOURS["after"], "size": 3.5}
+        page.add(0, column, **fitted, marker=marker, name="fitted effect", hovertemplate=hover)
+    page.set(page.axes(0, column)[0], title=_title(shown.label, shown.unit))
+    if column == 0:
+        page.set(page.axes(0, column)[1], title={"text": html.escape(trace.label), "standoff": 4})
+    if not legend:
+        page.set(page.axes(0, column)[1], nticks=5)
+        page.set(page.axes(0, column)[0], nticks=5)
+
+
+def _history_panel(page: _Page, column: int, trace: Trace) -> None:
+    order = np.argsort(trace.time, kind="stable")
+    time = np.asarray(trace.time)[order]
+    x = page.axes(0, column)[0]
+    for i in np.flatnonzero(np.diff(np.asarray(trace.recording)[order]) != 0):
+        at = float(time[i : i + 2].mean())
+        border = {"type": "line", "xref": x, "x0": at, "x1": at, "yref": f"y{x[1:]} domain", "y0": 0, "y1": 1}
+        page.layout["shapes"].append({**border, "line": {"color": _AXIS, "width": 1, "dash": "dot"}})
+    values = {"unexplained": trace.values, "fitted effect": trace.fitted}
+    widths = {"unexplained": 0.8, "fitted effect": 1.8}
+    colours = {"unexplained": "#b9c0c7", "fitted effect": COLOURS["after"]}
+    for name, series in values.items():
+        if series is None:
+            continue
+        line = _line(time, np.asarray(series)[order], 2500)
+        style = {"mode": "lines", "line": {"color": colours[name], "width": widths[name]}}
+        page.add(
+            0, column, **line, **style, name=name, showlegend=column == 0, hovertemplate=_hover(name, "")
+        )
+    page.set(page.axes(0, column)[0], title=_title("time, fit recordings one after the other", "s"))
+    if column == 0:
+        page.set(page.axes(0, column)[1], title={"text": html.escape(trace.label), "standoff": 4})

@@ -1,0 +1,298 @@
+"""The report: one page that tells the story of a diagnosis, readable without a network, printable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Prediction, Trace
+from twin.report import display, figures
+from twin.report.figures import Figure
+
+_POINTS = {"holdout": 2000, "fit": 1000}  # per line: the fit recordings are many and looked at less
+
+
+def write_report(diagnosis: Diagnosis, path: Path) -> None:
+    """Writes a diagnosis as one HTML file that needs nothing else.
+
+    Args:
+      diagnosis: what to tell.
+      path: the file; it is overwritten.
+    """
+    Path(path).write_text(render(diagnosis), encoding="utf-8")
+
+
+def render(diagnosis: Diagnosis) -> str:
+    """Returns the page."""
+    # jinja2 and plotly cost 0.1 s: `twin --help` does not wait for them.
+    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+    from plotly.offline import get_plotlyjs
+
+    loader = PackageLoader("twin", "report")
+    escape = select_autoescape(("html", "j2"))
+    environment = Environment(
+        loader=loader, autoescape=escape, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {
+        "words": display.words,
+        "ratio": display.ratio,
+        "probability": display.probability,
+    }
+    page = environment.get_template("report.html.j2").render(page=_content(diagnosis), d=diagnosis)
+    # Last, because a page with a lone surrogate, from a file name that is not UTF-8, cannot be written.
+    page = page.encode("utf-8", "replace").decode("utf-8")
+    return page.replace("/*plotly.js*/", get_plotlyjs(), 1)
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One line of the error table.
+
+    Attributes:
+      file, channel: which.
+      first: it opens the lines of its recording.
+      span: how many lines the recording has.
+      models: "before", "calibrated", "after" -> (error over noise, error as people read it).
+      noise: as people read it.
+      places: model -> place on the bar, from 0 to 100.
+    """
+
+    file: str
+    channel: str
+    first: bool
+    span: int
+    models: Mapping[str, tuple[float, str]]
+    noise: str
+    places: Mapping[str, float]
+
+
+def _content(diagnosis: Diagnosis) -> dict[str, Any]:
+    held_out, fit = display.by_role(diagnosis, "holdout"), display.by_role(diagnosis, "fit")
+    scale = _Scale(diagnosis)
+    return {
+        "headline": display.headline(diagnosis),
+        "improvement": display.improvement(diagnosis),
+        "facts": _facts(diagnosis),
+        "recordings": [_recording(file, p) for file, p in diagnosis.predictions.items()],
+        "first_miss": _first_miss(diagnosis),
+        "held_out_errors": list(_error_rows(held_out, scale)),
+        "fit_errors": list(_error_rows(fit, scale)),
+        "scale": scale,
+        "effects": [_effect(effect) for effect in diagnosis.effects],
+        "ranking": _ranking(diagnosis),
+        "traces": [_trace(diagnosis, trace) for trace in diagnosis.traces],
+        "held_out": list(_recordings(held_out)),
+        "fit": list(_recordings(fit)),
+        "remaining": _remaining(diagnosis),
+        "unknown_noise": _unknown_noise(diagnosis),
+        "depends_on": [display.variable(name).label for name in diagnosis.depends_on],
+        "indistinguishable": [[display.words(n) for n in names] for names in diagnosis.indistinguishable],
+        "calibrated": [_calibrated(name, diagnosis) for name in diagnosis.calibrated],
+    }
+
+
+def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    held_out, fit = display.by_role(diagnosis, "holdout"), display.by_role(diagnosis, "fit")
+    facts = [("recordings", f"{len(fit)} fitted, {len(held_out)} held out")]
+    for model, label in (("before", "worst error before"), ("after", "worst error after")):
+        found = display.worst(display.judged(diagnosis).values(), model)
+        if found:
+            facts.append((label, f"{display.ratio(found[2])} × noise"))
+    if diagnosis.wall_s > 0:
+        facts.append(("found in", f"{diagnosis.wall_s:.0f} s"))
+    return facts
+
+
+def _recording(file: str, prediction: Prediction) -> dict[str, str]:
+    measured = prediction.measured
+    missing = {
+        display.channel(name).label: float(np.mean(np.isnan(measured[name]))) for name in measured.measured()
+    }
+    gaps = [f"{label} {_percent(share)} missing" for label, share in missing.items() if share > 0]
+    traits = ["hub locked" if measured.clamped else "hub free", f"{measured.loop} loop"]
+    if measured.initial_tip_deflection is not None:
+        traits.append(f"tip released from {1e3 * measured.initial_tip_deflection:.3g} mm")
+    if measured.start == "unknown":
+        traits.append("already moving at the start")
+    return {
+        "file": file,
+        "role": "held out" if prediction.role == "holdout" else "fit",
+        "duration": f"{measured.duration:.3g} s",
+        "samples": f"{len(measured):,}".replace(",", "\u202f"),
+        "channels": ", ".join(display.channel(name).label for name in measured.measured()),
+        "traits": ", ".join(traits + gaps),
+    }
+
+
+def _percent(share: float) -> str:
+    if share < 0.001:
+        return "< 0.1 %"
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
+
+
+def _first_miss(diagnosis: Diagnosis) -> dict[str, str] | None:
+    """Returns where the declared model was furthest off."""
+    found = display.worst(display.judged(diagnosis).values(), "before")
+    if found is None:
+        return None
+    prediction, name, over = found
+    file = next(file for file, p in diagnosis.predictions.items() if p is prediction)
+    error = _shown_error(name, prediction.errors[name].before)
+    return {"file": file, "channel": display.channel(name).label, "over": display.ratio(over), "error": error}
+
+
+def _shown_error(name: str, error: float) -> str:
+    shown = display.channel(name)
+    text = display.number(shown.factor * error, 2)
+    return f"{text}{'' if shown.unit == '°' else ' '}{shown.unit}"
+
+
+# Errors over noise, with a bar
+
+
+class _Scale:
+    """The logarithmic axis of the bars of the error table: error over noise, from noise to the worst."""
+
+    def __init__(self, diagnosis: Diagnosis):
+        errors = [e for p in diagnosis.predictions.values() for e in p.errors.values()]
+        found = [display.over_noise(getattr(e, m), e.noise) for e in errors for m in figures.MODELS]
+        finite = [value for value in found if math.isfinite(value) and value > 0]
+        self.low = math.log10(min(0.5, *finite)) if finite else 0.0
+        self.high = math.log10(max(20.0, *finite)) + 0.05 if finite else 1.0
+        self.ticks = [
+            (10**k, self.place(10**k)) for k in range(math.ceil(self.low), math.floor(self.high) + 1)
+        ]
+        self.noise = self.place(display.NOISE_LIKE)
+
+    def place(self, value: float) -> float:
+        """Returns where a value stands, from 0 to 100."""
+        if not (math.isfinite(value) and value > 0):
+            return math.nan
+        return 100 * (math.log10(value) - self.low) / (self.high - self.low)
+
+
+def _error_rows(predictions: Mapping[str, Prediction], scale: _Scale) -> Iterator[ErrorRow]:
+    for file, prediction in predictions.items():
+        for i, (name, error) in enumerate(prediction.errors.items()):
+            models = {m: _over_and_shown(name, error, m) for m in figures.MODELS}
+            places = {m: scale.place(over) for m, (over, _) in models.items() if scale.place(over) >= 0}
+            label, noise = display.channel(name).label, _shown_error(name, error.noise)
+            yield ErrorRow(file, label, i == 0, len(prediction.errors), models, noise, places)
+
+
+def _over_and_shown(name: str, error: ChannelError, model: str) -> tuple[float, str]:
+    value = getattr(error, model)
+    return display.over_noise(value, error.noise), _shown_error(name, value)
+
+
+# What explains it
+
+
+def _effect(effect: AdoptedEffect) -> dict[str, Any]:
+    return {
+        "name": display.words(effect.name),
+        "meaning": display.MEANINGS.get(effect.name, ""),
+        "probability": display.probability(effect.probability),
+        "parameters": [
+            (display.words(name), value, unit, degrees)
+            for name, value, unit, degrees in display.parameter_rows(effect)
+        ],
+    }
+
+
+def _ranking(diagnosis: Diagnosis, most: int = 12) -> list[dict[str, Any]]:
+    ranking = [(name, score) for name, score in diagnosis.ranking if math.isfinite(score)]
+    top = max((score for _, score in ranking), default=0.0)
+    adopted = {effect.name for effect in diagnosis.effects}
+    return [
+        {
+            "name": display.words(name),
+            "meaning": display.MEANINGS.get(name, ""),
+            "score": f"{score:.0f}" if abs(score) >= 100 else f"{score:.1f}",
+            "width": 100 * max(score, 0.0) / top if top > 0 else 0.0,
+            "adopted": name in adopted,
+        }
+        for name, score in ranking[:most]
+    ]
+
+
+def _trace(diagnosis: Diagnosis, trace: Trace) -> dict[str, Any]:
+    against = _against(diagnosis, trace)
+    return {
+        "label": trace.label,
+        "against": display.variable(against).label if against else None,
+        "explained": trace.explained_by is not None,
+        "fitted": trace.fitted is not None,
+        "figure": figures.trace_figure(trace, against),
+        "others": figures.other_variables_figure(trace, against),
+    }
+
+
+def _against(diagnosis: Diagnosis, trace: Trace) -> str | None:
+    candidates = (trace.explained_by, *diagnosis.depends_on)
+    return next((name for name in candidates if name and name in trace.variables and name != "time"), None)
+
+
+# Recordings
+
+
+def _recordings(predictions: Mapping[str, Prediction]) -> Iterator[tuple[str, Prediction, Figure | None]]:
+    for file, prediction in predictions.items():
+        yield file, prediction, figures.recording_figure(prediction, _POINTS[prediction.role])
+
+
+# What remains
+
+
+def _remaining(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    rows = display.remaining(diagnosis)
+    return [
+        {
+            "file": file,
+            "channel": display.channel(name).label,
+            "over": display.ratio(over),
+            "error": _shown_error(name, error.after),
+            "share": _share(error),
+        }
+        for file, name, error, over in rows
+    ]
+
+
+def _share(error: ChannelError) -> str:
+    """Returns how much of the squared error before is left."""
+    if not error.before > 0:
+        return "–"
+    return _percent((error.after / error.before) ** 2)
+
+
+def _unknown_noise(diagnosis: Diagnosis) -> list[str]:
+    names = {
+        display.channel(name).label: None
+        for prediction in diagnosis.predictions.values()
+        for name, error in prediction.errors.items()
+        if math.isnan(display.over_noise(1.0, error.noise))
+    }
+    return list(names)
+
+
+def _calibrated(name: str, diagnosis: Diagnosis) -> dict[str, str]:
+    moved = diagnosis.calibrated[name]
+    parameter = diagnosis.declared.parameters.get(name)
+    uncertainty = parameter.uncertainty if parameter else None
+    sigma = abs(moved.declared) * uncertainty if uncertainty else 0.0
+    change = moved.fitted - moved.declared
+    return {
+        "name": display.words(name),
+        "declared": display.number(moved.declared, 4),
+        "fitted": display.with_error(moved.fitted, moved.standard_error),
+        "unit": display.unit(moved.unit),
+        "change": f"{100 * change / moved.declared:+.1f} %".replace("-", "−") if moved.declared else "–",
+        "sigmas": f"{change / sigma:+.1f}".replace("-", "−") if sigma > 0 else "–",
+        "uncertainty": f"{100 * uncertainty:.3g} %" if uncertainty is not None else "not declared",
+        "far": "far" if sigma > 0 and abs(change) > 2 * sigma else "",
+    }

@@ -1,0 +1,161 @@
+"""The summary that a command prints: verdict, effects, errors before and after, paths."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from twin.diagnosis import ChannelError, Diagnosis, Prediction
+from twin.report import display
+
+if TYPE_CHECKING:
+    from rich.console import Console, Group, RenderableType
+    from rich.table import Table
+
+_MODELS = ("before", "calibrated", "after")
+
+
+def summary(diagnosis: Diagnosis, paths: Mapping[str, str | PathLike[str]] | None = None) -> str:
+    """Returns the summary as plain text.
+
+    Args:
+      diagnosis: what to tell.
+      paths: what was written: label -> path, say "report" -> "out/report.html".
+    """
+    from rich.console import Console
+
+    stream = io.StringIO()
+    console = Console(file=stream, width=110, force_terminal=False, color_system=None, emoji=False)
+    print_summary(diagnosis, console, paths)
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
+
+
+def print_summary(
+    diagnosis: Diagnosis, console: Console, paths: Mapping[str, str | PathLike[str]] | None = None
+) -> None:
+    """Prints verdict, effects, errors on held-out recordings, what next, and where the files are.
+
+    Args:
+      diagnosis: what to tell.
+      console: where to print; colours are used only where it has them.
+      paths: what was written: label -> path.
+    """
+    from rich.text import Text
+
+    plain = console.options.ascii_only
+    console.print(renderable(diagnosis, plain), highlight=False)
+    if paths:
+        console.print()
+    width = max((len(label) for label in paths or ()), default=0)
+    for label, path in (paths or {}).items():
+        # Unwrapped: a path is there to be copied.
+        line = Text.assemble((f"{label:<{width}}  ", "dim"), _readable(str(path), plain))
+        console.print(line, soft_wrap=True, highlight=False)
+
+
+def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
+    """Returns the summary for a rich console.
+
+    Args:
+      diagnosis: what to tell.
+      plain: use ASCII only.
+    """
+    from rich.console import Group
+    from rich.text import Text
+
+    def line(text: str, style: str = "") -> Text:
+        return Text(_readable(text, plain), style=style)
+
+    parts: list[RenderableType] = [line(f"{diagnosis.campaign}: {diagnosis.verdict}", "dim")]
+    parts.append(line(display.headline(diagnosis), "bold"))
+    parts += [line(diagnosis.summary)] if diagnosis.summary else []
+    if diagnosis.effects:
+        parts += [line(""), _effects_table(diagnosis, plain)]
+    if diagnosis.predictions:
+        what = "held-out recordings" if display.by_role(diagnosis, "holdout") else "fit recordings"
+        parts += [line(""), line(f"Error on {what}, in multiples of the sensor noise", "dim")]
+        parts.append(_errors_table(display.judged(diagnosis), plain))
+    parts += [line(text) for text in _afterwards(diagnosis)]
+    return Group(*parts)
+
+
+def _afterwards(diagnosis: Diagnosis) -> list[str]:
+    lines = []
+    if diagnosis.depends_on and diagnosis.verdict == "outside-library":
+        names = ", ".join(display.variable(name).label for name in diagnosis.depends_on)
+        lines.append(f"What is unexplained depends on: {names}")
+    lines += [
+        f"Not told apart: {', '.join(display.words(name) for name in names)}"
+        for names in diagnosis.indistinguishable
+    ]
+    if diagnosis.next_experiment:
+        lines.append(f"Next: {diagnosis.next_experiment}")
+    return ["", *lines] if lines else []
+
+
+def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
+    table = _table(plain, "effect added", "parameter", "value", "", "probability")
+    for effect in diagnosis.effects:
+        rows = display.parameter_rows(effect) or [("", "", "", "")]
+        for i, (name, value, unit, degrees) in enumerate(rows):
+            beside = f"{unit} ({degrees})" if degrees else unit
+            first = i == 0
+            _row(
+                table,
+                plain,
+                effect.name if first else "",
+                name,
+                value,
+                beside,
+                display.probability(effect.probability) if first else "",
+            )
+    return table
+
+
+def _errors_table(predictions: Mapping[str, Prediction], plain: bool) -> Table:
+    table = _table(plain, "recording", "channel", *(f">{model}" for model in _MODELS), ">noise")
+    for file, prediction in predictions.items():
+        for i, (name, error) in enumerate(prediction.errors.items()):
+            shown = display.channel(name)
+            noise = f"{display.number(shown.factor * error.noise, 2)} {shown.unit}"
+            models = (_cell(error, model, shown) for model in _MODELS)
+            _row(table, plain, file if i == 0 else "", shown.label, *models, noise)
+    return table
+
+
+def _cell(error: ChannelError, model: str, shown: display.Shown) -> str:
+    value = getattr(error, model)
+    over = display.over_noise(value, error.noise)
+    # Without a noise level the error itself, in its unit.
+    known = over == over
+    return display.ratio(over) if known else f"{display.number(shown.factor * value, 2)} {shown.unit}"
+
+
+def _table(plain: bool, *columns: str) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    for column in columns:
+        right = column.startswith(">")
+        label = _readable(column.removeprefix(">"), plain)
+        table.add_column(label, justify="right" if right else "left", no_wrap=right, overflow="fold")
+    return table
+
+
+def _row(table: Table, plain: bool, *cells: str) -> None:
+    from rich.text import Text
+
+    # Text, not str: a file called "[bold].csv" is not markup.
+    table.add_row(*(Text(_readable(cell, plain)) for cell in cells))
+
+
+def _readable(text: str, plain: bool) -> str:
+    """Returns a text that the terminal can print: no control characters, ASCII where it knows no more."""
+    text = "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    if not plain:
+        return text
+    for sign, ascii_sign in (("±", "+-"), ("µ", "u"), ("ε", "e"), ("°", " deg"), ("²", "^2"), ("³", "^3")):
+        text = text.replace(sign, ascii_sign)
+    return text.replace("–", "-").replace("∞", "inf").encode("ascii", "replace").decode()
