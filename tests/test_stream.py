@@ -1,0 +1,133 @@
+"""The rerun recording, read back: arms, channels, unmodelled torque, their times and values."""
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic_diagnosis as synthetic
+
+from twin.recording import Recording, Sensor
+from twin.stream import centre_line, write_rrd
+
+LENGTH = 0.42
+
+
+def read(path) -> dict[str, dict[str, np.ndarray]]:
+    """Returns entity -> component -> values of what is not static, with "sim_time" [s]."""
+    from rerun.chunk import RrdReader
+
+    found = defaultdict(lambda: defaultdict(list))
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        if "sim_time" not in batch.schema.names:
+            continue
+        time = batch.column("sim_time").cast("int64").to_numpy() / 1e9
+        found[str(chunk.entity_path)]["sim_time"].append(time)
+        for name in batch.schema.names:
+            if ":" in name:
+                found[str(chunk.entity_path)][name.split(":")[-1]] += [batch.column(name).to_pylist()]
+    return {e: {c: np.concatenate(parts) for c, parts in columns.items()} for e, columns in found.items()}
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    return synthetic.diagnosis(duration=1.0)
+
+
+@pytest.fixture(scope="module")
+def written(diagnosis, tmp_path_factory):
+    path = tmp_path_factory.mktemp("rerun") / "diagnosis.rrd"
+    write_rrd(diagnosis, path, synthetic.SENSORS)
+    return read(path)
+
+
+def test_three_arms_move_over_the_whole_recording(diagnosis, written):
+    duration = diagnosis.predictions["bang-bang-90.csv"].measured.duration
+    for model in ("measured", "simulated/before", "simulated/after"):
+        arm = written[f"/holdout/01_bang-bang-90/arms/{model}/link"]
+        assert arm["sim_time"][0] == 0.0
+        assert arm["sim_time"][-1] == pytest.approx(duration, abs=1 / 60)
+        assert len(arm["sim_time"]) == pytest.approx(60 * duration, abs=2)
+
+
+def test_tip_is_where_the_link_ends(written):
+    arm = "/holdout/01_bang-bang-90/arms/measured"
+    tip = np.array(list(written[f"{arm}/payload"]["positions"]), dtype=float)[:, 0]
+    ends = np.array([strips[0][-1] for strips in written[f"{arm}/link"]["strips"]], dtype=float)
+    assert tip == pytest.approx(ends)
+    assert np.linalg.norm(tip[:, :2], axis=1).max() <= LENGTH + 1e-6
+
+
+def test_scalars_are_degrees_and_microstrain(diagnosis, written):
+    after = diagnosis.predictions["bang-bang-90.csv"].after
+    for channel, factor in (("hub_angle", 180 / np.pi), ("strain_base", 1e6)):
+        series = written[f"/holdout/01_bang-bang-90/{channel}/simulated/after"]
+        values = np.array([v[0] for v in series["scalars"]])
+        assert values == pytest.approx(factor * after[channel])
+        assert series["sim_time"] == pytest.approx(after.time, abs=1e-9)
+
+
+def test_unmodelled_torque_belongs_to_fit_recordings(diagnosis, written):
+    trace = diagnosis.traces[0]
+    second = trace.recording == 1
+    series = written["/fit/04_bang-bang-45/unmodelled/estimated"]
+    assert np.array([v[0] for v in series["scalars"]]) == pytest.approx(trace.values[second])
+    assert series["sim_time"][0] == 0.0
+    assert "/fit/04_bang-bang-45/arms/unmodelled_torque" in written
+    assert not [e for e in written if e.startswith("/holdout") and "unmodelled" in e]
+
+
+def test_clamped_recording_has_arms_but_no_hub_angle(written):
+    entities = [e for e in written if e.startswith("/holdout/02_release")]
+    assert "/holdout/02_release/arms/measured/link" in entities
+    assert not [e for e in entities if "hub_angle" in e]
+
+
+@pytest.mark.parametrize("make", [synthetic.outside, synthetic.nothing_missing])
+def test_other_verdicts_odd_names_and_no_sensors(make, tmp_path):
+    diagnosis = make(duration=0.4)
+    names = {"../ü [odd] name\n.csv": "bang-bang-90.csv", "/": "multisine.csv"}
+    odd = replace(diagnosis, predictions={k: diagnosis.predictions[v] for k, v in names.items()})
+    write_rrd(odd, tmp_path / "odd.rrd")
+    assert {e.split("/")[1] for e in read(tmp_path / "odd.rrd")} == {"holdout", "fit"}
+
+
+def test_lost_channels_leave_the_arm_straight(tmp_path):
+    diagnosis = synthetic.diagnosis(duration=0.4)
+    p = diagnosis.predictions["bang-bang-90.csv"]
+    lost = {name: np.full(len(p.measured), np.nan) for name in p.measured.channels}
+    blind = replace(p, measured=p.measured.replace(channels=lost))
+    write_rrd(replace(diagnosis, predictions={"x.csv": blind}), tmp_path / "x.rrd", synthetic.SENSORS)
+    strips = read(tmp_path / "x.rrd")["/holdout/01_x/arms/measured/link"]["strips"]
+    assert np.array(strips[0][0], dtype=float)[:, 1] == pytest.approx(0.0)
+
+
+# The line of the link, from gauges
+
+
+def _line(sensors=synthetic.SENSORS, **channels) -> np.ndarray:
+    recording = Recording("x", np.array([0.0]), {name: np.array([v]) for name, v in channels.items()})
+    return centre_line(recording, np.array([0.0]), LENGTH, sensors)[0]
+
+
+def test_straight_link_points_along_the_hub_angle():
+    assert _line(hub_angle=np.pi / 2)[-1] == pytest.approx([0.0, LENGTH], abs=1e-12)
+
+
+def test_tip_force_bends_the_link_as_a_cantilever():
+    # w'' = kappa (1 - x/l) is linear and zero at the tip: w(l) = kappa l^2 / 3, small deflections.
+    kappa = 0.02
+    strains = {
+        name: 0.001 * kappa * (1 - synthetic.SENSORS[name].position / LENGTH)
+        for name in ("strain_base", "strain_mid")
+    }
+    # 24 points and the trapezoidal rule: 0.1 %
+    assert _line(hub_angle=0.0, **strains)[-1, 1] == pytest.approx(kappa * LENGTH**2 / 3, rel=2e-3)
+
+
+def test_one_gauge_is_enough():
+    alone = {"strain_base": synthetic.SENSORS["strain_base"]}
+    assert _line(alone, hub_angle=0.0, strain_base=1e-4)[-1, 1] > 0
+    tip = {"strain_base": Sensor("strain_base", position=LENGTH, half_thickness=0.001)}
+    assert _line(tip, hub_angle=0.0, strain_base=1e-4)[-1, 1] == 0.0

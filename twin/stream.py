@@ -1,0 +1,371 @@
+"""A diagnosis as a rerun recording: measured, before and after as three arms that move together.
+
+Every file of the campaign is a tab with a time of its own, the held-out ones first. The link's line is drawn
+from what the sensors say alone: hub angle, and the curvature strain / half_thickness at the gauges, linear
+between them and to zero at the tip, integrated twice along the arc:
+
+    phi(s) = theta + int_0^s kappa ds,   x(s) = int_0^s cos(phi) ds,   y(s) = int_0^s sin(phi) ds
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.diagnosis import Diagnosis, Prediction, Trace
+from twin.recording import Recording, Sensor
+from twin.report import display
+
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+TIMELINE = "sim_time"
+FRAME_RATE = 60.0  # Hz, of the arms; scalars keep every sample
+
+# On dark ground as on light; measured is a neutral grey, the models differ for every kind of colour vision.
+COLOURS: Mapping[str, tuple[int, int, int]] = {
+    "measured": (165, 172, 180),
+    "before": (230, 112, 30),
+    "after": (60, 150, 220),
+    "unmodelled": (214, 90, 160),
+    "command": (130, 140, 150),
+}
+
+# Plots draw entities by their names, one over the other: what is simulated over what is measured.
+_PLACES = {"measured": "measured", "before": "simulated/before", "after": "simulated/after"}
+_POINTS = 24  # of an arm's line
+_LEVER = 0.35  # of the length: where the arrow of a torque on the hub pushes
+_ARROW = 0.5  # of the length: the arrow of the largest unmodelled torque
+
+
+def write_rrd(diagnosis: Diagnosis, path: Path, sensors: Mapping[str, Sensor] | None = None) -> None:
+    """Writes a diagnosis for the rerun viewer (`rerun FILE`), laid out.
+
+    Args:
+      diagnosis: what to show.
+      path: the file; it is overwritten.
+      sensors: channel -> sensor; gauges tell where the link bends. Without any the links are drawn straight.
+    """
+    import rerun as rr  # 0.4 s
+
+    shown = [_Shown(diagnosis, file, root, sensors or {}) for file, root in _roots(diagnosis)]
+    stream = rr.RecordingStream("flexlink-twin")
+    stream.save(path, default_blueprint=_blueprint(diagnosis, shown))
+    stream.send_recording_name(diagnosis.campaign)
+    stream.log("summary", rr.TextDocument(_story(diagnosis), media_type="text/markdown"), static=True)
+    for entry in shown:
+        _send(stream, entry)
+    stream.flush()
+    stream.disconnect()
+
+
+def _roots(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
+    """Yields file and entity of each recording: held-out ones first, names made safe for a path."""
+    numbers = count(1)
+    for role in ("holdout", "fit"):
+        for file in display.by_role(diagnosis, role):
+            safe = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in Path(file).stem)
+            yield file, f"/{role}/{next(numbers):02}_{safe}"
+
+
+def centre_line(
+    recording: Recording, times: np.ndarray, length: float, sensors: Mapping[str, Sensor]
+) -> np.ndarray:
+    """Returns where the link is, from hub angle and strains alone.
+
+    Args:
+      recording: measured or simulated; a clamped hub is at zero where its angle was not measured.
+      times: (k) instants [s].
+      length: of the link [m].
+      sensors: channel -> sensor.
+
+    Returns:
+      (k x p x 2) x and y of p points from hub to tip [m].
+    """
+    s = np.linspace(0.0, length, _POINTS)
+    curvature = _curvature(recording, times, s, sensors)
+    theta = _at(recording, "hub_angle", times)
+    heading = theta[:, None] + _integral(curvature, s)
+    return np.stack([_integral(np.cos(heading), s), _integral(np.sin(heading), s)], axis=-1)
+
+
+def _curvature(
+    recording: Recording, times: np.ndarray, s: np.ndarray, sensors: Mapping[str, Sensor]
+) -> np.ndarray:
+    """Returns w'' (k x p) [1/m]: linear through the gauges, on to the hub, and to zero at the tip."""
+    gauges = sorted(
+        (sensor for name, sensor in sensors.items() if name in recording and sensor.half_thickness > 0),
+        key=lambda sensor: sensor.position,
+    )
+    gauges = [sensor for sensor in gauges if sensor.position < s[-1]]
+    if not gauges:
+        return np.zeros((len(times), len(s)))
+    at = np.array([*(sensor.position for sensor in gauges), s[-1]])
+    values = [_at(recording, sensor.channel, times) / sensor.half_thickness for sensor in gauges]
+    known = np.stack([*values, np.zeros(len(times))], axis=1)
+    # Which two neighbours each point lies between; before the first gauge its line goes on.
+    left = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)
+    weight = (s - at[left]) / (at[left + 1] - at[left])
+    return known[:, left] * (1 - weight) + known[:, left + 1] * weight
+
+
+def _at(recording: Recording, channel: str, times: np.ndarray) -> np.ndarray:
+    """Returns a channel at other instants, missing samples bridged; zero where there is none at all."""
+    if channel not in recording:
+        return np.zeros(len(times))
+    there = np.isfinite(recording[channel])
+    if not there.any():
+        return np.zeros(len(times))
+    return np.interp(times, recording.time[there], recording[channel][there])
+
+
+def _integral(values: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Returns the integral from the first point to each (k x p), by the trapezoidal rule."""
+    steps = 0.5 * (values[:, 1:] + values[:, :-1]) * np.diff(s)
+    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+# What is shown of one recording
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """One recording of a diagnosis and where it goes.
+
+    Attributes:
+      diagnosis: all of it.
+      file: of the recording.
+      root: its entity.
+      sensors: channel -> sensor.
+    """
+
+    diagnosis: Diagnosis
+    file: str
+    root: str
+    sensors: Mapping[str, Sensor]
+
+    @property
+    def prediction(self) -> Prediction:
+        return self.diagnosis.predictions[self.file]
+
+    @property
+    def length(self) -> float:
+        return self.diagnosis.declared["length"]
+
+    def models(self) -> dict[str, Recording]:
+        """The three arms."""
+        p = self.prediction
+        return {"measured": p.measured, "before": p.before, "after": p.after}
+
+    def channels(self) -> list[str]:
+        """Measured channels that the models predict too."""
+        return [name for name in self.prediction.measured.measured() if name in self.prediction.after]
+
+    def torque(self) -> tuple[Trace, np.ndarray, np.ndarray] | None:
+        """The trace of an unmodelled torque with its samples and instants here, if there is one."""
+        for trace in self.diagnosis.traces:
+            if "torque" in trace.label:
+                samples, time = _samples(self.diagnosis, trace, self.file)
+                return (trace, samples, time) if len(samples) else None
+        return None
+
+
+def _samples(diagnosis: Diagnosis, trace: Trace, file: str) -> tuple[np.ndarray, np.ndarray]:
+    """Returns which samples of a trace belong to a file, and their time in it [s].
+
+    A trace numbers the fit recordings in their order and has them one after the other.
+    """
+    files = list(display.by_role(diagnosis, "fit"))
+    if file not in files:
+        return np.array([], dtype=int), np.array([])
+    mine = (np.asarray(trace.recording) == files.index(file)) & np.isfinite(trace.values)
+    samples = np.flatnonzero(mine)
+    measured = diagnosis.predictions[file].measured
+    time = np.asarray(trace.time)[samples]
+    if len(time) and (time[0] < measured.time[0] - 1e-6 or time[-1] > measured.time[-1] + 1e-6):
+        time = time - time[0] + measured.time[0]
+    return samples, time
+
+
+def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
+    _send_scenery(stream, entry)
+    measured = entry.prediction.measured
+    frames = np.arange(measured.time[0], measured.time[-1] + 0.5 / FRAME_RATE, 1 / FRAME_RATE)
+    for level, (model, recording) in enumerate(entry.models().items()):
+        line = centre_line(recording, frames, entry.length, entry.sensors)
+        # One above the other, by a little: where they coincide all can still be seen.
+        height = np.full((*line.shape[:2], 1), 0.012 * entry.length * level)
+        _send_arm(
+            stream,
+            f"{entry.root}/arms/{_PLACES[model]}",
+            frames,
+            np.concatenate([line, height], axis=2),
+            model,
+        )
+        for name in entry.channels():
+            if name in recording:
+                values = display.channel(name).factor * recording[name]
+                _send_scalars(stream, f"{entry.root}/{name}/{_PLACES[model]}", recording.time, values, model)
+    if "torque_command" in measured:
+        command = measured["torque_command"]
+        _send_scalars(stream, f"{entry.root}/torque/command", measured.time, command, "command")
+    _send_torque(stream, entry, frames)
+
+
+def _send_scenery(stream: rr.RecordingStream, entry: _Shown) -> None:
+    """Logs the hub, and a circle that the tip of a straight link draws."""
+    import rerun as rr
+
+    stream.log(entry.root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    radius = 0.035 * entry.length
+    hub = rr.Cylinders3D(lengths=2 * radius, radii=radius, colors=(110, 116, 124), fill_mode="solid")
+    stream.log(f"{entry.root}/arms/hub", hub, static=True)
+    angles = np.linspace(-np.pi, np.pi, 181)
+    circle = entry.length * np.stack([np.cos(angles), np.sin(angles), 0 * angles - 0.03], axis=1)
+    reach = rr.LineStrips3D([circle], colors=(110, 116, 124, 120), radii=0.002 * entry.length)
+    stream.log(f"{entry.root}/arms/reach", reach, static=True)
+
+
+def _send_arm(
+    stream: rr.RecordingStream, entity: str, frames: np.ndarray, line: np.ndarray, model: str
+) -> None:
+    import rerun as rr
+
+    length = float(np.linalg.norm(np.diff(line[0], axis=0), axis=1).sum())
+    thick = {"measured": 0.016, "before": 0.009, "after": 0.009}[model] * length
+    colour, index = COLOURS[model], rr.TimeColumn(TIMELINE, duration=frames)
+    stream.log(f"{entity}/link", rr.LineStrips3D.from_fields(colors=colour, radii=thick), static=True)
+    stream.send_columns(f"{entity}/link", [index], rr.LineStrips3D.columns(strips=list(line)))
+    stream.log(f"{entity}/payload", rr.Points3D.from_fields(colors=colour, radii=2.2 * thick), static=True)
+    stream.send_columns(f"{entity}/payload", [index], rr.Points3D.columns(positions=line[:, -1]))
+
+
+def _send_scalars(
+    stream: rr.RecordingStream, entity: str, time: np.ndarray, values: np.ndarray, model: str, name: str = ""
+) -> None:
+    import rerun as rr
+
+    width = {"measured": 4.0, "command": 1.0, "unmodelled": 1.0}.get(model, 1.5)
+    stream.log(entity, rr.SeriesLines(colors=COLOURS[model], names=name or model, widths=width), static=True)
+    index = rr.TimeColumn(TIMELINE, duration=time)
+    stream.send_columns(entity, [index], rr.Scalars.columns(scalars=values))
+
+
+def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) -> None:
+    """Sends the torque that the model lacks: a line over time, and an arrow that pushes the measured arm."""
+    import rerun as rr
+
+    found = entry.torque()
+    if found is None:
+        return
+    trace, samples, time = found
+    values = np.asarray(trace.values)[samples]
+    _send_scalars(stream, f"{entry.root}/unmodelled/estimated", time, values, "unmodelled", "estimated")
+    pushing = values
+    if trace.fitted is not None:
+        pushing = np.asarray(trace.fitted)[samples]
+        _send_scalars(stream, f"{entry.root}/unmodelled/fitted", time, pushing, "after", "fitted effect")
+    there = np.isfinite(pushing)
+    if not there.any():
+        return
+    torque = np.interp(frames, time[there], pushing[there])
+    origins, vectors = _arrows(entry, frames, torque / max(np.abs(pushing[there]).max(), 1e-12))
+    entity = f"{entry.root}/arms/unmodelled_torque"
+    style = rr.Arrows3D.from_fields(colors=COLOURS["unmodelled"], radii=0.012 * entry.length)
+    stream.log(entity, style, static=True)
+    columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
+    stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=frames)], columns)
+
+
+def _arrows(entry: _Shown, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns origins and vectors (k x 3) of the arrow, for torques as a share (k) of the largest one."""
+    theta = _at(entry.prediction.measured, "hub_angle", frames)
+    along = np.stack([np.cos(theta), np.sin(theta), 0 * theta], axis=1)
+    across = np.stack([-np.sin(theta), np.cos(theta), 0 * theta], axis=1)
+    origins = _LEVER * entry.length * along + [0, 0, 0.06 * entry.length]
+    return origins, _ARROW * entry.length * share[:, None] * across
+
+
+# Layout and words
+
+
+def _blueprint(diagnosis: Diagnosis, shown: Sequence[_Shown]) -> rrb.Blueprint:
+    import rerun.blueprint as rrb
+
+    tabs: list[Any] = []
+    for role, name in (("holdout", "held out"), ("fit", "fit")):
+        mine = [_tab(diagnosis, entry) for entry in shown if entry.prediction.role == role]
+        if mine:
+            tabs.append(rrb.Tabs(*mine, name=f"{name} ({len(mine)})", active_tab=0))
+    tabs.append(rrb.TextDocumentView(origin="/summary", name="summary"))
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
+    import rerun.blueprint as rrb
+
+    length = entry.length
+    above = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=(0.0, -0.3 * length, 2.4 * length),
+        look_target=(0.0, 0.0, 0.0),
+        eye_up=(0.0, 0.0, 1.0),
+    )
+    arms = rrb.Spatial3DView(
+        origin=entry.root, contents="$origin/arms/**", name="arms", eye_controls=above, line_grid=False
+    )
+    plots = [_plot(entry, name) for name in entry.channels()]
+    plots.append(_series(entry, "torque", "commanded torque [N m]"))
+    found = entry.torque()
+    if found:
+        plots.append(_series(entry, "unmodelled", found[0].label))
+    left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
+    return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)
+
+
+def _plot(entry: _Shown, channel: str) -> rrb.TimeSeriesView:
+    shown = display.channel(channel)
+    return _series(entry, channel, f"{shown.label} [{shown.unit}]")
+
+
+def _series(entry: _Shown, name: str, title: str) -> rrb.TimeSeriesView:
+    import rerun.blueprint as rrb
+
+    legend = rrb.PlotLegend(visible=True, corner=rrb.Corner2D.RightTop)
+    return rrb.TimeSeriesView(origin=f"{entry.root}/{name}", name=title, plot_legend=legend)
+
+
+def _story(diagnosis: Diagnosis) -> str:
+    """Returns the verdict as markdown."""
+    arrow = (
+        " The **pink** arrow, on fit recordings, is the torque that the model lacks."
+        if diagnosis.traces
+        else ""
+    )
+    lines = [
+        f"## {display.headline(diagnosis)}",
+        f"**Grey** measured, **orange** the declared model, **blue** the final one.{arrow}",
+        diagnosis.summary,
+        display.improvement(diagnosis),
+    ]
+    for effect in diagnosis.effects:
+        values = ", ".join(
+            f"{name} {value} {unit}".strip() for name, value, unit, _ in display.parameter_rows(effect)
+        )
+        lines.append(f"**{effect.name}**: {values}")
+    if diagnosis.next_experiment:
+        lines.append(f"Next: {diagnosis.next_experiment}")
+    return "\n\n".join(line for line in lines if line)
