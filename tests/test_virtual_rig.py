@@ -592,6 +592,14 @@ def test_dirt_is_in_the_data_and_in_the_truth(tmp_path):
     assert kept[changed].all()
 
 
+def test_recording_ends_where_the_hub_leaves_the_range_of_its_sensor(tmp_path):
+    runaway = Experiment("runaway", "step", "fit", 2.0, np.full(1000, 0.1))
+    make_campaign(tmp_path / "rig", {}, 1, experiments=[runaway])
+    data = table(tmp_path / "rig" / "runaway.csv")
+    assert len(data) < 1000
+    assert data["hub_angle"][-1] == pytest.approx(2.6, abs=0.02)
+
+
 def test_jitter_moves_the_sample_times_and_keeps_them_in_order(tmp_path):
     make_campaign(tmp_path / "rig", {}, 5, experiments=short_plan(), dirty=("jitter",))
     steps = np.diff(table(tmp_path / "rig" / "pulse.csv")["time"])

@@ -10,7 +10,8 @@ import numpy as np
 from twin.errors import InputError
 from twin.virtual_rig.beam import Array, build_link
 from twin.virtual_rig.effects import switch_on
-from twin.virtual_rig.experiments import Experiment, planned_campaign, run_experiment
+from twin.virtual_rig.experiments import HUB_RANGE, Experiment, planned_campaign, run_experiment
+from twin.virtual_rig.plant import hub_angle
 from twin.virtual_rig.rig import UNCERTAINTY, Rig, declared_values, with_declared
 from twin.virtual_rig.sensors import Sensors, checked_dirt, measured, noise_of, sample_times, soiled
 
@@ -146,10 +147,17 @@ def _record(
     if plan.reference is not None:
         table["hub_reference"] = plan.reference
     channels = measured(rig, link, sensors, times, motion, noise)
+    kept = _within_range(hub_angle(rig, link, motion.states))
     if plan.clamped:
         # The locked rig has neither a turning hub nor a working motor.
         channels = {name: channels[name] for name in ("strain_base", "strain_mid")}
-    return table | channels
+    return {name: column[:kept] for name, column in (table | channels).items()}
+
+
+def _within_range(angle: Array) -> int:
+    """Returns how many samples of a hub angle (samples,) [rad] come before it leaves the sensor's range."""
+    outside = np.abs(angle) > HUB_RANGE
+    return int(np.argmax(outside)) if outside.any() else len(angle)
 
 
 def _write_csv(path: Path, table: Mapping[str, Array]) -> None:

@@ -17,6 +17,7 @@ from twin.virtual_rig.sensors import Sensors
 
 RAMP_RATE = 0.02  # N m/s, slow enough that the link follows without swinging
 RAMP_TOP = 0.12  # N m
+HUB_RANGE = 2.6  # rad, of the potentiometer: a recording ends where the hub leaves it
 MOVED = 0.02  # rad, at which a break-away test ends
 
 
@@ -58,19 +59,22 @@ def planned_campaign(rig: Rig, sensors: Sensors, generator: np.random.Generator)
 
 
 def torque_sweep(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """A torque of slowly rising frequency, 0.1 to 30 Hz in 15 s, past the first two bending modes."""
+    """A torque of slowly rising frequency, 0.5 to 30 Hz in 15 s, past the first two bending modes.
+
+    Starting from a cosine, the hub swings about its start instead of drifting off.
+    """
     t = _times(sensors, 16.0)
     age = np.clip(t - 0.5, 0.0, 15.0)
-    phase = 2 * np.pi * (0.1 * age + (30.0 - 0.1) / (2 * 15.0) * age**2)
-    torque = generator.uniform(0.12, 0.16) * np.sin(phase) * _taper(age, 15.0)
+    phase = 2 * np.pi * (0.5 * age + (30.0 - 0.5) / (2 * 15.0) * age**2)
+    torque = generator.uniform(0.12, 0.16) * np.cos(phase) * _taper(age, 15.0)
     return _open_loop("torque-sweep", torque, sensors, generator)
 
 
 def multisine(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """Forty sines of random phase between 0.2 and 25 Hz, 0.2 N m at the highest peak."""
+    """Forty sines of random phase between 0.5 and 25 Hz, 0.2 N m at the highest peak."""
     t = _times(sensors, 12.0)
     age = np.clip(t - 0.5, 0.0, 10.5)
-    frequencies = np.geomspace(0.2, 25.0, 40)
+    frequencies = np.geomspace(0.5, 25.0, 40)
     phases = generator.uniform(0, 2 * np.pi, len(frequencies))
     torque = np.sin(2 * np.pi * frequencies * age[:, None] + phases).sum(axis=1) * _taper(age, 10.5)
     return _open_loop("multisine", 0.2 * torque / np.abs(torque).max(), sensors, generator)

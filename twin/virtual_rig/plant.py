@@ -15,6 +15,9 @@ Both events are located to 1e-10 s by bracketing the length of a step.
 
 Integrator: the pair 5(4) of J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980), adaptive, with
 an end at every change of the held command, so that no step spans a jump.
+
+All compiled functions are in this module: numba's cache on disk follows the file of each function only, not
+those of the functions it calls.
 """
 
 import math
@@ -22,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from twin.virtual_rig.beam import Array, Link
 from twin.virtual_rig.rig import Rig
@@ -60,6 +64,39 @@ class Loop(NamedTuple):
     noise: Array  # (samples,) of the hub sensor [rad]
     sensor_step: float  # rad, quantisation of the hub sensor; 0 for none
     torque_step: float  # N m, quantisation of the command
+
+
+class Space(NamedTuple):
+    """Arrays to work in, made once per experiment; nz coordinates, N nodes, n link coordinates."""
+
+    mass_matrix: Array  # (nz, nz)
+    force: Array  # (nz,)
+    sine: Array  # (N,) of the tangent angle
+    cosine: Array  # (N,)
+    spin: Array  # (N,) absolute rate of the tangent angle
+    couple: Array  # (N,)
+    product: Array  # (N, n + 1)
+    slopes: Array  # (7, 2 nz), dy/dt at the stages of a step
+    stage: Array  # (2 nz,)
+    new: Array  # (2 nz,), the state at the end of a step
+
+
+class Plant(NamedTuple):
+    """A rig, its discretised link, and how it is integrated."""
+
+    rig: Rig
+    link: Link
+    space: Space
+    clamped: bool  # the hub is locked
+    tolerance: float
+
+
+class Log(NamedTuple):
+    """Stick and slip events as they come."""
+
+    times: Array  # (MOST_EVENTS,) [s]
+    modes: Array  # (MOST_EVENTS,)
+    number: NDArray[np.int64]  # (1,)
 
 
 class Motion(NamedTuple):
@@ -160,13 +197,16 @@ def hub_torque(rig, t, theta, omega):
 
 
 @compiled
-def link_balance(rig, link, t, y, nz, work):
+def link_balance(plant, t, y):
     """Writes the link's part of the mass matrix and forces.
 
     With W the mass that two nodes move together, the mass matrix is B' [W_kl cos(psi_k - psi_l)] B and the
     inertia forces of the rates are -B' sum_l W_kl sin(psi_k - psi_l) psi_t_l^2.
     """
-    mass_matrix, force, sine, cosine, spin, couple, product = work
+    rig, link, space = plant.rig, plant.link, plant.space
+    mass_matrix, force, product = space.mass_matrix, space.force, space.product
+    sine, cosine, spin, couple = space.sine, space.cosine, space.spin, space.couple
+    nz = len(force)
     nodes, columns = link.slope.shape[0] - 1, link.slope.shape[1]
     n, hub = columns - 1, nz - 1
     theta, omega = y[hub], y[nz + hub]
@@ -277,16 +317,17 @@ def contact_torque(rig, play, rate):
 
 
 @compiled
-def extra_balance(rig, link, torque, y, nz, work):
+def extra_balance(plant, torque, y):
     """Adds the hub, and the torsional oscillator and the motor behind it, to mass matrix and forces.
 
     Both extras are angles relative to the hub and carry a share of its inertia. The drive's torque and the
     cogging of its magnets act on the motor, friction and everything else on the hub.
     """
-    mass_matrix, force = work[0], work[1]
+    rig, mass_matrix, force = plant.rig, plant.space.mass_matrix, plant.space.force
     torsional, backlash = extras(rig)
+    nz = len(force)
     hub = nz - 1
-    row = link.slope.shape[1] - 1
+    row = plant.link.slope.shape[1] - 1
     motor_angle = y[hub]
     mass_matrix[hub, hub] += rig.hub_inertia
     if torsional:
@@ -325,14 +366,15 @@ def factorised(matrix, size):
 
 
 @compiled
-def derivative(rig, link, drive, t, y, mode, nz, work, out):
+def derivative(plant, drive, t, y, mode, out):
     """Writes dy/dt and returns `hold`, the torque that keeps the hub from accelerating [N m]."""
-    mass_matrix, force = work[0], work[1]
+    rig, mass_matrix, force = plant.rig, plant.space.mass_matrix, plant.space.force
+    nz = len(force)
     hub = nz - 1
     theta, omega = y[hub], y[nz + hub]
-    link_balance(rig, link, t, y, nz, work)
+    link_balance(plant, t, y)
     force[hub] += hub_torque(rig, t, theta, omega)
-    extra_balance(rig, link, drive_torque(rig, drive, t), y, nz, work)
+    extra_balance(plant, drive_torque(rig, drive, t), y)
     factorised(mass_matrix, nz)
 
     # Forward substitution; what remains in the hub's row is the torque that holds it.
@@ -360,23 +402,24 @@ def derivative(rig, link, drive, t, y, mode, nz, work, out):
 
 
 @compiled
-def step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance):
-    """Makes one Dormand-Prince step of length h from slopes[0]; writes `new` and slopes[6].
+def step(plant, drive, t, y, h, mode):
+    """Makes one Dormand-Prince step of length h from slopes[0]; writes space.new and slopes[6].
 
     Returns the estimated error in units of the tolerance, and the holding torque at the end [N m].
     """
-    size = 2 * nz
+    slopes, stage, new = plant.space.slopes, plant.space.stage, plant.space.new
+    size = len(y)
     for i in range(size):
         stage[i] = y[i] + h * slopes[0, i] / 5.0
-    derivative(rig, link, drive, t + h / 5.0, stage, mode, nz, work, slopes[1])
+    derivative(plant, drive, t + h / 5.0, stage, mode, slopes[1])
     for i in range(size):
         stage[i] = y[i] + h * (3.0 / 40.0 * slopes[0, i] + 9.0 / 40.0 * slopes[1, i])
-    derivative(rig, link, drive, t + 0.3 * h, stage, mode, nz, work, slopes[2])
+    derivative(plant, drive, t + 0.3 * h, stage, mode, slopes[2])
     for i in range(size):
         stage[i] = y[i] + h * (
             44.0 / 45.0 * slopes[0, i] - 56.0 / 15.0 * slopes[1, i] + 32.0 / 9.0 * slopes[2, i]
         )
-    derivative(rig, link, drive, t + 0.8 * h, stage, mode, nz, work, slopes[3])
+    derivative(plant, drive, t + 0.8 * h, stage, mode, slopes[3])
     for i in range(size):
         stage[i] = y[i] + h * (
             19372.0 / 6561.0 * slopes[0, i]
@@ -384,7 +427,7 @@ def step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, toleranc
             + 64448.0 / 6561.0 * slopes[2, i]
             - 212.0 / 729.0 * slopes[3, i]
         )
-    derivative(rig, link, drive, t + 8.0 / 9.0 * h, stage, mode, nz, work, slopes[4])
+    derivative(plant, drive, t + 8.0 / 9.0 * h, stage, mode, slopes[4])
     for i in range(size):
         stage[i] = y[i] + h * (
             9017.0 / 3168.0 * slopes[0, i]
@@ -393,7 +436,7 @@ def step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, toleranc
             + 49.0 / 176.0 * slopes[3, i]
             - 5103.0 / 18656.0 * slopes[4, i]
         )
-    derivative(rig, link, drive, t + h, stage, mode, nz, work, slopes[5])
+    derivative(plant, drive, t + h, stage, mode, slopes[5])
     for i in range(size):
         new[i] = y[i] + h * (
             35.0 / 384.0 * slopes[0, i]
@@ -402,7 +445,7 @@ def step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, toleranc
             - 2187.0 / 6784.0 * slopes[4, i]
             + 11.0 / 84.0 * slopes[5, i]
         )
-    hold = derivative(rig, link, drive, t + h, new, mode, nz, work, slopes[6])
+    hold = derivative(plant, drive, t + h, new, mode, slopes[6])
 
     # Difference of the fifth and fourth order solutions.
     error = 0.0
@@ -415,8 +458,8 @@ def step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, toleranc
             + 22.0 / 525.0 * slopes[5, i]
             - 1.0 / 40.0 * slopes[6, i]
         )
-        unit = 1.0 if i < nz else RATE_UNIT
-        scale = tolerance * (unit + max(abs(y[i]), abs(new[i])))
+        unit = 1.0 if 2 * i < size else RATE_UNIT
+        scale = plant.tolerance * (unit + max(abs(y[i]), abs(new[i])))
         error += (difference / scale) ** 2
     return math.sqrt(error / size), hold
 
@@ -429,11 +472,11 @@ def excess(rig, hold, theta):
 
 
 @compiled
-def violation(rig, mode, y, hold, nz):
+def violation(rig, mode, y, hold):
     """Returns what turns positive where a mode ends: reversed velocity, or torque above the level."""
     if mode == STUCK:
-        return excess(rig, hold, y[nz - 1])
-    return -mode * y[2 * nz - 1]
+        return excess(rig, hold, y[len(y) // 2 - 1])
+    return -mode * y[-1]
 
 
 @compiled
@@ -456,168 +499,158 @@ def lowest_time(h, w0, w1, a0, a1):
 
 
 @compiled
-def advance(rig, link, drive, y, t, end, mode, clamped, trial, nz, arrays, tolerance, events):
+def dipped(plant, y, h, mode):
+    """Returns where in the step just made the hub reverses and comes back [s], or 0."""
+    slopes, new = plant.space.slopes, plant.space.new
+    if mode == STUCK:
+        return 0.0
+    return lowest_time(h, mode * y[-1], mode * new[-1], mode * slopes[0, -1], mode * slopes[6, -1])
+
+
+@compiled
+def event_step(plant, drive, t, y, h, mode):
+    """Makes a step that ends just behind the first event within h, and returns its length [s]."""
+    low, high = 0.0, h
+    while high - low > EVENT_TIME:
+        middle = 0.5 * (low + high)
+        _, hold = step(plant, drive, t, y, middle, mode)
+        if violation(plant.rig, mode, plant.space.new, hold) > 0.0:
+            high = middle
+        else:
+            low = middle
+    step(plant, drive, t, y, high, mode)
+    return high
+
+
+@compiled
+def mode_after(plant, drive, t, y, mode):
+    """Returns how the hub goes on from a moment of rest: a sliding one may stick, a stuck one slides."""
+    hold = derivative(plant, drive, t, y, STUCK, plant.space.slopes[0])
+    if mode != STUCK and excess(plant.rig, hold, y[len(y) // 2 - 1]) <= 0.0:
+        return STUCK
+    return 1 if hold > 0.0 else -1
+
+
+@compiled
+def noted(log, t, mode):
+    """Notes an event; further ones than fit are not kept."""
+    if log.number[0] < len(log.times):
+        log.times[log.number[0]] = t
+        log.modes[log.number[0]] = mode
+        log.number[0] += 1
+
+
+@compiled
+def advance(plant, drive, y, t, end, mode, trial, log):
     """Integrates y in place from t to end under one held command.
 
-    Returns the mode at the end, the step length to try next [s] and the number of events so far.
+    Returns the mode at the end and the step length to try next [s].
     """
-    work, slopes, stage, new = arrays
-    times, modes, count = events
-    hub = 2 * nz - 1
-    hold = derivative(rig, link, drive, t, y, mode, nz, work, slopes[0])
+    rig, slopes, new = plant.rig, plant.space.slopes, plant.space.new
+    hub = len(y) // 2 - 1
+    hold = derivative(plant, drive, t, y, mode, slopes[0])
     blind = 0.0
     while end - t > 1e-12:
-        # A stuck hub whose level is exceeded breaks away at once.
-        if mode == STUCK and not clamped and t >= blind and excess(rig, hold, y[nz - 1]) > 0.0:
+        # A stuck hub whose level a new command exceeds breaks away at once.
+        if mode == STUCK and not plant.clamped and t >= blind and excess(rig, hold, y[hub]) > 0.0:
             mode = 1 if hold > 0.0 else -1
-            hold = derivative(rig, link, drive, t, y, mode, nz, work, slopes[0])
-            count = logged(times, modes, count, t, mode)
+            hold = derivative(plant, drive, t, y, mode, slopes[0])
+            noted(log, t, mode)
         h = min(trial, end - t)
-        error, new_hold = step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance)
+        error, new_hold = step(plant, drive, t, y, h, mode)
         if error > 1.0:
             trial = h * max(0.2, 0.9 * error ** (-0.2))
             continue
-        watched = not clamped and t + h > blind
-        if watched and mode != STUCK:
-            dip = lowest_time(h, mode * y[hub], mode * new[hub], mode * slopes[0, hub], mode * slopes[6, hub])
+        if not plant.clamped and t + h > blind:
+            dip = dipped(plant, y, h, mode)
             if dip > 1e-9:
-                trial = dip
-                h = dip
-                error, new_hold = step(
-                    rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance
-                )
-        if watched and violation(rig, mode, new, new_hold, nz) > 0.0:
-            # Bracket the event by the length of a step, then end the step just behind it.
-            low, high = 0.0, h
-            while high - low > EVENT_TIME:
-                middle = 0.5 * (low + high)
-                error, new_hold = step(
-                    rig, link, drive, t, y, middle, mode, nz, work, slopes, stage, new, tolerance
-                )
-                if violation(rig, mode, new, new_hold, nz) > 0.0:
-                    high = middle
-                else:
-                    low = middle
-            h = high
-            error, new_hold = step(rig, link, drive, t, y, h, mode, nz, work, slopes, stage, new, tolerance)
-            if h < 2.0 * EVENT_TIME:
-                # Held and released at one instant: leave it be for a moment.
-                blind = t + 1e-6
-            y[:] = new
-            t += h
-            y[hub] = 0.0
-            hold = derivative(rig, link, drive, t, y, STUCK, nz, work, slopes[0])
-            held = mode != STUCK and excess(rig, hold, y[nz - 1]) <= 0.0
-            mode = STUCK if held else (1 if hold > 0.0 else -1)
-            hold = derivative(rig, link, drive, t, y, mode, nz, work, slopes[0])
-            count = logged(times, modes, count, t, mode)
-            continue
+                h = trial = dip
+                error, new_hold = step(plant, drive, t, y, h, mode)
+            if violation(rig, mode, new, new_hold) > 0.0:
+                h = event_step(plant, drive, t, y, h, mode)
+                if h < 2.0 * EVENT_TIME:
+                    # Held and released at one instant: leave it be for a moment.
+                    blind = t + 1e-6
+                t += h
+                y[:] = new
+                y[-1] = 0.0
+                mode = mode_after(plant, drive, t, y, mode)
+                hold = derivative(plant, drive, t, y, mode, slopes[0])
+                noted(log, t, mode)
+                continue
+        t += h
         y[:] = new
         slopes[0, :] = slopes[6, :]
         hold = new_hold
-        t += h
-        # Only an unclipped step says how long the next one may be.
+        # A step clipped at the end says nothing on how long the next one may be.
         growth = min(5.0, 0.9 * max(error, 1e-10) ** (-0.2))
         if h >= trial or growth < 1.0:
             trial = min(h * growth, LONGEST_STEP)
-    return mode, trial, count
+    return mode, trial
 
 
 @compiled
-def logged(times, modes, count, t, mode):
-    """Notes an event and returns the number of events; further ones than fit are not kept."""
-    if count < len(times):
-        times[count] = t
-        modes[count] = mode
-        return count + 1
-    return count
+def controlled(loop, sample, measured, errors, torques):
+    """Returns the command of a controller [N m]; its memory, errors [deg] and torques, is newest first."""
+    errors[2], errors[1] = errors[1], errors[0]
+    errors[0] = math.degrees(loop.reference[sample] - measured)
+    c = loop.coefficients
+    torque = c[0] * errors[0] + c[1] * errors[1] + c[2] * errors[2] - c[3] * torques[0] - c[4] * torques[1]
+    torques[1], torques[0] = torques[0], torque
+    return quantised(torque, loop.torque_step)
 
 
 @compiled
-def run(rig, link, start, clamped, command_times, commands, output_times, loop, tolerance):
+def run(plant, start, command_times, commands, output_times, loop):
     """Integrates a whole experiment; see `simulate`."""
-    nz = len(start) // 2
+    rig = plant.rig
     y = start.copy()
-    nodes, columns = link.slope.shape[0] - 1, link.slope.shape[1]
-    work = (
-        np.zeros((nz, nz)),
-        np.zeros(nz),
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros(nodes),
-        np.zeros((nodes, columns)),
-    )
-    arrays = (work, np.zeros((7, 2 * nz)), np.zeros(2 * nz), np.zeros(2 * nz))
-    times = np.zeros(MOST_EVENTS)
-    modes = np.zeros(MOST_EVENTS)
-    count = 0
+    hub = len(y) // 2 - 1
+    log = Log(np.zeros(MOST_EVENTS), np.zeros(MOST_EVENTS), np.zeros(1, dtype=np.int64))
     samples = len(output_times)
-    states = np.zeros((samples, 2 * nz))
+    states = np.zeros((samples, len(y)))
     issued = commands.copy()
-    errors = np.zeros(3)
-    torques = np.zeros(2)
+    errors, torques = np.zeros(3), np.zeros(2)
 
-    t = 0.0
+    t, trial = 0.0, 1e-4
     mode = STUCK
-    if y[2 * nz - 1] != 0.0 and not clamped:
-        mode = 1 if y[2 * nz - 1] > 0.0 else -1
-    trial = 1e-4
+    if y[-1] != 0.0 and not plant.clamped:
+        mode = 1 if y[-1] > 0.0 else -1
     drive = Drive(0.0, 0.0, 0.0)
     read = given = 0
     while read < samples:
         # Readings come before the command of the same instant: the controller needs them.
-        if given >= len(command_times) or output_times[read] <= command_times[given] + 1e-12:
-            due = max(output_times[read], 0.0)
-            mode, trial, count = advance(
-                rig,
-                link,
-                drive,
-                y,
-                t,
-                due,
-                mode,
-                clamped,
-                trial,
-                nz,
-                arrays,
-                tolerance,
-                (times, modes, count),
-            )
-            t = max(t, due)
+        reading = given >= samples or output_times[read] <= command_times[given] + 1e-12
+        due = max(output_times[read], 0.0) if reading else command_times[given]
+        mode, trial = advance(plant, drive, y, t, due, mode, trial, log)
+        t = max(t, due)
+        if reading:
             states[read] = y
             if loop.active:
-                measured = quantised(sensed_hub(rig, y[nz - 1]) + loop.noise[read], loop.sensor_step)
-                errors[2], errors[1] = errors[1], errors[0]
-                errors[0] = math.degrees(loop.reference[read] - measured)
-                c = loop.coefficients
-                torque = c[0] * errors[0] + c[1] * errors[1] + c[2] * errors[2]
-                torque -= c[3] * torques[0] + c[4] * torques[1]
-                torques[1], torques[0] = torques[0], torque
-                issued[read] = quantised(torque, loop.torque_step)
+                measured = quantised(sensed_hub(rig, y[hub]) + loop.noise[read], loop.sensor_step)
+                issued[read] = controlled(loop, read, measured, errors, torques)
             read += 1
         else:
-            due = command_times[given]
-            mode, trial, count = advance(
-                rig,
-                link,
-                drive,
-                y,
-                t,
-                due,
-                mode,
-                clamped,
-                trial,
-                nz,
-                arrays,
-                tolerance,
-                (times, modes, count),
-            )
-            t = max(t, due)
-            delivered = drive_torque(rig, drive, t)
-            drive = Drive(saturated(rig, issued[given]), delivered, t)
+            drive = Drive(saturated(rig, issued[given]), drive_torque(rig, drive, t), t)
             given += 1
-    return states, issued, times[:count], modes[:count]
+    return states, issued, log.times[: log.number[0]], log.modes[: log.number[0]]
+
+
+def working_space(link: Link, nz: int) -> Space:
+    """Returns the arrays for a rig of nz coordinates."""
+    nodes, columns = link.slope.shape[0] - 1, link.slope.shape[1]
+    return Space(
+        mass_matrix=np.zeros((nz, nz)),
+        force=np.zeros(nz),
+        sine=np.zeros(nodes),
+        cosine=np.zeros(nodes),
+        spin=np.zeros(nodes),
+        couple=np.zeros(nodes),
+        product=np.zeros((nodes, columns)),
+        slopes=np.zeros((7, 2 * nz)),
+        stage=np.zeros(2 * nz),
+        new=np.zeros(2 * nz),
+    )
 
 
 def coordinates(rig: Rig, link: Link) -> int:
@@ -665,19 +698,15 @@ def simulate(
     Returns:
         The motion, read `sensor_delay` before each sample time; commands act `actuator_delay` after it.
     """
-    output_times = times - rig.sensor_delay
-    command_times = times + rig.actuator_delay
+    plant = Plant(rig, link, working_space(link, len(start) // 2), clamped, tolerance)
     return Motion(
         *run(
-            rig,
-            link,
+            plant,
             np.ascontiguousarray(start, dtype=float),
-            clamped,
-            command_times,
+            times + rig.actuator_delay,
             np.ascontiguousarray(commands, dtype=float),
-            output_times,
+            times - rig.sensor_delay,
             loop or open_loop(),
-            tolerance,
         )
     )
 
