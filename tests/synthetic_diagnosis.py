@@ -112,7 +112,7 @@ def diagnosis(duration: float = 2.0, rate: float = 250.0, **changes) -> Diagnosi
         source="calibrated", bending_stiffness=0.2481, hub_inertia=1.07 * declared["hub_inertia"]
     )
     whole = Diagnosis(
-        campaign="practice rig",
+        campaign="bench rig",
         verdict="explained",
         summary="The hub is pulled back towards 14 degrees in proportion to its angle. "
         "Wires to the strain bridges do that.",

@@ -38,7 +38,7 @@ def test_standard_error_becomes_uncertainty(diagnosis, tmp_path):
     rig, _ = read_rig_file(write_augmented(diagnosis, tmp_path))
     stiffness = rig.parameters["bending_stiffness"]
     assert stiffness.uncertainty == pytest.approx(0.0009 / 0.2481)
-    assert "fitted to the recordings of practice rig; declared 0.24957" in stiffness.source
+    assert "fitted to the recordings of bench rig; declared 0.24957" in stiffness.source
     assert rig.parameters["length"].uncertainty == diagnosis.declared.parameters["length"].uncertainty
 
 

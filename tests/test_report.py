@@ -314,7 +314,7 @@ def test_short_series_stay_whole():
 def test_summary_names_verdict_and_errors(verdict):
     make, headline = VERDICTS[verdict]
     text = summary(make(duration=0.5), {"report": "out/report.html"})
-    assert text.startswith(f"practice rig: {verdict}\n{headline}")
+    assert text.startswith(f"bench rig: {verdict}\n{headline}")
     assert "bang-bang-90.csv" in text
     assert "multisine.csv" not in text
     assert "out/report.html" in text
