@@ -95,6 +95,10 @@ class Chain:
         bends = shapes[1:]
         return np.einsum("ki,kl,li->i", bends, self.damping, bends) / (2 * frequencies)
 
+    def largest_step(self) -> float:
+        """A step [s] with which a fourth-order Runge-Kutta method is stable: 9/10 of 2.83 / omega_max."""
+        return float(0.9 * 2.83 / self.modes("free")[0][-1])
+
     def static_tip_compliance(self) -> float:
         """Tip deflection per transverse tip force with the hub clamped, small deflections [m/N]."""
         levers = self.lengths.sum() - self.hinges

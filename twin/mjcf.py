@@ -82,7 +82,7 @@ def not_native(plant: Plant) -> tuple[str, ...]:
 
 
 def dynamics_spec(
-    chain: Chain, plant: Plant, rig: Mapping[str, float], locked: bool = False
+    chain: Chain, plant: Plant, rig: Mapping[str, float], locked: bool = False, compact: bool = False
 ) -> mujoco.MjSpec:
     """Returns the moving parts alone: bodies, joints, losses and native mechanisms, no sensors, no geometry.
 
@@ -90,7 +90,9 @@ def dynamics_spec(
       chain: lengths, masses, inertias.
       plant: stiffness, damping, hub mechanisms.
       rig: hub_inertia, tip_mass, tip_inertia.
-      locked: the hub is part of the world; its angle is then the body's orientation.
+      locked: the hub is part of the world, at zero angle.
+      compact: the same motion in fewer operations: bodies without a joint merged into their parents, losses
+        as a triangular factor instead of one tendon per mode.
     """
     if not np.allclose(plant.inertia, chain.inertia, rtol=1e-9, atol=0):
         raise ValueError("plant and chain have different inertias; build the plant from this chain")
@@ -103,7 +105,8 @@ def dynamics_spec(
     # Nothing in the plane depends on the vertical component.
     spec.option.gravity = [plant.gravity_x, plant.gravity_y, -9.81]
     _add_bodies(spec, chain, plant, rig, locked)
-    _add_losses(spec, chain, plant.damping)
+    spec.compiler.fusestatic = compact
+    _add_losses(spec, _triangle(plant.damping) if compact else _dyads(chain, plant.damping))
     if not locked:
         _add_hub_mechanisms(spec, plant)
     if plant.tip_drag_linear != 0:
@@ -173,16 +176,28 @@ def _set_inertia(body: mujoco.MjsBody, mass: float, centre: float, about_z: floa
     body.inertia = [0.6 * about_z, 0.6 * about_z, about_z]
 
 
-def _add_losses(spec: mujoco.MjSpec, chain: Chain, damping: np.ndarray) -> None:
-    """D = sum_i d_i p_i p_i^T as tendons of length p_i . q with damping d_i; the largest part of p_i is 1."""
-    for i, (coefficients, value) in enumerate(_dyads(chain, damping), start=1):
+_Dyads = list[tuple[np.ndarray, float]]
+
+
+def _add_losses(spec: mujoco.MjSpec, dyads: _Dyads) -> None:
+    """D = sum_i d_i p_i p_i^T as tendons of length p_i . q with damping d_i."""
+    for i, (coefficients, value) in enumerate(dyads, start=1):
         tendon = spec.add_tendon(name=f"loss_{i}", group=5)
         tendon.damping[0] = value
-        for hinge, coefficient in enumerate(coefficients, start=1):
-            tendon.wrap_joint(f"bend_{hinge}", coefficient)
+        for hinge in np.flatnonzero(coefficients):
+            tendon.wrap_joint(f"bend_{hinge + 1}", coefficients[hinge])
 
 
-def _dyads(chain: Chain, damping: np.ndarray) -> list[tuple[np.ndarray, float]]:
+def _triangle(damping: np.ndarray) -> _Dyads:
+    """D = L L^T, from the root outwards."""
+    if not np.any(damping):
+        return []
+    factor = np.linalg.cholesky(damping)
+    return [(column, 1.0) for column in factor.T]
+
+
+def _dyads(chain: Chain, damping: np.ndarray) -> _Dyads:
+    """One p_i = M phi_i for each free mode, scaled to a largest part of 1."""
     if not np.any(damping):
         return []
     frequencies, shapes = chain.modes("free")

@@ -17,6 +17,7 @@ of a call only, and two simulations with such mechanisms cannot run in two threa
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -48,7 +49,7 @@ class MujocoChain:
           chain: the segments.
           plant: what acts on them; its inertia must be that of the chain.
         """
-        self._plant = plant
+        self._plant, self._size, self._largest_step = plant, len(chain.lengths), chain.largest_step()
         self._sliding = _Model(rig, chain, plant, locked=False)
         self._locked = _Model(rig, chain, plant, locked=True)
         self._time = 0.0
@@ -67,28 +68,19 @@ class MujocoChain:
         return self._mode
 
     @property
+    def joints(self) -> np.ndarray:
+        """Joint angles, hub and hinges (n + 1) [rad]: the qpos of `mjcf.build_spec`'s model."""
+        return self._put_state(np.empty(self._size), np.empty(self._size))[0]
+
+    @property
     def angles(self) -> np.ndarray:
         """Absolute angles of the segments (n + 1) [rad]."""
-        return np.cumsum(self._relative()[0])
+        return np.cumsum(self.joints)
 
     @property
     def rates(self) -> np.ndarray:
         """Absolute rates of the segments (n + 1) [rad/s]."""
-        return np.cumsum(self._relative()[1])
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's data of the model with the hub's joint, at the present state: for pictures and poses."""
-        angles, rates = self._relative()
-        data = self._sliding.data
-        data.qpos[:], data.qvel[:], data.time = angles, rates, self._time
-        mujoco.mj_kinematics(self._sliding.model, data)
-        return data
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """The compiled model with the hub's joint."""
-        return self._sliding.model
+        return np.cumsum(self._put_state(np.empty(self._size), np.empty(self._size))[1])
 
     def reset(
         self,
@@ -112,21 +104,25 @@ class MujocoChain:
         rates = np.zeros(len(phi)) if omega is None else omega
         self._time, self._mode, self._clamped = float(time), int(mode), bool(clamped)
         self._u = self._u_before = float(torque)
-        self._since, self._verified = self._time, False
+        self._since = self._time
+        self._remaining, self._change = math.nan, 0.0
         self._hub = float(phi[0])
         if self._is_locked:
             self._locked.set_state(np.diff(phi), np.diff(rates))
-            self._locked.turn_hub(self._hub)
+            self._locked.turn(self._hub)
         else:
             self._sliding.set_state(np.diff(phi, prepend=0.0), np.diff(rates, prepend=0.0))
 
     # Motion
 
-    def advance(self, torque: float, span: float, h_max: float = mjcf.TIMESTEP) -> None:
-        """Moves on by `span` [s] under a held torque command [N m], in steps of at most `h_max` [s]."""
+    def advance(self, torque: float, span: float, h_max: float | None = None) -> None:
+        """Moves on by `span` [s] under a held torque command [N m].
+
+        Steps are at most `h_max` [s], by default the largest that is stable.
+        """
         self._command(torque)
         with self._extras():
-            self._advance(span, h_max)
+            self._advance(span, self._largest_step if h_max is None else h_max)
 
     def simulate(
         self,
@@ -137,7 +133,7 @@ class MujocoChain:
         omega0: np.ndarray,
         mode0: int = 0,
         clamped: bool = False,
-        h_max: float = mjcf.TIMESTEP,
+        h_max: float | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Integrates from out_time[0] to out_time[-1]; arguments and results are those of `planar.simulate`.
 
@@ -147,7 +143,7 @@ class MujocoChain:
           phi0, omega0: (n + 1) state at out_time[0].
           mode0: 0 hub sticks, +1 or -1 it slides.
           clamped: the hub is locked.
-          h_max: largest step [s].
+          h_max: largest step [s], by default the largest that is stable.
 
         Returns:
           (m, n + 1) angles [rad], (m, n + 1) rates [rad/s], (m) mode.
@@ -159,6 +155,7 @@ class MujocoChain:
             self._u = self._u_before = torques[0]
         angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
         modes = np.empty(len(out_time))
+        h_largest = self._largest_step if h_max is None else h_max
         pointer = 0
         with self._extras():
             for row, wanted in enumerate(out_time.tolist()):
@@ -167,8 +164,8 @@ class MujocoChain:
                         self._command(torques[pointer])
                         pointer += 1
                     end = min(wanted, instants[pointer]) if pointer < len(instants) else wanted
-                    self._advance(end - self._time, h_max)
-                angles[row], rates[row] = self._relative()
+                    self._advance(end - self._time, h_largest)
+                self._put_state(angles[row], rates[row])
                 modes[row] = self._mode
         return np.cumsum(angles, axis=1), np.cumsum(rates, axis=1), modes
 
@@ -178,16 +175,19 @@ class MujocoChain:
     def _is_locked(self) -> bool:
         return self._clamped or self._mode == 0
 
-    def _relative(self) -> tuple[np.ndarray, np.ndarray]:
-        """Hub and hinge angles and rates (n + 1 each), copies."""
+    def _put_state(self, angles: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Writes hub and hinge angles and rates to the arrays (n + 1 each); returns them."""
         if self._is_locked:
-            return np.append(self._hub, self._locked.qpos), np.append(0.0, self._locked.qvel)
-        return self._sliding.qpos.copy(), self._sliding.qvel.copy()
+            angles[0], rates[0] = self._hub, 0.0
+            angles[1:], rates[1:] = self._locked.qpos, self._locked.qvel
+        else:
+            angles[:], rates[:] = self._sliding.qpos, self._sliding.qvel
+        return angles, rates
 
     def _command(self, torque: float) -> None:
         self._u_before = self._delivered(self._time)
         self._u, self._since = float(torque), self._time
-        self._verified = False
+        self._remaining = math.nan
 
     def _delivered(self, time: float) -> float:
         """Torque of the motor [N m], `lag` behind the command."""
@@ -198,69 +198,68 @@ class MujocoChain:
     def _advance(self, span: float, h_max: float) -> None:
         end = self._time + span
         while (left := end - self._time) > _NO_TIME:
-            h = left / max(1.0, math.ceil(left / h_max - 1e-9))
+            steps = max(1, math.ceil(left / h_max - 1e-9))
             if self._clamped:
-                self._locked.step(self._time, h)
-                self._time += h
-            elif self._mode == 0:
-                self._stick(h)
-            else:
-                self._slide(h)
+                self._locked.step(self._time, left / steps, steps)
+                break
+            self._move(left / steps, steps)
         self._time = end
 
-    def _slide(self, h: float) -> None:
-        """One step of a sliding hub, or less if its rate crosses zero."""
-        model, mode, start = self._sliding, self._mode, self._time
+    def _move(self, h: float, steps: int) -> None:
+        """Moves on in the present mode: by all steps while its end is far, else by one or a part of one."""
+        before = self._remaining if self._remaining == self._remaining else self._remains()
+        if self._mode == 0 and before < 0:
+            self._switch()
+            return
+        model, start, mode = self._locked if self._mode == 0 else self._sliding, self._time, self._mode
         model.save()
-        model.push(self._u, mode)
+        if mode != 0:
+            model.push(self._u, mode)
 
-        def rate(length: float) -> float:
-            model.step_from_saved(start, length)
-            return model.qvel[0] * mode
+        def remaining(length: float, count: int = 1) -> float:
+            model.step(start, length / count, count)
+            self._time = start + length
+            return self._remains()
 
-        before = model.qvel[0] * mode
-        model.step(start, h)
-        after = model.qvel[0] * mode
+        if steps > 1 and before > 2 * self._change:
+            after = remaining(steps * h, steps)
+            self._change = abs(after - before)
+            if min(before, after) > self._change:
+                self._remaining = after
+                return
+            model.restore()
+            if mode != 0:
+                model.push(self._u, mode)
+
+        after = remaining(h)
+        self._change, self._remaining = steps * abs(after - before), after
         if after < 0:
-            h = _crossing(rate, h, before, after)
-        self._time = start + h
-        if after < 0:
-            model.qvel[0] = 0.0
-            self._stop_or_turn()
+            _crossing(remaining, model.restore, h, before, after)
+            self._switch()
 
-    def _stop_or_turn(self) -> None:
-        """At zero rate the hub sticks, if static friction can hold it; else it slides where it is pulled."""
-        theta = self._hub = float(self._sliding.qpos[0])
+    def _remains(self) -> float:
+        """What is left before the mode ends: rate [rad/s] of a sliding hub, static friction [N m] at rest."""
+        if self._mode == 0:
+            return self._margin()
+        return float(self._sliding.qvel[0]) * self._mode
+
+    def _switch(self) -> None:
+        """The mode is at its end: the rate of a sliding hub is zero, or friction cannot hold one at rest."""
+        self._remaining, self._change = math.nan, 0.0
+        sliding = self._sliding
+        if self._mode == 0:
+            # `_margin` has just put the sliding model at this state.
+            self._mode = 1 if sliding.needed > 0 else -1
+            return
+        sliding.qvel[0] = 0.0
+        theta = self._hub = float(sliding.qpos[0])
         needed = self._needed()
         if abs(needed) > self._static(theta, needed):
             self._mode = 1 if needed > 0 else -1
             return
         self._mode = 0
-        self._locked.set_state(self._sliding.qpos[1:], self._sliding.qvel[1:])
-        self._locked.turn_hub(theta)
-        self._verified = True
-
-    def _stick(self, h: float) -> None:
-        """One step of a hub at rest, or less if it breaks away."""
-        model, start = self._locked, self._time
-        before = 0.0
-        if not self._verified and (before := self._margin()) < 0:
-            self._break_away()
-            return
-        model.save()
-
-        def margin(length: float) -> float:
-            model.step_from_saved(start, length)
-            self._time = start + length
-            return self._margin()
-
-        model.step(start, h)
-        self._time = start + h
-        after = self._margin()
-        self._verified = after >= 0
-        if after < 0:
-            self._time = start + _crossing(margin, h, before, after)
-            self._break_away()
+        self._locked.set_state(sliding.qpos[1:], sliding.qvel[1:])
+        self._locked.turn(theta)
 
     def _margin(self) -> float:
         """How much more than what is needed static friction can bear [N m]; negative: the hub breaks away.
@@ -272,10 +271,6 @@ class MujocoChain:
         sliding.qpos[1:], sliding.qvel[1:] = locked.qpos, locked.qvel
         needed = self._needed()
         return self._static(self._hub, needed) - abs(needed)
-
-    def _break_away(self) -> None:
-        """From sticking to sliding; `_margin` has just been asked."""
-        self._mode = 1 if self._sliding.needed > 0 else -1
 
     def _needed(self) -> float:
         """Torque [N m] that friction must bear to keep the hub where it is."""
@@ -329,7 +324,7 @@ class _Model:
     """One of the two compiled models, its data and one saved state."""
 
     def __init__(self, rig: Mapping[str, float], chain: Chain, plant: Plant, locked: bool) -> None:
-        spec = mjcf.dynamics_spec(chain, plant, rig, locked)
+        spec = mjcf.dynamics_spec(chain, plant, rig, locked, compact=True)
         if plant.tip_drag_quadratic != 0 and plant.tip_drag_linear == 0:
             mjcf.add_tip_drag(spec, 0.0)
         self._waves = plant.friction_amplitude != 0 and not locked
@@ -337,36 +332,36 @@ class _Model:
             mjcf.add_hub_wave(spec, "friction", 0.0, plant.friction_order, plant.friction_phase)
         self.model = spec.compile()
         self.model.opt.disableflags = _DISABLED
-        self.data = mujoco.MjData(self.model)
+        self.data, self._options = mujoco.MjData(self.model), self.model.opt
         self.qpos, self.qvel, self._applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
         self._saved = self.qpos.copy(), self.qvel.copy()
         self._plant = plant
         self._wave = self.model.actuator("friction").id if self._waves else -1
         self._drag = self.model.actuator("drag_x").id if plant.tip_drag_quadratic != 0 else -1
-        self._hub = self.model.body("hub").id
+        self._gravity = complex(plant.gravity_x, plant.gravity_y)
         self._held, self._mode, self.needed = 0.0, 0, 0.0
 
     def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Sets joint angles [rad] and rates [rad/s]."""
         self.qpos[:], self.qvel[:] = qpos, qvel
 
-    def turn_hub(self, theta: float) -> None:
-        """Locks the hub at an angle [rad]: gravity's direction depends on it."""
-        self.model.body_quat[self._hub] = math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
+    def turn(self, theta: float) -> None:
+        """Locks the hub at an angle [rad]: in the hub's frame, gravity turns the other way."""
+        seen = self._gravity * cmath.exp(-1j * theta)
+        self.model.opt.gravity[:2] = seen.real, seen.imag
 
     def save(self) -> None:
         """Remembers the state."""
         self._saved[0][:], self._saved[1][:] = self.qpos, self.qvel
 
-    def step(self, time: float, h: float) -> None:
-        """Moves on by `h` from `time` [s]."""
-        self.model.opt.timestep, self.data.time = h, time
-        mujoco.mj_step(self.model, self.data)
-
-    def step_from_saved(self, time: float, h: float) -> None:
-        """Moves on by `h` from the saved state, which was that at `time` [s]."""
+    def restore(self) -> None:
+        """Returns to the remembered state."""
         self.qpos[:], self.qvel[:] = self._saved
-        self.step(time, h)
+
+    def step(self, time: float, h: float, steps: int = 1) -> None:
+        """Moves on from `time` by steps of `h` [s]."""
+        self._options.timestep, self.data.time = h, time
+        mujoco.mj_step(self.model, self.data, steps)
 
     def push(self, torque: float, mode: int) -> None:
         """Applies a torque [N m] and the friction of a hub that slides in direction `mode`; 0: none."""
@@ -424,11 +419,14 @@ def _from(start: float, instants: np.ndarray, torques: np.ndarray) -> tuple[list
     return instants[first:].tolist(), torques[first:].tolist()
 
 
-def _crossing(value: Callable[[float], float], high: float, at_low: float, at_high: float) -> float:
+def _crossing(
+    value: Callable[[float], float], restore: Callable[[], None], high: float, at_low: float, at_high: float
+) -> float:
     """Returns where `value` has just become negative between 0 and `high`, within TIME_TOLERANCE.
 
     Regula falsi, one end's value halved when the other moves twice (M. Dowell, P. Jarratt, BIT 11, 1971).
-    The last call of `value` is at the returned place, so that its side effects stand. Never 0: time goes on.
+    `restore` goes before each call of `value`, the last of which is at the returned place: its effects stand.
+    Never 0, so that time goes on.
     """
     low, moved, last = 0.0, 0, high
     at_low = max(at_low, 0.0)
@@ -436,6 +434,7 @@ def _crossing(value: Callable[[float], float], high: float, at_low: float, at_hi
         middle = high - at_high * (high - low) / (at_high - at_low)
         # Stay off the ends, so that the bracket closes from both sides.
         last = middle = min(max(middle, low + TIME_TOLERANCE / 2), high - TIME_TOLERANCE / 2)
+        restore()
         at_middle = value(middle)
         if at_middle < 0:
             high, at_high = middle, at_middle
@@ -444,5 +443,6 @@ def _crossing(value: Callable[[float], float], high: float, at_low: float, at_hi
             low, at_low = middle, at_middle
             at_high, moved = (at_high / 2 if moved == 1 else at_high), 1
     if last != high:
+        restore()
         value(high)
     return high
