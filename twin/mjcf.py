@@ -57,7 +57,7 @@ def build_spec(
       scene: add table, light and camera.
       gauges: strain bridges off the link's end are left out.
     """
-    spec = dynamics_spec(chain, plant if plant is not None else _declared_plant(rig, chain), rig)
+    spec = dynamics_spec(chain, plant if plant is not None else declared_plant(rig, chain), rig)
     _add_motor(spec, rig)
     _add_sensors(spec, rig, chain, gauges)
     _add_looks(spec, rig, chain, gauges)
@@ -128,8 +128,10 @@ def write_models(folder: Path) -> tuple[Path, ...]:
     return bare, scene
 
 
-def _declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
-    static, coulomb = rig.get("static_friction", 0.0), rig.get("coulomb_friction", 0.0)
+def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
+    """The plant of a rig with its declared friction and no other mechanism."""
+    coulomb = rig.get("coulomb_friction", 0.0)
+    static = max(rig.get("static_friction", 0.0), coulomb)
     return Plant(
         chain.lengths,
         chain.inertia,

@@ -32,6 +32,7 @@ from twin.planar import TIME_TOLERANCE, Plant
 _OFF = mujoco.mjtDisableBit
 _DISABLED = int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_SENSOR | _OFF.mjDSBL_AUTORESET)
 _NO_TIME = 1e-12  # s, what rounding leaves of a span
+_UNWATCHED = 2.5e-3  # s, longest time without a look for stick and slip: 1/10 of the third mode's period
 
 
 class MujocoChain:
@@ -202,11 +203,15 @@ class MujocoChain:
             if self._clamped:
                 self._locked.step(self._time, left / steps, steps)
                 break
-            self._move(left / steps, steps)
+            h = left / steps
+            self._move(h, min(steps, int(_UNWATCHED / h)))
         self._time = end
 
     def _move(self, h: float, steps: int) -> None:
-        """Moves on in the present mode: by all steps while its end is far, else by one or a part of one."""
+        """Moves on in the present mode: by several steps while its end is far, else by one or a part of one.
+
+        Far: what remains of the mode is more than what it changed by over the several steps.
+        """
         before = self._remaining if self._remaining == self._remaining else self._remains()
         if self._mode == 0 and before < 0:
             self._switch()
