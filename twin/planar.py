@@ -301,7 +301,9 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                 low, high = 0.0, h
                 while high - low > TIME_TOLERANCE:
                     mid = 0.5 * (low + high)
-                    _step(plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, scratch)
+                    _step(
+                        plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, scratch
+                    )
                     if crossed:
                         beyond = omega1[0] * mode < 0.0
                     else:
@@ -334,9 +336,31 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
     return mode
 
 
-@_compiled
-def simulate(plant, command_time, command, out_time, phi0, omega0, mode0, clamped, h_max):
+STUCK, UNSURE = 0, 2
+"""What the measurement says of the hub at a sample: it rests, or no clear word; +1 and -1: it moves."""
+
+
+_NO_FLAGS, _NO_ANCHOR = np.empty(0, dtype=np.int64), np.empty(0)
+
+
+def simulate(
+    plant: Plant,
+    command_time: np.ndarray,
+    command: np.ndarray,
+    out_time: np.ndarray,
+    phi0: np.ndarray,
+    omega0: np.ndarray,
+    mode0: int,
+    clamped: bool,
+    h_max: float,
+    observed: np.ndarray = _NO_FLAGS,
+    anchor: np.ndarray = _NO_ANCHOR,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrates from out_time[0] to out_time[-1].
+
+    Free-running where `observed` is empty. Otherwise guided: where the measurement is sure that the hub rests or
+    moves and the model disagrees, the model follows; and where a measured rest ends, the whole rig is turned to
+    the measured angle. Between rests the run is free, so a stick too many or too few does not decide the rest.
 
     Args:
       plant: the `Plant`.
@@ -346,12 +370,20 @@ def simulate(plant, command_time, command, out_time, phi0, omega0, mode0, clampe
       mode0: 0 hub sticks, +1 or -1 it slides.
       clamped: the hub is locked.
       h_max: largest step [s].
+      observed: (m) or (0) int64, `STUCK`, +1, -1 or `UNSURE` at each instant.
+      anchor: (m) or (0) measured hub angle while it rests [rad].
 
     Returns:
       (m, n + 1) angles [rad], (m, n + 1) rates [rad/s], (m) mode.
     """
-    size = phi0.size
-    phi, omega = phi0.copy(), omega0.copy()
+    start = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
+    arrays = [np.ascontiguousarray(values, dtype=float) for values in (command_time, command, out_time)]
+    return _simulate(plant, *arrays, *start, mode0, clamped, h_max, observed, anchor)
+
+
+@_compiled
+def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped, h_max, observed, anchor):
+    size = phi.size
     work = np.empty((8, size))
     scratch = np.empty((size + 3, size))
     angles = np.empty((out_time.size, size))
@@ -380,7 +412,157 @@ def simulate(plant, command_time, command, out_time, phi0, omega0, mode0, clampe
                 u_before = _drive(u, u_before, t - since, plant.lag)
                 u = command[pointer]
                 since = t
+        if observed.size > 0 and not clamped:
+            if observed[row] == STUCK and mode != 0:
+                mode = 0
+                omega[0] = 0.0
+            elif abs(observed[row]) == 1 and mode == 0:
+                mode = observed[row]
         angles[row] = phi
         rates[row] = omega
         modes[row] = mode
+        if (
+            observed.size > 0
+            and not clamped
+            and observed[row] == STUCK
+            and (row + 1 == out_time.size or observed[row + 1] != STUCK)
+        ):
+            turn = anchor[row] - phi[0]
+            for i in range(size):
+                phi[i] += turn
     return angles, rates, modes
+
+
+def holding_torque(
+    plant: Plant, time: np.ndarray, angles: np.ndarray, rates: np.ndarray, drive: np.ndarray
+) -> np.ndarray:
+    """Torque [N m] that friction bears while it keeps the hub at rest, at each instant.
+
+    Args:
+      plant: the `Plant`.
+      time: (m) [s].
+      angles, rates: (m, n + 1) state [rad], [rad/s].
+      drive: (m) delivered torque [N m].
+
+    Returns:
+      (m) positive where friction keeps the hub from turning to the positive side.
+    """
+    return _holding_torque(plant, time, angles, rates, np.ascontiguousarray(drive))
+
+
+@_compiled
+def _holding_torque(plant, time, angles, rates, drive):
+    size = angles.shape[1]
+    acc, scratch = np.empty(size), np.empty((size + 3, size))
+    needed = np.empty(time.size)
+    for row in range(time.size):
+        needed[row] = _needed(plant, time[row], angles[row], rates[row], drive[row], acc, scratch)
+    return needed
+
+
+def driven(
+    plant: Plant,
+    time: np.ndarray,
+    angle: np.ndarray,
+    rate: np.ndarray,
+    acceleration: np.ndarray,
+    phi0: np.ndarray,
+    omega0: np.ndarray,
+    h_max: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Moves the link under a prescribed motion of the hub: no friction, no drive, no stick or slip.
+
+    Args:
+      plant: the `Plant`.
+      time: (m) instants [s].
+      angle, rate, acceleration: (m) of the hub [rad], [rad/s], [rad/s^2].
+      phi0, omega0: (n + 1) state at the first instant.
+      h_max: largest step [s].
+
+    Returns:
+      (m, n + 1) angles, (m, n + 1) rates, and (m) the torque [N m] on the hub that this motion takes.
+    """
+    motion = [np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, acceleration)]
+    return _driven(plant, *motion, np.array(phi0, dtype=float), np.array(omega0, dtype=float), h_max)
+
+
+@_compiled
+def _driven_accelerations(plant, phi, omega, alpha, acc, scratch):
+    """Fills acc (n + 1) under a hub acceleration alpha; returns the hub torque that it takes."""
+    mass, row = scratch[3:], scratch[2]
+    _generalised_forces(plant, phi, omega, acc, mass, scratch[0], scratch[1])
+    m = phi.size
+    hub_force, hub_mass = acc[0], mass[0, 0]
+    for j in range(1, m):
+        row[j] = mass[j, 0]
+        acc[j] -= row[j] * alpha
+    _solve(mass, acc, 1)
+    torque = hub_mass * alpha - hub_force
+    for j in range(1, m):
+        torque += row[j] * acc[j]
+    acc[0] = alpha
+    return torque
+
+
+@_compiled
+def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
+    m = phi.size
+    k1v, k2v, k3v, k4v = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    k1a, k2a, k3a, k4a = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    p, scratch = np.empty(m), np.empty((m + 3, m))
+    angles, rates, torques = np.empty((time.size, m)), np.empty((time.size, m)), np.empty(time.size)
+    turn = angle[0] - phi[0]
+    for i in range(m):
+        phi[i] += turn
+    omega[0] = rate[0]
+    for row in range(time.size):
+        angles[row] = phi
+        rates[row] = omega
+        torques[row] = _driven_accelerations(plant, phi, omega, acceleration[row], k1a, scratch)
+        if row + 1 == time.size:
+            break
+        span = time[row + 1] - time[row]
+        count = int(np.ceil(span / h_max - 1e-9))
+        h = span / count
+        slope = (acceleration[row + 1] - acceleration[row]) / span
+        for step in range(count):
+            start = acceleration[row] + slope * step * h
+            middle, end = start + slope * h / 2, start + slope * h
+            for i in range(m):
+                k1v[i] = omega[i]
+            _driven_accelerations(plant, phi, omega, start, k1a, scratch)
+            for i in range(m):
+                p[i] = phi[i] + 0.5 * h * k1v[i]
+                k2v[i] = omega[i] + 0.5 * h * k1a[i]
+            _driven_accelerations(plant, p, k2v, middle, k2a, scratch)
+            for i in range(m):
+                p[i] = phi[i] + 0.5 * h * k2v[i]
+                k3v[i] = omega[i] + 0.5 * h * k2a[i]
+            _driven_accelerations(plant, p, k3v, middle, k3a, scratch)
+            for i in range(m):
+                p[i] = phi[i] + h * k3v[i]
+                k4v[i] = omega[i] + h * k3a[i]
+            _driven_accelerations(plant, p, k4v, end, k4a, scratch)
+            for i in range(m):
+                phi[i] += h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
+                omega[i] += h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
+        phi[0] = angle[row + 1]
+        omega[0] = rate[row + 1]
+    return angles, rates, torques
+
+
+def hub_laws(
+    plant: Plant, time: np.ndarray, angle: np.ndarray, rate: np.ndarray, direction: np.ndarray
+) -> np.ndarray:
+    """Torque [N m] of the hub laws and of sliding friction along a motion of the hub (m,); direction 0: no friction."""
+    return _hub_laws(plant, *(np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, direction)))
+
+
+@_compiled
+def _hub_laws(plant, time, angle, rate, direction):
+    torque = np.empty(time.size)
+    for k in range(time.size):
+        torque[k] = hub_torque(plant, time[k], angle[k], rate[k])
+        if direction[k] != 0:
+            torque[k] -= direction[k] * sliding_level(plant, angle[k], rate[k], direction[k])
+    return torque

@@ -57,6 +57,7 @@ class Recording:
       loop: "open" where torque_command was prescribed, "closed" where a controller computed it.
       initial_tip_deflection: tip deflection [m] held by a force until the first sample, then released.
       start: "rest", or "unknown" where the rig was already moving at the first sample.
+      command_time: (n) instants from which each torque_command sample is held [s]; None: those of `time`.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Recording:
     loop: Literal["open", "closed"] = "open"
     initial_tip_deflection: float | None = None
     start: Literal["rest", "unknown"] = "rest"
+    command_time: np.ndarray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         time = _frozen(self.time)
@@ -76,6 +78,8 @@ class Recording:
             if values.shape != time.shape:
                 raise ValueError(f"{name} has shape {values.shape}; expected that of time, {time.shape}")
         object.__setattr__(self, "time", time)
+        if self.command_time is not None:
+            object.__setattr__(self, "command_time", _frozen(self.command_time))
         object.__setattr__(self, "channels", MappingProxyType(channels))
 
     def __getitem__(self, channel: str) -> np.ndarray:
@@ -102,7 +106,7 @@ class Recording:
 
     def __reduce__(self):
         fields = (self.name, self.time, dict(self.channels), self.clamped, self.loop)
-        return (type(self), (*fields, self.initial_tip_deflection, self.start))
+        return (type(self), (*fields, self.initial_tip_deflection, self.start, self.command_time))
 
 
 def _frozen(values: np.ndarray) -> np.ndarray:

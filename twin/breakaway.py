@@ -1,0 +1,74 @@
+"""Break-away torque, read at the instants at which the measured hub leaves a rest.
+
+The hub of the model is held until the measurement moves; the torque that friction bore just before is the static
+level there, in that direction and at that angle. No fit is needed, and no stick or slip of a simulation decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import planar
+from twin.fit import Prepared, guided
+from twin.model import Model, Start, integrate
+from twin.observe import BEFORE_ONSET
+
+_SLOW = 0.02  # relative change of the torque over `_SPAN` up to which the instant of the break-away is sure enough
+_SPAN = 0.01  # s
+
+
+@dataclass(frozen=True)
+class BreakAway:
+    """One break-away: torque [N m], direction, hub reading [rad], recording and instant [s]."""
+
+    torque: float
+    direction: int
+    angle: float
+    recording: int
+    time: float
+
+
+def find(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> list[BreakAway]:
+    """Break-aways in the recordings whose torque is well defined."""
+    return [
+        event
+        for i, (p, start) in enumerate(zip(prepared, starts, strict=True))
+        if p.hub is not None
+        for event in _in_recording(model, p, start, i)
+    ]
+
+
+def levels(events: Sequence[BreakAway]) -> dict[int, float]:
+    """Median break-away torque by direction, +1 and -1; a direction never seen is left out [N m]."""
+    by_direction = {d: [abs(e.torque) for e in events if e.direction == d] for d in (1, -1)}
+    return {d: float(np.median(torques)) for d, torques in by_direction.items() if torques}
+
+
+def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) -> list[BreakAway]:
+    held = _never_breaking(model)
+    motion = integrate(held, prepared.recording, start, guided(held, prepared, tight=True))
+    time = prepared.recording.time
+    drive = held.drive(prepared.recording).at(time)
+    needed = planar.holding_torque(held.plant, time, motion.angles, motion.rates, drive)
+    period = float(np.median(np.diff(time)))
+    lag = max(1, int(round(_SPAN / period)))
+    found = []
+    assert prepared.hub is not None
+    for onset, direction in prepared.hub.onsets:
+        k = onset - BEFORE_ONSET
+        if k < lag or motion.modes[k] != 0 or np.sign(needed[k]) != direction:
+            continue
+        if np.abs(needed[k] - needed[k - lag]) < _SLOW * abs(needed[k]):
+            angle = prepared.hub.reading[k]
+            found.append(BreakAway(float(needed[k]), direction, float(angle), index, float(time[k])))
+    return found
+
+
+def _never_breaking(model: Model) -> Model:
+    held = model.replace()
+    plant = model.plant._replace(static_positive=1e9, static_negative=1e9)
+    held.__dict__["plant"] = plant
+    return held

@@ -1,0 +1,291 @@
+"""The recordings seen locally in time: the link driven by the measured hub, and the balance of the hub.
+
+A free-running simulation is decided by every stick and slip. Here the measured hub angle moves the link instead:
+its strains follow without friction, and the torque that the motion takes is known at every instant. What the
+strains leave is missing in the link or a sensor; what drive, friction and that torque leave is missing at the hub.
+
+All signals pass the same zero-phase low-pass, so that measured and simulated ones stay comparable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import binary_dilation
+from scipy.signal import butter, sosfiltfilt
+
+from twin import planar
+from twin.evidence import Group
+from twin.fit import Prepared
+from twin.model import Model, Motion, Start, initial_state, reported
+from twin.planar import STUCK
+from twin.recording import Recording
+
+BAND = 25.0
+"""Corner of the low-pass [Hz]: above the second free mode of a rig like this, below the noise of its rates."""
+_GRID = 0.002  # s, uniform grid on which the signals are filtered
+MOTION_BAND = 70.0
+"""Corner of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it."""
+_MARGIN = 0.07  # s, reach of the filter about a stick
+_LEAD = 0.03  # s before a break-away up to which the filter sees none of it
+_SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
+_SETTLING = 0.5  # s left out at the start of a rig that was already moving
+
+
+@dataclass(frozen=True)
+class View:
+    """One recording on a uniform grid, filtered.
+
+    Attributes:
+      time: (m) [s].
+      reading, rate, acceleration: (m) of the hub's reading [rad], [rad/s], [rad/s^2]; zero where clamped.
+      direction: (m) of the motion of the hub, 0 where it rests or is unclear.
+      sliding: (m) whether the hub surely slides, with the filter's reach.
+      measured: channel -> (m) filtered readings.
+      known: channel -> (m) whether the readings are there.
+      noise: name -> standard deviation of what is compared, after the filter.
+      onsets: (index, direction) just before a rest of the hub ends.
+    """
+
+    time: np.ndarray
+    reading: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    direction: np.ndarray
+    sliding: np.ndarray
+    measured: dict[str, np.ndarray]
+    known: dict[str, np.ndarray]
+    noise: dict[str, float]
+    onsets: tuple[tuple[int, int], ...]
+
+
+def low_passed(values: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
+    """Zero-phase low-pass of a signal (m) on a uniform grid."""
+    corner = min(band, 0.4 / period)
+    sections = butter(3, corner, fs=1 / period, output="sos")
+    return sosfiltfilt(sections, values, padlen=min(len(values) - 1, int(0.3 / period)))
+
+
+def look(prepared: Prepared, model: Model) -> View:
+    """Filters a recording and propagates its noise through the model."""
+    recording = prepared.recording
+    count = max(2, int(np.floor(recording.duration / _GRID)) + 1)
+    time = recording.time[0] + _GRID * np.arange(count)
+    measured, known = {}, {}
+    for channel in prepared.channels:
+        if channel != "hub_angle":
+            measured[channel], known[channel] = _filtered(recording, channel, time)
+    still = np.zeros(count)
+    if prepared.hub is None:
+        return View(
+            time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()
+        )
+    reading, _ = _filtered(recording, "hub_angle", time, MOTION_BAND)
+    spline = CubicSpline(time, reading)
+    rate, acceleration = spline(time, 1), spline(time, 2)
+    stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
+    direction = np.where(stuck, 0.0, np.sign(rate))
+    doubtful = stuck | _may_stick(rate, acceleration, prepared.noise["hub_angle"], _raw_period(recording))
+    sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / _GRID))
+    onsets = tuple((int(np.searchsorted(time, recording.time[k] - _LEAD)), d) for k, d in prepared.hub.onsets)
+    view = View(time, reading, rate, acceleration, direction, sliding, measured, known, {}, onsets)
+    noise = _propagated(prepared, view, model)
+    return View(time, reading, rate, acceleration, direction, sliding, measured, known, noise, onsets)
+
+
+def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
+    """Name -> (m) measured minus simulated in noise units; `hub_torque` is the unmodelled torque on the hub."""
+    motion, required = move(view, prepared, model, start)
+    asked = Recording("", view.time, {c: np.zeros(len(view.time)) for c in view.measured})
+    parts = {}
+    simulated = reported(model, asked.replace(channels=_strains_only(asked)), motion)
+    for channel, values in view.measured.items():
+        if channel == "motor_torque":
+            predicted = _read_torque(view, prepared, model)
+        else:
+            predicted = low_passed(simulated[channel], _GRID)
+        parts[channel] = np.where(view.known[channel], (values - predicted) / view.noise[channel], 0.0)
+    if prepared.hub is not None:
+        drive_of = _delivered(view, prepared, model)
+        raw = model.drive(prepared.recording).at(view.time)
+        missing = unmodelled(view, model, motion, required, drive_of)
+        parts["hub_torque"] = np.where(view.sliding, missing / view.noise["hub_torque"], 0.0)
+        parts["break_away"] = _break_aways(view, model, motion, required, drive_of, raw)
+    return parts
+
+
+def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:
+    """The link under the measured hub, and the torque (m) on the hub that this takes [N m]."""
+    angle = model.hub_angle_of(view.reading, view.time)
+    ratio = _sensor_slope(model, view)
+    rate, acceleration = view.rate * ratio, view.acceleration * ratio
+    phi, omega = initial_state(model, prepared.recording, start)
+    if prepared.recording.start == "unknown":
+        omega = omega - omega[0] + rate[0]
+    angles, rates, required = planar.driven(
+        model.plant, view.time, angle, rate, acceleration, phi, omega, model.step
+    )
+    return Motion(view.time, angles, rates, view.direction), required
+
+
+def unmodelled(
+    view: View, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray
+) -> np.ndarray:
+    """Torque (m) on the hub that the model does not account for [N m], where the hub slides."""
+    laws = hub_laws(view, model, motion)
+    return low_passed(required - laws, _GRID) - delivered
+
+
+def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
+    """Torque (m) of all hub laws and sliding friction along a motion [N m]."""
+    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], view.direction)
+
+
+def _break_aways(
+    view: View, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray, raw: np.ndarray
+) -> np.ndarray:
+    """Excess of the torque that friction bore before a break-away over the static level, noise units (m)."""
+    parts = np.zeros(len(view.time))
+    for k, direction in view.onsets:
+        if not 0 < k < len(parts):
+            continue
+        quiet = np.zeros(len(parts))
+        laws = planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], quiet)
+        borne = (delivered + low_passed(laws - required, _GRID)) * direction
+        ahead = int(_LEAD / _GRID)
+        slope = (borne[k] - borne[max(0, k - ahead)]) / (min(k, ahead) * _GRID)
+        at_onset = borne[k] + slope * (_LEAD - 0.004)
+        level = planar.static_level(model.plant, motion.angles[k, 0], direction)
+        # The instant is known to some 3 ms, the torque to its noise.
+        sigma = np.hypot(view.noise["hub_torque"], 0.003 * slope)
+        steady = np.ptp(raw[max(0, k - ahead) : k + ahead + 4]) < 0.1 * abs(level)
+        if steady and abs(slope) * _LEAD < 0.05 * abs(level):
+            parts[k] = (at_onset - level) / sigma
+    return parts
+
+
+def _delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
+    drive = model.drive(prepared.recording)
+    fine = _GRID / 10
+    # Held values are averaged over a grid step, centred: their edges lie between the grid's instants.
+    offsets = (np.arange(10) - 4.5) * fine
+    raw = np.mean([drive.at(view.time + d) for d in offsets], axis=0)
+    return low_passed(raw, _GRID)
+
+
+def _read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:
+    """Delivered torque as a current sensor reports it, at the samples, filtered like the reading."""
+    time = prepared.recording.time
+    return low_passed(np.interp(view.time, time, model.drive(prepared.recording).at(time)), _GRID)
+
+
+def _strains_only(asked: Recording) -> dict[str, np.ndarray]:
+    return {c: v for c, v in asked.channels.items() if c != "motor_torque"}
+
+
+def _filtered(
+    recording: Recording, channel: str, time: np.ndarray, band: float = BAND
+) -> tuple[np.ndarray, np.ndarray]:
+    values = recording[channel]
+    ok = np.isfinite(values)
+    nearest = np.interp(time, recording.time, ok.astype(float)) > 0.5
+    return low_passed(np.interp(time, recording.time[ok], values[ok]), _GRID, band), nearest
+
+
+def _raw_period(recording: Recording) -> float:
+    return float(np.median(np.diff(recording.time)))
+
+
+def _may_stick(rate: np.ndarray, acceleration: np.ndarray, noise: float, period: float) -> np.ndarray:
+    """Samples (m) about reversals and slow stretches at which the hub may have stuck for a moment.
+
+    A stick has neither rate nor acceleration; where the acceleration stands out of its noise there was none.
+    Errors of the derivatives of white noise behind a low-pass at f: sigma (2 pi f)^k sqrt(2 f dt / (2 k + 1)).
+    """
+    circular, share = 2 * np.pi * MOTION_BAND, 2 * MOTION_BAND * period
+    rate_error = noise * circular * np.sqrt(share / 3)
+    acceleration_error = noise * circular**2 * np.sqrt(share / 5)
+    slow = np.abs(rate) < 3 * rate_error
+    return slow & (np.abs(acceleration) < _SURE * acceleration_error)
+
+
+def _sensor_slope(model: Model, view: View) -> np.ndarray:
+    """d angle / d reading of the hub sensor along the view (m)."""
+    small = 1e-4
+    up = model.hub_angle_of(view.reading + small, view.time)
+    down = model.hub_angle_of(view.reading - small, view.time)
+    return (up - down) / (2 * small)
+
+
+def _sensor_noise(prepared: Prepared, hub: dict[str, float]) -> dict[str, float]:
+    share = np.sqrt(2 * BAND * _raw_period(prepared.recording))
+    noise = {c: prepared.noise[c] * min(1.0, share) for c in prepared.channels if c != "hub_angle"}
+    return {name: float(np.hypot(value, hub.get(name, 0.0))) for name, value in noise.items()}
+
+
+def _propagated(prepared: Prepared, view: View, model: Model) -> dict[str, float]:
+    """What the noise of the hub angle does to each figure, by a simulation with noise added."""
+    generator = np.random.default_rng(0)
+    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(_raw_period(prepared.recording) / _GRID))
+    shaken = low_passed(generator.normal(0, sigma, len(view.time)), _GRID, MOTION_BAND)
+    spline = CubicSpline(view.time, shaken)
+    plain, torque = move(view, prepared, model, prepared.start)
+    noisy = View(
+        view.time,
+        view.reading + shaken,
+        view.rate + spline(view.time, 1),
+        view.acceleration + spline(view.time, 2),
+        *(view.direction, view.sliding, view.measured, view.known, {}, view.onsets),
+    )
+    moved, torque_moved = move(noisy, prepared, model, prepared.start)
+    asked = Recording(
+        "", view.time, {c: np.zeros(len(view.time)) for c in view.measured if c != "motor_torque"}
+    )
+    a, b = reported(model, asked, plain), reported(model, asked, moved)
+    hub = {c: float(np.std(low_passed(a[c] - b[c], _GRID))) for c in asked.measured()}
+    noise = _sensor_noise(prepared, hub)
+    noise["hub_torque"] = float(np.std(low_passed(torque_moved - torque, _GRID)))
+    return noise
+
+
+class DrivenData:
+    """The views of some recordings as residuals for a fit."""
+
+    def __init__(self, prepared: Sequence[Prepared], model: Model):
+        self.prepared = tuple(prepared)
+        self.views = tuple(look(p, model) for p in self.prepared)
+        self.groups, self.weight = self._layout()
+
+    def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
+        """See `residual`."""
+        return residual(self.views[i], self.prepared[i], model, start)
+
+    def counts(self) -> np.ndarray:
+        """Number of independent samples of each group (g): the filter leaves two a hertz and second."""
+        per_sample = min(1.0, 2 * BAND * _GRID)
+        return np.array(
+            [
+                self.weight[g.rows].sum() * (1.0 if g.channel == "break_away" else per_sample)
+                for g in self.groups
+            ]
+        )
+
+    def _layout(self) -> tuple[tuple[Group, ...], np.ndarray]:
+        groups, weights, row = [], [], 0
+        for i, (view, p) in enumerate(zip(self.views, self.prepared, strict=True)):
+            late = view.time >= view.time[0] + (_SETTLING if p.recording.start == "unknown" else 0.0)
+            named = {c: view.known[c] & late for c in view.measured}
+            if p.hub is not None:
+                named["hub_torque"] = view.sliding & late
+                at_onset = np.zeros(len(view.time), dtype=bool)
+                at_onset[[k for k, _ in view.onsets if 0 < k < len(at_onset)]] = True
+                named["break_away"] = at_onset
+            for channel, mask in named.items():
+                if mask.any():
+                    groups.append(Group(i, channel, slice(row, row + len(mask))))
+                    weights.append(mask.astype(float))
+                    row += len(mask)
+        return tuple(groups), np.concatenate(weights) if weights else np.zeros(0)

@@ -1,0 +1,13 @@
+"""Dead time between command and torque."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class ActuatorDelay(Effect):
+    """delivered(t) = commanded(t - delay)."""
+
+    name = "actuator-delay"
+    parameters = (EffectParameter("delay", "s", 0.0, (0.0, 0.2), 2e-3),)
+
+    def drive(self, drive, p):
+        return drive.replace(time=drive.time + p["delay"])

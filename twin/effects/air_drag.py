@@ -1,0 +1,13 @@
+"""Air resistance of the tip."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class AirDrag(Effect):
+    """Force -coefficient |v| v on the tip: turbulent drag."""
+
+    name = "air-drag"
+    parameters = (EffectParameter("coefficient", "N*s^2/m^2", 0.0, (0.0, 10.0), 2e-3),)
+
+    def plant(self, plant, p):
+        return plant._replace(tip_drag_quadratic=plant.tip_drag_quadratic + p["coefficient"])

@@ -1,0 +1,22 @@
+"""Wires that pull the hub back."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class CableTorsion(Effect):
+    """Torque -stiffness * (theta - rest_angle) on the hub."""
+
+    name = "cable-torsion"
+    parameters = (
+        EffectParameter("stiffness", "N*m/rad", 0.0, (0.0, 10.0), 1e-3),
+        EffectParameter("rest_angle", "rad", 0.0, (-20.0, 20.0), 0.1),
+    )
+
+    along = ("rest_angle",)
+
+    def starts(self, rig):
+        # The spring's two linear coefficients, stiffness and stiffness * rest_angle, need three points.
+        return tuple({"stiffness": 1e-3, "rest_angle": angle} for angle in (0.0, 1.0, -1.0))
+
+    def plant(self, plant, p):
+        return plant._replace(cable_stiffness=p["stiffness"], cable_rest_angle=p["rest_angle"])

@@ -1,0 +1,15 @@
+"""A potentiometer that reads too much or too little."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class HubSensorGain(Effect):
+    """reading = gain * theta."""
+
+    name = "hub-sensor-gain"
+    parameters = (EffectParameter("gain", "1", 1.0, (0.1, 10.0), 5e-3, "hub_angle"),)
+
+    def sensing(self, time, channels, p):
+        if "hub_angle" not in channels:
+            return channels
+        return {**channels, "hub_angle": channels["hub_angle"] * p["gain"]}

@@ -1,0 +1,14 @@
+"""A link that is softer than declared everywhere."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class StiffnessLoss(Effect):
+    """bending_stiffness, free of its declared uncertainty: ageing of a composite link."""
+
+    name = "stiffness-loss"
+    parameters = (EffectParameter("bending_stiffness", "N*m^2", None, (1e-6, 1e6), -2e-3),)
+    replaces = ("bending_stiffness",)
+
+    def rig(self, rig, p):
+        return rig.replace(bending_stiffness=p["bending_stiffness"])

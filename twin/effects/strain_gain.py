@@ -1,0 +1,16 @@
+"""Strain bridges that read too much or too little."""
+
+from twin.effects.base import Effect, EffectParameter
+
+_GAINS = {"strain_base": "gain_base", "strain_mid": "gain_mid"}
+
+
+class StrainGain(Effect):
+    """reading = gain * strain, a gain for each bridge."""
+
+    name = "strain-gain"
+    parameters = tuple(EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch) for ch, gain in _GAINS.items())
+
+    def sensing(self, time, channels, p):
+        read = {ch: channels[ch] * p[gain] for ch, gain in _GAINS.items() if ch in channels}
+        return {**channels, **read}

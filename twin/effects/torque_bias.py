@@ -1,0 +1,13 @@
+"""A torque that is always there."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class TorqueBias(Effect):
+    """delivered = commanded + bias: an amplifier with an offset."""
+
+    name = "torque-bias"
+    parameters = (EffectParameter("bias", "N*m", 0.0, (-1.0, 1.0), 1e-4),)
+
+    def drive(self, drive, p):
+        return drive.replace(torque=drive.torque + p["bias"], before=drive.before + p["bias"])

@@ -1,0 +1,490 @@
+"""Fits of a model to recordings: declared parameters within their uncertainty, effects freely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from twin import evidence, observe
+from twin.effects import REGISTRY
+from twin.evidence import Group
+from twin.model import Guide, Model, Start, simulate
+from twin.observe import HubMotion
+from twin.recording import Recording
+
+MEMORY = 0.25
+"""Span over which a change of the hub angle is compared [s]."""
+_CORRELATION = 0.05  # s, over which a misfit is taken as one piece of evidence while fitting
+_VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
+_RIGID = ("torque_limit",)
+# Standard deviations assumed where a campaign leaves them unsaid, as a careful lab would state them.
+ASSUMED_UNCERTAINTY = {
+    "bending_stiffness": 0.02,
+    "linear_density": 0.01,
+    "length": 0.002,
+    "hub_inertia": 0.03,
+    "tip_mass": 0.01,
+    "tip_inertia": 0.05,
+    "damping_ratio": 0.1,
+    "static_friction": 0.1,
+    "coulomb_friction": 0.1,
+}
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A recording made ready to be compared with.
+
+    Attributes:
+      recording: without outliers.
+      noise: channel -> standard deviation of its noise.
+      channels: channels that are compared.
+      hub: rests and motion of the hub, where it is measured and free.
+      start: state at the first sample, by the readings.
+    """
+
+    recording: Recording
+    noise: Mapping[str, float]
+    channels: tuple[str, ...]
+    hub: HubMotion | None
+    start: Start
+
+
+def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared, list[str]]:
+    """Returns the recording made ready, and what was left out of it."""
+    known = {name: noise[name] for name in recording.measured() if noise.get(name, 0.0) > 0}
+    clean, notes = observe.without_outliers(recording, known)
+    channels = tuple(c for c in known if np.isfinite(clean[c]).any())
+    hub = None
+    if "hub_angle" in channels and not clean.clamped:
+        hub = observe.hub_motion(clean, known["hub_angle"])
+    start = Start(hub_angle=observe.first_reading(clean, hub))
+    if clean.start == "unknown":
+        start = observe.moving_start(clean)
+    return Prepared(clean, known, channels, hub, start), notes
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that a fit may move.
+
+    Attributes:
+      owner: effect name, "rig", or "start" for the state at the first sample of one recording.
+      name: parameter.
+      start: first value.
+      scale: prior standard deviation for a declared parameter, else a small but visible size.
+      prior: whether `scale` is a prior about `start`.
+      bounds: range.
+      recording: index of the only recording that it acts on, or None.
+    """
+
+    owner: str
+    name: str
+    start: float
+    scale: float
+    prior: bool
+    bounds: tuple[float, float]
+    recording: int | None = None
+
+
+def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
+    """Declared parameters that may move within their uncertainty."""
+    found = []
+    for name, parameter in model.declared.parameters.items():
+        relative = parameter.uncertainty
+        if relative is None:
+            relative = ASSUMED_UNCERTAINTY.get(name, 0.0)
+        scale = relative * abs(parameter.value)
+        if name not in _RIGID and name not in replaced and scale > 0:
+            found.append(Unknown("rig", name, parameter.value, scale, True, parameter.bounds))
+    return found
+
+
+def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen: set[str]) -> list[Unknown]:
+    """Parameters of an effect that these channels can say something about."""
+    return [
+        Unknown(effect, p.name, values[p.name], abs(p.step), False, p.bounds)
+        for p in REGISTRY[effect].parameters
+        if p.channel is None or p.channel in seen
+    ]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model at its best, and how well the data determine it.
+
+    Attributes:
+      model: the fitted model.
+      starts: state of each recording at its first sample.
+      unknowns: what was fitted (p).
+      values, errors: (p) and their standard errors.
+      covariance: (p x p).
+      residual: (n) in noise units.
+      size: (g) root-mean-square of each group.
+      cost: what was minimised.
+      jacobian: (n x p) of the residual.
+    """
+
+    model: Model
+    starts: tuple[Start, ...]
+    unknowns: tuple[Unknown, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+    size: np.ndarray
+    cost: float
+    jacobian: np.ndarray = field(repr=False)
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Standard errors (p)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0))
+
+
+class Data(Protocol):
+    """Recordings as residuals: which groups there are, and how a model does on one recording."""
+
+    prepared: tuple[Prepared, ...]
+    groups: tuple[Group, ...]
+    weight: np.ndarray
+
+    def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
+        """Channel -> residual (m) of recording i in noise units, 0 where unknown."""
+
+    def counts(self) -> np.ndarray:
+        """Number of pieces of evidence in each group (g)."""
+
+
+class Workbench:
+    """Data to fit to, and the simulations that a fit needs, side by side on the processors."""
+
+    def __init__(self, data: Data, pool: ThreadPoolExecutor):
+        self.data = data
+        self.pool = pool
+        self.prepared, self.groups, self.weight = data.prepared, data.groups, data.weight
+        self.count = data.counts()
+        self.defect = np.zeros(len(self.weight))
+        self.simulations = 0
+
+    def channels(self) -> set[str]:
+        """Channels that are compared in any recording."""
+        return {c for p in self.prepared for c in p.channels}
+
+    def residuals(self, jobs: Sequence[tuple[Model, Sequence[Start], int | None]]) -> list[np.ndarray]:
+        """Measured minus simulated in noise units (n) of each (model, starts, only recording or None).
+
+        A job for one recording has zeros elsewhere.
+        """
+        tasks = [
+            (index, i, model, starts[i])
+            for index, (model, starts, only) in enumerate(jobs)
+            for i in range(len(self.prepared))
+            if only is None or only == i
+        ]
+        self.simulations += len(tasks)
+        results = [np.zeros(len(self.weight)) for _ in jobs]
+        for (index, i, _, _), parts in zip(tasks, self.pool.map(self._task, tasks), strict=True):
+            for group in self.groups:
+                if group.recording == i:
+                    rows = group.rows
+                    part = np.clip(np.nan_to_num(parts[group.channel], nan=1e6), -1e6, 1e6)
+                    results[index][rows] = (part - self.defect[rows]) * self.weight[rows]
+        return results
+
+    def _task(self, task: tuple[int, int, Model, Start]) -> dict[str, np.ndarray]:
+        _, i, model, start = task
+        return self.data.residual(model, i, start)
+
+    def independent(self, residual: np.ndarray) -> np.ndarray:
+        """Number of independent samples of each group (g)."""
+        return evidence.independent(residual, self.groups, self.weight)
+
+    def sizes(self, residual: np.ndarray) -> np.ndarray:
+        """Root-mean-square of each group (g), noise units."""
+        return evidence.sizes(residual, self.groups, self.weight)
+
+    def refine(self, model: Model, fine: Model, starts: Sequence[Start]) -> None:
+        """Takes the discretisation error of `model` at this point into all later residuals, as `fine` shows it."""
+        self.defect = np.zeros(len(self.weight))
+        coarse_r, fine_r = self.residuals([(model, starts, None), (fine, starts, None)])
+        self.defect = coarse_r - fine_r
+
+
+class GuidedData:
+    """Recordings beside guided free-running simulations."""
+
+    def __init__(self, prepared: Sequence[Prepared]):
+        self.prepared = tuple(prepared)
+        self.groups, self.weight = _layout(self.prepared)
+
+    def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
+        """See `whitened`."""
+        return whitened(model, self.prepared[i], start)
+
+    def counts(self) -> np.ndarray:
+        """Number of pieces of evidence in each group (g), if its misfit is correlated."""
+        spans = [self.prepared[g.recording].recording.duration for g in self.groups]
+        known = [self.weight[g.rows].mean() for g in self.groups]
+        return np.array(spans) * np.array(known) / _CORRELATION
+
+
+def guided(model: Model, prepared: Prepared, tight: bool) -> Guide | None:
+    """The guide of a recording under this model's hub sensor; `tight`: rests end where the measured ones do."""
+    if prepared.hub is None:
+        return None
+    angle = model.hub_angle_of(prepared.hub.reading, prepared.recording.time)
+    return observe.guide(prepared.hub, angle, tight)
+
+
+def whitened(model: Model, prepared: Prepared, start: Start) -> dict[str, np.ndarray]:
+    """Channel -> measured minus simulated in noise units (m), 0 where missing; the simulation guided."""
+    measured = prepared.recording
+    if measured.start == "rest" and prepared.hub is not None:
+        angle = model.hub_angle_of(np.array([start.hub_angle]), measured.time[:1])
+        start = replace(start, hub_angle=float(angle[0]))
+    predicted = simulate(model, measured, start, guided(model, prepared, tight=False))
+    return {
+        c: _local(c, (measured[c] - predicted[c]) / prepared.noise[c], measured.time)
+        for c in prepared.channels
+    }
+
+
+def _local(channel: str, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """A residual (m) local in time, 0 where it is unknown.
+
+    Nothing holds a sliding hub in place, so that the smallest torque adds up to a drift without end: of the hub
+    angle, the change over `MEMORY` counts, with the noise of one reading.
+    """
+    if channel == "hub_angle":
+        earlier = np.maximum(np.searchsorted(time, time - MEMORY + 1e-9), 0)
+        first = time < time[0] + MEMORY
+        residual = np.where(first, residual, (residual - residual[earlier]) / np.sqrt(2))
+    return np.clip(np.nan_to_num(residual, nan=0.0), -1e6, 1e6)
+
+
+def _layout(prepared: Sequence[Prepared]) -> tuple[tuple[Group, ...], np.ndarray]:
+    groups, weights, row = [], [], 0
+    for i, p in enumerate(prepared):
+        for channel in p.channels:
+            known = np.isfinite(_known(channel, p.recording))
+            groups.append(Group(i, channel, slice(row, row + len(known))))
+            weights.append(known.astype(float))
+            row += len(known)
+    return tuple(groups), np.concatenate(weights) if weights else np.zeros(0)
+
+
+def _known(channel: str, recording: Recording) -> np.ndarray:
+    blank = np.where(np.isfinite(recording[channel]), 1.0, np.nan)
+    if channel != "hub_angle":
+        return blank
+    time = recording.time
+    return blank + np.where(time < time[0] + MEMORY, 0.0, blank[np.searchsorted(time, time - MEMORY + 1e-9)])
+
+
+def placed(model: Model, unknowns: Sequence[Unknown], values: np.ndarray) -> Model:
+    """The model with the unknowns at these values (p)."""
+    rig = {u.name: float(v) for u, v in zip(unknowns, values, strict=True) if u.owner == "rig"}
+    effects = {name: dict(p) for name, p in model.effects.items()}
+    for u, v in zip(unknowns, values, strict=True):
+        if u.owner in effects:
+            effects[u.owner][u.name] = float(v)
+    declared = model.declared.replace(source="fitted", **rig) if rig else model.declared
+    return model.replace(declared=declared, effects=effects)
+
+
+def placed_starts(
+    starts: Sequence[Start], unknowns: Sequence[Unknown], values: np.ndarray
+) -> tuple[Start, ...]:
+    """The starts with the unknowns at these values (p)."""
+    changed = list(starts)
+    for u, v in zip(unknowns, values, strict=True):
+        if u.owner == "start" and u.recording is not None:
+            changed[u.recording] = _moved(changed[u.recording], u.name, float(v))
+    return tuple(changed)
+
+
+def _moved(start: Start, name: str, value: float) -> Start:
+    if name in ("hub_angle", "hub_rate"):
+        return replace(start, **{name: value})
+    attribute, index = name.rsplit("_", 1)
+    pair = list(getattr(start, attribute))
+    pair[int(index)] = value
+    return replace(start, **{attribute: tuple(pair)})
+
+
+def start_unknowns(prepared: Sequence[Prepared]) -> list[Unknown]:
+    """State at the first sample of every recording that did not start at rest."""
+    found = []
+    for i, p in enumerate(prepared):
+        if p.recording.start != "unknown":
+            continue
+        if p.hub is not None:
+            angle, rate = p.noise["hub_angle"], 30 * p.noise["hub_angle"]
+            found.append(Unknown("start", "hub_angle", p.start.hub_angle, angle, False, (-1e3, 1e3), i))
+            found.append(Unknown("start", "hub_rate", p.start.hub_rate, rate, False, (-1e3, 1e3), i))
+        for mode in (0, 1):
+            found.append(Unknown("start", f"bend_{mode}", 0.0, 1e-4, False, (-1.0, 1.0), i))
+            found.append(Unknown("start", f"bend_rate_{mode}", 0.0, 1e-2, False, (-1e2, 1e2), i))
+    return found
+
+
+def minimise(
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    values: np.ndarray | None = None,
+    fixed_jacobian: Mapping[tuple[str, str], np.ndarray] | None = None,
+    iterations: int = 8,
+    tolerance: float = 0.05,
+    report: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """Levenberg-Marquardt on the groups' losses, each group weighted by its own size.
+
+    Args:
+      bench: the recordings.
+      model: where to start; its effects contain those of the unknowns.
+      starts: states at the first samples.
+      unknowns: what may move (p).
+      values: (p) first values; by default the unknowns' own.
+      fixed_jacobian: columns (n) that need not be computed again, by (owner, name): a chord method.
+      iterations: at most so many.
+      tolerance: a step that gains less than this in cost is the last.
+      report: told of every iteration.
+    """
+    unknowns = tuple(unknowns)
+    x = np.array([u.start for u in unknowns]) if values is None else np.array(values, dtype=float)
+    steps = np.array([0.1 * u.scale if u.prior else u.scale for u in unknowns])
+    fixed = fixed_jacobian or {}
+    [r] = bench.residuals([(placed(model, unknowns, x), placed_starts(starts, unknowns, x), None)])
+    count = bench.count
+    cost = _cost(bench, unknowns, x, r, count)
+    damping, J = 1e-3, np.zeros((len(r), len(unknowns)))
+    for iteration in range(iterations):
+        J, steps = _jacobian(bench, model, starts, unknowns, x, r, steps, fixed)
+        gained = 0.0
+        for _ in range(5):
+            trial = _step(bench, unknowns, x, r, J, count, damping)
+            model_at, starts_at = placed(model, unknowns, trial), placed_starts(starts, unknowns, trial)
+            [r_trial] = bench.residuals([(model_at, starts_at, None)])
+            cost_trial = _cost(bench, unknowns, trial, r_trial, count)
+            if cost_trial < cost:
+                gained = cost - cost_trial
+                x, r, cost, damping = trial, r_trial, cost_trial, damping / 10
+                break
+            damping = max(10 * damping, 1e-2)
+        report(f"iteration {iteration + 1}: cost {cost:.1f}")
+        if gained < tolerance * max(1.0, 1e-3 * cost):
+            break
+    size = bench.sizes(r)
+    fitted, states = placed(model, unknowns, x), placed_starts(starts, unknowns, x)
+    covariance = np.linalg.pinv(_normal(bench, unknowns, r, J, count))
+    return Fit(fitted, states, unknowns, x, covariance, r, size, cost, J)
+
+
+def costs(
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    points: Sequence[np.ndarray],
+) -> np.ndarray:
+    """Cost at each of some points (p,) of the unknowns."""
+    jobs = [(placed(model, unknowns, x), placed_starts(starts, unknowns, x), None) for x in points]
+    count = bench.count
+    residuals = bench.residuals(jobs)
+    return np.array([_cost(bench, unknowns, x, r, count) for x, r in zip(points, residuals, strict=True)])
+
+
+def _cost(
+    bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray, count: np.ndarray
+) -> float:
+    prior = sum(0.5 * ((v - u.start) / u.scale) ** 2 for u, v in zip(unknowns, x, strict=True) if u.prior)
+    return float(count @ evidence.loss(bench.sizes(r)) + prior)
+
+
+def _row_weights(bench: Workbench, r: np.ndarray, count: np.ndarray) -> np.ndarray:
+    weights = np.zeros(len(r))
+    for group, size, n in zip(bench.groups, bench.sizes(r), count, strict=True):
+        total = max(bench.weight[group.rows].sum(), 1)
+        weights[group.rows] = n / total / max(1.0, size) ** 2
+    return weights * bench.weight
+
+
+def _normal(
+    bench: Workbench, unknowns: Sequence[Unknown], r: np.ndarray, J: np.ndarray, count: np.ndarray
+) -> np.ndarray:
+    """Information matrix (p x p)."""
+    weights = _row_weights(bench, r, count)
+    prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
+    return J.T @ (weights[:, None] * J) + np.diag(prior)
+
+
+def _step(
+    bench: Workbench,
+    unknowns: Sequence[Unknown],
+    x: np.ndarray,
+    r: np.ndarray,
+    J: np.ndarray,
+    count: np.ndarray,
+    damping: float,
+) -> np.ndarray:
+    weights = _row_weights(bench, r, count)
+    prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
+    away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
+    normal = _normal(bench, unknowns, r, J, count)
+    gradient = J.T @ (weights * r) + prior * away
+    ridge = damping * np.diag(normal) + 1e-12 * np.trace(normal) / len(x)
+    low, high = np.array([u.bounds for u in unknowns]).T
+    free = np.ones(len(x), dtype=bool)
+    # Unknowns that would leave their range stay on its edge; the others are solved for again.
+    for _ in range(len(x)):
+        move = np.zeros(len(x))
+        system = normal[np.ix_(free, free)] + np.diag(ridge[free])
+        move[free] = -np.linalg.lstsq(system, gradient[free], rcond=None)[0]
+        beyond = free & ((x + move < low) | (x + move > high))
+        at_edge = beyond & ((np.abs(x - low) < 1e-15) | (np.abs(x - high) < 1e-15))
+        if not at_edge.any():
+            break
+        free &= ~at_edge
+    return np.clip(x + move, low, high)
+
+
+def _jacobian(
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    x: np.ndarray,
+    r: np.ndarray,
+    steps: np.ndarray,
+    fixed: Mapping[tuple[str, str], np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forward differences (n x p); the next steps (p) are those that move the residual visibly."""
+    J, steps = np.zeros((len(r), len(unknowns))), steps.copy()
+    jobs, columns = [], []
+    for j, u in enumerate(unknowns):
+        if (u.owner, u.name) in fixed:
+            J[:, j] = fixed[u.owner, u.name]
+            continue
+        low, high = u.bounds
+        h = steps[j] if x[j] + steps[j] <= high else -steps[j]
+        moved = x.copy()
+        moved[j] = np.clip(x[j] + h, low, high)
+        columns.append((j, moved[j] - x[j]))
+        jobs.append((placed(model, unknowns, moved), placed_starts(starts, unknowns, moved), u.recording))
+    for (j, h), moved_r in zip(columns, bench.residuals(jobs), strict=True):
+        only = unknowns[j].recording
+        change = moved_r - r
+        for group in bench.groups:
+            if only is not None and group.recording != only:
+                change[group.rows] = 0.0
+        J[:, j] = change / h
+        visible = np.sqrt(np.mean(change**2))
+        limit = unknowns[j].scale if unknowns[j].prior else 1e3 * abs(h)
+        steps[j] = min(abs(h) * np.clip(_VISIBLE / max(visible, 1e-12), 1e-2, 1e2), limit)
+    return J, steps

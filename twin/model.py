@@ -1,0 +1,248 @@
+"""The twin as one value: a rig, the effects added to it, and what its sensors would report."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import root
+
+from twin import chain, planar
+from twin.chain import Chain, ChainShape
+from twin.effects import REGISTRY, Drive
+from twin.parameters import Rig
+from twin.recording import MEASURED, Recording, Sensor
+
+Effects = Mapping[str, Mapping[str, float]]
+"""Effect name -> parameter name -> value, SI."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """State of the chain over time; n hinges, m instants.
+
+    Attributes:
+      time: (m) [s].
+      angles: (m, n + 1) absolute angles of the segments [rad].
+      rates: (m, n + 1) [rad/s].
+      modes: (m) 0 where the hub sticks, +1 or -1 where it slides.
+    """
+
+    time: np.ndarray
+    angles: np.ndarray
+    rates: np.ndarray
+    modes: np.ndarray
+
+
+@dataclass(frozen=True)
+class Start:
+    """State at the first sample.
+
+    Attributes:
+      hub_angle, hub_rate: of the hub [rad], [rad/s].
+      bend, bend_rate: amplitude of the first two clamped modes (2) and its rate, as tip deflection [m], [m/s].
+    """
+
+    hub_angle: float = 0.0
+    hub_rate: float = 0.0
+    bend: tuple[float, float] = (0.0, 0.0)
+    bend_rate: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Guide:
+    """What the measured hub angle says of sticking and sliding: see `planar.simulate`.
+
+    Attributes:
+      observed: (m) int64 flags.
+      anchor: (m) measured angle while the hub rests [rad].
+    """
+
+    observed: np.ndarray
+    anchor: np.ndarray
+
+
+@dataclass(frozen=True)
+class Model:
+    """A rig with effects.
+
+    Attributes:
+      declared: the rig without effects.
+      sensors: channel -> how it is measured.
+      shape: proportions of the chain.
+      effects: effects that act, with their parameters.
+      step: largest integration step [s].
+    """
+
+    declared: Rig
+    sensors: Mapping[str, Sensor]
+    shape: ChainShape
+    effects: Effects = field(default_factory=dict)
+    step: float = 1e-3
+
+    def replace(self, **changes) -> Model:
+        """Returns a model with some attributes changed."""
+        return replace(self, **changes)
+
+    @functools.cached_property
+    def rig(self) -> Rig:
+        """The rig with what the effects change in it."""
+        rig = self.declared
+        for name, p in self.effects.items():
+            rig = REGISTRY[name].rig(rig, p)
+        return rig
+
+    @functools.cached_property
+    def chain(self) -> Chain:
+        """The chain of `rig`."""
+        return chain.build(self.rig, shape=self.shape)
+
+    @functools.cached_property
+    def curvature_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
+        gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
+        return {name: chain.curvature_row(self.chain, self.rig, s.position) for name, s in gauges.items()}
+
+    @functools.cached_property
+    def plant(self) -> planar.Plant:
+        """What the equations of motion read."""
+        plant = bare_plant(self.rig, self.chain)
+        for name, p in self.effects.items():
+            plant = REGISTRY[name].plant(plant, p)
+        return plant
+
+    def drive(self, recording: Recording) -> Drive:
+        """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
+        limit = self.declared["torque_limit"]
+        since = recording.time if recording.command_time is None else recording.command_time
+        command = Drive(since, np.clip(recording["torque_command"], -limit, limit))
+        for name, p in self.effects.items():
+            command = REGISTRY[name].drive(command, p)
+        return command
+
+    def report(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """What the sensors report of true channel values (name -> (m,), SI)."""
+        for name, p in self.effects.items():
+            true = REGISTRY[name].sensing(time, true, p)
+        return true
+
+    def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Hub angle (m,) that the sensor reports as `reading`: the fixed point of reading + angle - report."""
+        angle = np.array(reading, dtype=float)
+        for _ in range(8):
+            angle = angle + reading - self.report(time, {"hub_angle": angle})["hub_angle"]
+        return angle
+
+
+def bare_plant(rig: Mapping[str, float], links: Chain) -> planar.Plant:
+    """The plant of a rig without any effect."""
+    static, coulomb = rig["static_friction"], rig["coulomb_friction"]
+    static = max(static, coulomb)
+    return planar.Plant(
+        links.lengths,
+        np.ascontiguousarray(links.inertia),
+        links.stiffness,
+        np.ascontiguousarray(links.damping),
+        np.ascontiguousarray(links.first_moment),
+        links.stiffness / rig["bending_stiffness"],
+        *(float(level) for level in (static, static, coulomb, coulomb)),
+    )
+
+
+def simulate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Recording:
+    """Returns what the sensors of the recording would have reported, simulated with the compiled chain."""
+    motion = integrate(model, recording, start, guide)
+    return reported(model, recording, motion)
+
+
+def integrate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Motion:
+    """Moves the chain under the recording's command."""
+    drive = model.drive(recording)
+    plant = model.plant._replace(lag=float(drive.lag))
+    phi, omega = initial_state(model, recording, start)
+    # A command before the first sample stands for what the drive delivered until then.
+    times = np.r_[drive.time[0] - 1e3, drive.time]
+    torques = np.r_[drive.before, drive.torque]
+    mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
+    flags = (guide.observed, guide.anchor) if guide is not None else ()
+    motion = planar.simulate(
+        plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.step, *flags
+    )
+    return Motion(recording.time, *motion)
+
+
+def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.ndarray, np.ndarray]:
+    """Absolute angles and rates (n + 1) at the first sample."""
+    links = model.chain
+    angles, rates = np.zeros(links.shape.segments), np.zeros(links.shape.segments)
+    if recording.initial_tip_deflection:
+        angles = held_by_tip_force(links, recording.initial_tip_deflection)
+    elif any(start.bend) or any(start.bend_rate):
+        shapes = links.modes("clamped")[1][1:, :2]
+        levers = links.lengths.sum() - links.hinges
+        shapes = shapes / (levers @ shapes)
+        angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
+    phi = start.hub_angle + np.r_[0.0, np.cumsum(angles)]
+    omega = start.hub_rate + np.r_[0.0, np.cumsum(rates)]
+    return phi, omega
+
+
+def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
+    """Hinge angles (n) at which a tip force across the hub's direction holds the tip at `deflection` [m].
+
+    The moment of the force about each hinge balances its spring; finite rotations.
+    """
+    scale = links.stiffness.mean()
+    levers = links.lengths.sum() - links.hinges
+    guess = deflection / links.static_tip_compliance() * levers / links.stiffness
+
+    def unbalance(z: np.ndarray) -> np.ndarray:
+        phi = np.r_[0.0, np.cumsum(z[:-1])]
+        x = np.cumsum(links.lengths * np.cos(phi))
+        tip = np.sum(links.lengths * np.sin(phi))
+        moments = links.stiffness * z[:-1] / scale - z[-1] * (x[-1] - x[:-1]) / x[-1]
+        return np.r_[moments, (tip - deflection) / links.lengths.sum()]
+
+    force = deflection / links.static_tip_compliance() * links.lengths.sum() / scale
+    return root(unbalance, np.r_[guess, force], tol=1e-12).x[:-1]
+
+
+def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
+    """What the sensors report of a motion, at the samples and in the channels of the recording."""
+    true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
+    channels = model.report(motion.time, true)
+    commanded = {"torque_command": recording["torque_command"]} if "torque_command" in recording else {}
+    return Recording(
+        recording.name, motion.time, {**commanded, **channels}, recording.clamped, recording.loop
+    )
+
+
+def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> np.ndarray:
+    links = model.chain
+    hinges = np.diff(motion.angles, axis=1)
+    relative = motion.angles - motion.angles[:, :1]
+    match channel:
+        case "hub_angle":
+            return motion.angles[:, 0]
+        case "strain_base" | "strain_mid":
+            sensor = model.sensors[channel]
+            return sensor.half_thickness * (hinges @ model.curvature_rows[channel])
+        case "tip_deflection":
+            return np.sin(relative) @ links.lengths
+        case "tip_acceleration":
+            return _tip_acceleration(links, motion)
+        case "motor_torque":
+            return model.drive(recording).at(motion.time)
+    raise ValueError(f"'{channel}' is not simulated. Expected one of: {', '.join(MEASURED)}")
+
+
+def _tip_acceleration(links: Chain, motion: Motion) -> np.ndarray:
+    """Absolute acceleration of the tip across the link's end (m) [m/s^2]."""
+    swept = links.lengths * motion.rates
+    velocity = np.stack([-np.sum(np.sin(motion.angles) * swept, 1), np.sum(np.cos(motion.angles) * swept, 1)])
+    acceleration = CubicSpline(motion.time, velocity, axis=1).derivative()(motion.time)
+    tip = motion.angles[:, -1]
+    return acceleration[1] * np.cos(tip) - acceleration[0] * np.sin(tip)

@@ -1,0 +1,223 @@
+"""What a recording says by itself, before any model: its noise, its outliers, when the hub rests and moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_erosion, label, maximum_filter, median_filter
+from scipy.signal import savgol_filter
+
+from twin.model import Guide, Start
+from twin.planar import STUCK, UNSURE
+from twin.recording import Recording
+
+_OUTLIER = 12.0  # noise standard deviations beyond which a lone sample is no measurement
+_REST_SPAN = 0.08  # s, shortest rest that counts
+_EDGE = 0.02  # s, margin to a change between rest and motion
+_SURE = 6.0  # standard errors of the rate beyond which the hub surely moves
+_ONSET = 4.0  # noise levels beyond which the reading has left its rest
+BEFORE_ONSET = 2
+"""Samples from the last instant at rest to the first visible motion."""
+_RATE_SPAN = 0.024  # s, over which the rate is estimated
+
+
+def noise_of(values: np.ndarray) -> float:
+    """Standard deviation of the noise on a smooth signal (n), from its fourth differences.
+
+    The fourth difference of white noise has variance 70 sigma^2; a smooth signal hardly adds to it.
+    """
+    known = values[np.isfinite(values)]
+    if len(known) < 20:
+        return 0.0
+    differences = np.diff(known, 4)
+    return float(1.4826 * np.median(np.abs(differences - np.median(differences))) / np.sqrt(70.0))
+
+
+def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Recording, list[str]]:
+    """Returns the recording with lone outliers as missing samples, and what was left out."""
+    channels, notes = dict(recording.channels), []
+    for name in recording.measured():
+        values, sigma = channels[name], noise.get(name, 0.0)
+        # A measured torque jumps with its command: a jump is no outlier.
+        if name == "motor_torque" or not sigma > 0 or np.isfinite(values).sum() < 20:
+            continue
+        far = _outliers(values, sigma)
+        if far.any():
+            channels[name] = np.where(far, np.nan, values)
+            notes.append(f"{recording.name}: {far.sum()} outliers in {name} left out")
+    return recording.replace(channels=channels), notes
+
+
+def _outliers(values: np.ndarray, sigma: float) -> np.ndarray:
+    """Lone samples (n) far from the cubic through their four neighbours, the farthest of a group first."""
+    index = np.arange(len(values))
+    found = np.zeros(len(values), dtype=bool)
+    for _ in range(5):
+        known = np.isfinite(values) & ~found
+        x = np.interp(index, index[known], values[known])
+        off = np.zeros(len(x))
+        off[2:-2] = np.abs(x[2:-2] - (4 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6)
+        # In a fast stretch the cubic itself is off: an outlier stands out from its surroundings too.
+        level = np.maximum(_OUTLIER * sigma, 6 * median_filter(off, 15, mode="nearest"))
+        far = known & (off > level) & (off >= maximum_filter(off, 5, mode="nearest"))
+        if not far.any():
+            break
+        found |= far
+    return found
+
+
+def clock(time: np.ndarray) -> np.ndarray | None:
+    """Instants (n) of the uniform clock about which jittered time stamps scatter; None where they do not.
+
+    A card's output may keep to its clock while the instants of its readings scatter. Samples may be missing.
+    """
+    period = float(np.median(np.diff(time)))
+    ticks = np.round((time - time[0]) / period)
+    for _ in range(3):
+        period, first = np.polyfit(ticks, time, 1)
+        ticks = np.round((time - first) / period)
+    scatter = time - first - period * ticks
+    if len(np.unique(ticks)) < len(ticks) or not 1e-3 < np.std(scatter) / period < 0.3:
+        return None
+    return first + period * ticks
+
+
+@dataclass(frozen=True)
+class HubMotion:
+    """Rests and motion of the hub, seen in its own measurement.
+
+    Attributes:
+      observed: (n) int64, `STUCK`, +1, -1 or `UNSURE`.
+      tight: (n) the same, sure up to two samples before a rest visibly ends.
+      reading: (n) mean reading while it rests, elsewhere the reading [rad].
+      onsets: (sample, direction) at which the reading first leaves a rest for good.
+    """
+
+    observed: np.ndarray
+    tight: np.ndarray
+    reading: np.ndarray
+    onsets: tuple[tuple[int, int], ...]
+
+
+def hub_motion(recording: Recording, noise: float) -> HubMotion:
+    """Classifies each sample: rest, motion to either side, or no clear word.
+
+    A rest is a stretch over which the smoothed reading stays within the noise; a motion is a local slope
+    beyond six standard errors.
+    """
+    time = recording.time
+    reading = np.array(recording["hub_angle"])
+    known = np.isfinite(reading)
+    filled = np.interp(time, time[known], reading[known])
+    dt = float(np.median(np.diff(time)))
+    window = _odd(_RATE_SPAN / dt, 7)
+    rate = savgol_filter(filled, window, 1, deriv=1, delta=dt)
+    error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
+    observed = np.full(len(time), UNSURE, dtype=np.int64)
+    observed[np.abs(rate) > _SURE * error] = 0
+    moving = np.abs(rate) > _SURE * error
+    observed[moving] = np.sign(rate[moving]).astype(np.int64)
+    resting = _resting(filled, noise, dt)
+    observed[resting] = STUCK
+    observed[~resting & (observed == STUCK)] = UNSURE
+    loose, rest = _with_margins(observed, dt), _rest_reading(filled, resting)
+    onsets = _onsets(loose, rest, reading, noise)
+    return HubMotion(loose, _tightened(loose, onsets), rest, onsets)
+
+
+def guide(motion: HubMotion, angle: np.ndarray, tight: bool) -> Guide:
+    """The guide of a simulation: `angle` (n) is the hub angle [rad] that the sensor reports as `motion.reading`."""
+    return Guide(motion.tight if tight else motion.observed, np.ascontiguousarray(angle))
+
+
+def first_reading(recording: Recording, motion: HubMotion | None) -> float:
+    """Hub reading at the first sample [rad]: the mean of the rest with which the recording starts."""
+    if "hub_angle" not in recording:
+        return 0.0
+    reading = recording["hub_angle"]
+    if motion is not None and motion.observed[0] == STUCK:
+        return float(motion.reading[0])
+    known = reading[np.isfinite(reading)]
+    return float(known[:5].mean()) if len(known) else 0.0
+
+
+def moving_start(recording: Recording) -> Start:
+    """First guess of the state of a rig that was already moving: slope and level of the first readings."""
+    if "hub_angle" not in recording:
+        return Start()
+    first = recording.time < recording.time[0] + 0.04
+    known = first & np.isfinite(recording["hub_angle"])
+    if known.sum() < 3:
+        return Start(hub_angle=first_reading(recording, None))
+    slope, level = np.polyfit(recording.time[known] - recording.time[0], recording["hub_angle"][known], 1)
+    return Start(hub_angle=float(level), hub_rate=float(slope))
+
+
+def _odd(count: float, least: int) -> int:
+    return max(least, 2 * int(count / 2) + 1)
+
+
+def _resting(filled: np.ndarray, noise: float, dt: float) -> np.ndarray:
+    """Samples within stretches over which the reading is constant to within its noise."""
+    window = _odd(_REST_SPAN / dt, 9)
+    slope = savgol_filter(filled, window, 1, deriv=1, delta=dt)
+    error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
+    mean = savgol_filter(filled, window, 0)
+    spread = np.sqrt(np.maximum(savgol_filter(filled**2, window, 0) - mean**2, 0))
+    still = (np.abs(slope) < 3.5 * error) & (spread < 1.6 * noise)
+    # `still` marks the middles of quiet windows: a rest reaches half a window beyond them.
+    still = binary_erosion(still, iterations=2, border_value=1)
+    return binary_dilation(still, iterations=window // 2 - 2)
+
+
+def _with_margins(observed: np.ndarray, dt: float) -> np.ndarray:
+    """Takes the certainty away next to every change between rest and motion."""
+    margin = max(1, int(round(_EDGE / dt)))
+    sure = observed.copy()
+    for flag in (STUCK, 1, -1):
+        inside = observed == flag
+        core = binary_erosion(inside, iterations=margin, border_value=1)
+        sure[inside & ~core] = UNSURE
+    return sure
+
+
+def _onsets(
+    observed: np.ndarray, rest: np.ndarray, reading: np.ndarray, noise: float
+) -> tuple[tuple[int, int], ...]:
+    ends = np.flatnonzero((observed[:-1] == STUCK) & (observed[1:] != STUCK))
+    starts = np.flatnonzero((observed[:-1] != STUCK) & (observed[1:] == STUCK)) + 1
+    found = []
+    for end in ends:
+        until = starts[starts > end]
+        stop = int(until[0]) if len(until) else len(observed)
+        away = np.nan_to_num((reading[end:stop] - rest[end]) / noise, nan=0.0)
+        out = np.abs(away) > _ONSET
+        lasting = out[:-3] & out[1:-2] & out[2:-1] & out[3:]
+        if lasting.any():
+            first = int(np.argmax(lasting))
+            found.append((int(end) + first, 1 if away[first] > 0 else -1))
+    return tuple(found)
+
+
+def _tightened(observed: np.ndarray, onsets: tuple[tuple[int, int], ...]) -> np.ndarray:
+    tight = observed.copy()
+    for onset, direction in onsets:
+        last = np.flatnonzero(observed[: onset + 1] == STUCK)[-1]
+        tight[last : max(last, onset - BEFORE_ONSET) + 1] = STUCK
+        tight[max(last + 1, onset - BEFORE_ONSET + 1) : onset + 1] = direction
+        # From here to where the motion is sure in itself.
+        ahead = onset + 1
+        while ahead < len(observed) and observed[ahead] == UNSURE and ahead < onset + BEFORE_ONSET:
+            tight[ahead] = direction
+            ahead += 1
+    return tight
+
+
+def _rest_reading(filled: np.ndarray, resting: np.ndarray) -> np.ndarray:
+    reading = filled.copy()
+    stretches, count = label(resting)
+    for index in range(1, count + 1):
+        inside = stretches == index
+        reading[inside] = filled[inside].mean()
+    return reading

@@ -1,0 +1,256 @@
+"""Calibration, and the search for the effect that the model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import breakaway, chain, fit
+from twin.effects import REGISTRY
+from twin.fit import Fit, Unknown, Workbench
+from twin.model import Model, Start
+
+FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
+_SCAN = np.linspace(0.94, 1.06, 25)  # about the break-away torque that was read from the recordings
+_MULTIPLES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+_VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
+
+Progress = Callable[[str], None]
+
+
+def silent(text: str) -> None:
+    """Says nothing."""
+
+
+def fine(model: Model) -> Model:
+    """The same model on a chain fine enough to stand for the limit."""
+    return model.replace(shape=chain.fit_shape(model.declared, FINE_SEGMENTS), step=FINE_STEP)
+
+
+def calibrate(bench: Workbench, model: Model, rounds: int = 2, progress: Progress = silent) -> Fit:
+    """Moves declared parameters within their uncertainty until the recordings are met best.
+
+    A stick or slip more makes the cost rugged in the break-away torque: it is read from the recordings first, then
+    scanned, then fitted with the rest.
+    """
+    starts = tuple(p.start for p in bench.prepared)
+    unknowns = tuple(fit.calibration(model) + fit.start_unknowns(bench.prepared))
+    x = np.array([u.start for u in unknowns])
+    best: Fit | None = None
+    for number in range(rounds):
+        progress(f"calibrating, round {number + 1}")
+        x = _with_break_away(bench, model, starts, unknowns, x, first=number == 0)
+        placed, states = fit.placed(model, unknowns, x), fit.placed_starts(starts, unknowns, x)
+        bench.refine(placed, fine(placed), states)
+        x = scanned(bench, model, starts, unknowns, x, "static_friction")
+        best = fit.minimise(bench, model, starts, unknowns, values=x, iterations=5)
+        x = best.values.copy()
+    assert best is not None
+    return best
+
+
+def _with_break_away(
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    x: np.ndarray,
+    first: bool,
+) -> np.ndarray:
+    names = [u.name for u in unknowns]
+    if not first or "static_friction" not in names:
+        return x
+    levels = breakaway.levels(breakaway.find(fit.placed(model, unknowns, x), bench.prepared, starts))
+    index = names.index("static_friction")
+    u = unknowns[index]
+    # Only a level that the declared one allows is calibration.
+    likely = [level for level in levels.values() if abs(level - u.start) < 2.5 * u.scale]
+    x = x.copy()
+    if likely:
+        x[index] = max(likely)
+    return x
+
+
+def scanned(
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    x: np.ndarray,
+    name: str,
+) -> np.ndarray:
+    """Moves one unknown to the best of a fine grid about its value."""
+    names = [u.name for u in unknowns]
+    if name not in names:
+        return x
+    index = names.index(name)
+    points = [np.r_[x[:index], value, x[index + 1 :]] for value in x[index] * _SCAN]
+    return points[int(np.argmin(fit.costs(bench, model, starts, unknowns, points)))]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One set of effects, fitted.
+
+    Attributes:
+      effects: their names, in the order of adoption.
+      fit: the fit.
+      score: what it gains in cost over the model it was added to, less the price of its parameters.
+    """
+
+    effects: tuple[str, ...]
+    fit: Fit
+    score: float
+
+
+def price(parameters: int, bench: Workbench) -> float:
+    """Price of parameters in cost: half a log of the number of pieces of evidence each (Schwarz criterion)."""
+    return 0.5 * parameters * float(np.log(max(bench.count.sum(), 2.0)))
+
+
+def candidates(model: Model, seen: set[str]) -> list[str]:
+    """Effects that could be missing and of which these channels can say something."""
+    names = []
+    for name, effect in REGISTRY.items():
+        usable = [p for p in effect.parameters if p.channel is None or p.channel in seen]
+        if usable and name not in model.effects:
+            names.append(name)
+    return names
+
+
+def explore(
+    bench: Workbench, base: Fit, names: Iterable[str], progress: Progress = silent
+) -> list[Candidate]:
+    """A quick fit of each effect added to a fitted model, best first."""
+    found = []
+    for name in names:
+        progress(f"trying {name}")
+        found.append(quick(bench, base, name))
+    return sorted(found, key=lambda c: -c.score)
+
+
+def quick(bench: Workbench, base: Fit, name: str) -> Candidate:
+    """Follows an effect out of its neutral value, then fits it with the declared parameters' slopes kept."""
+    model = with_effect(base.model, name, REGISTRY[name].neutral(base.model.declared))
+    values, _ = outwards(bench, base, model, name)
+    model = with_effect(base.model, name, values)
+    unknowns = unknowns_of(bench, model, base)
+    kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
+    result = fit.minimise(bench, model, base.starts, unknowns, first_values(unknowns, model, base), kept, 4)
+    return Candidate((*base.model.effects, name), result, gain(bench, base, result))
+
+
+def full(bench: Workbench, base: Fit, candidate: Candidate, iterations: int = 4) -> Candidate:
+    """Fits a candidate with everything free."""
+    before = candidate.fit
+    x = before.values
+    for name in ("static_friction", "static_positive", "static_negative"):
+        x = scanned(bench, before.model, before.starts, before.unknowns, x, name)
+    result = fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, iterations)
+    return Candidate(candidate.effects, result, gain(bench, base, result))
+
+
+def gain(bench: Workbench, base: Fit, result: Fit) -> float:
+    """Cost gained, less the price of the parameters added."""
+    added = len(result.unknowns) - len(base.unknowns)
+    return base.cost - result.cost - price(added, bench)
+
+
+def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
+    """The model with an effect added or moved."""
+    return model.replace(effects={**model.effects, name: dict(values)})
+
+
+def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
+    """What a fit of this model may move: declared parameters that no effect replaces, effects, first states."""
+    replaced = {p for name in model.effects for p in REGISTRY[name].replaces}
+    kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
+    starts = [u for u in base.unknowns if u.owner == "start"]
+    effects = [
+        u
+        for name, values in model.effects.items()
+        for u in fit.effect_unknowns(model, name, values, bench.channels())
+    ]
+    return (*kept, *effects, *starts)
+
+
+def first_values(unknowns: Sequence[Unknown], model: Model, base: Fit) -> np.ndarray:
+    """Where the fit of a model starts: the base's values, and the effects' own."""
+    known = {(u.owner, u.name, u.recording): v for u, v in zip(base.unknowns, base.values, strict=True)}
+    first = []
+    for u in unknowns:
+        value = known.get((u.owner, u.name, u.recording), u.start)
+        first.append(model.effects[u.owner][u.name] if u.owner in model.effects else value)
+    return np.array(first)
+
+
+def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> tuple[dict[str, float], float]:
+    """The best point on rays from neutral: each parameter of the effect alone, and its own starts."""
+    effect = REGISTRY[name]
+    neutral = effect.neutral(base.model.declared)
+    best, best_cost = neutral, np.inf
+    for ray in rays(bench, effect, neutral, model):
+        step = visible(bench, base, name, neutral, ray)
+        points = [
+            _on_ray(effect, neutral, ray, sign * step * multiple)
+            for multiple in _MULTIPLES
+            for sign in (1, -1)
+        ]
+        points = [p for p in points if p is not None]
+        if not points:
+            continue
+        jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
+        cost = [_plain_cost(bench, r) for r in bench.residuals(jobs)]
+        if min(cost) < best_cost:
+            best, best_cost = points[int(np.argmin(cost))], min(cost)
+    return best, best_cost
+
+
+def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:
+    """Directions out of neutral, as increments of the parameters."""
+    seen = bench.channels()
+    usable = [p for p in effect.parameters if p.channel is None or p.channel in seen]
+    own = [{k: v - neutral[k] for k, v in start.items()} for start in effect.starts(model.declared)]
+    single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.joint else []
+    return own + single
+
+
+def visible(
+    bench: Workbench, base: Fit, name: str, neutral: Mapping[str, float], ray: Mapping[str, float]
+) -> float:
+    """Length along the ray at which the residual changes visibly."""
+    length = 1.0
+    for _ in range(3):
+        point = _on_ray(REGISTRY[name], neutral, ray, length) or _on_ray(
+            REGISTRY[name], neutral, ray, -length
+        )
+        if point is None:
+            return length
+        [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
+        change = float(np.sqrt(np.mean((r - base.residual) ** 2)))
+        factor = float(np.clip(_VISIBLE / max(change, 1e-9), 1e-3, 1e3))
+        length *= factor
+        if 0.3 < factor < 3:
+            break
+    return length
+
+
+def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):
+    """The point at a length along the ray; None where it leaves the range of a parameter."""
+    point = dict(neutral)
+    for p in effect.parameters:
+        if p.name not in ray:
+            continue
+        value = neutral[p.name] + (ray[p.name] if p.name in effect.along else ray[p.name] * length)
+        if not p.bounds[0] <= value <= p.bounds[1]:
+            return None
+        point[p.name] = value
+    return point
+
+
+def _plain_cost(bench: Workbench, r: np.ndarray) -> float:
+    from twin import evidence
+
+    return float(bench.count @ evidence.loss(bench.sizes(r)))
