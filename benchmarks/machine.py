@@ -1,0 +1,42 @@
+"""What a number was measured on."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+
+def describe() -> str:
+    """One line: processor, cores, Python and the libraries that count."""
+    libraries = ", ".join(f"{name} {version(name)}" for name in ("mujoco", "numba", "numpy", "scipy"))
+    return f"{_processor()}, {os.cpu_count()} cores; Python {platform.python_version()}, {libraries}"
+
+
+def command() -> str:
+    """The command that ran this script."""
+    return " ".join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
+
+
+def timed(run: Callable[[], Any], repeats: int) -> tuple[Any, float]:
+    """Returns the result and the least processor time [s] of some runs, whatever else the machine does."""
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()
+        result = run()
+        times.append(time.process_time() - start)
+    return result, min(times)
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
