@@ -25,6 +25,8 @@ from twin import beam
 from twin.beam import Boundary
 
 DEFAULT_SEGMENTS = 8
+SHAPED_BY = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
+"""Parameters that the proportions of a chain depend on."""
 _TARGET_MODES = 3
 _DEPARTURE = 0.03  # weight of log lengths and stiffnesses against a relative error of 1e-3
 _MASS_DEPARTURE = 1.0
@@ -133,8 +135,7 @@ def fit_shape(rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS) -> Cha
     """
     if segments < 2:
         raise ValueError(f"At least 2 segments required. Received {segments}")
-    names = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
-    return _fit_shape(tuple(rig[name] for name in names), segments)
+    return _fit_shape(tuple(rig[name] for name in SHAPED_BY), segments)
 
 
 @functools.lru_cache(maxsize=64)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
@@ -30,7 +30,13 @@ _GRID = 0.002  # s, uniform grid on which the signals are filtered
 MOTION_BAND = 70.0
 """Corner of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it."""
 _MARGIN = 0.07  # s, reach of the filter about a stick
-_LEAD = 0.03  # s before a break-away up to which the filter sees none of it
+_GAP, _SIDE = (
+    0.007,
+    12,
+)  # s beyond which missing samples are bridged, samples that tell level and slope beside it
+_APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
+_TRUST = 0.05  # relative error of a break-away torque that is read this way
+_BLIND = 0.004  # s from a break-away to the first visible motion
 _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
 _SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
@@ -47,7 +53,7 @@ class View:
       measured: channel -> (m) filtered readings.
       known: channel -> (m) whether the readings are there.
       noise: name -> standard deviation of what is compared, after the filter.
-      onsets: (index, direction) just before a rest of the hub ends.
+      onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
     """
 
     time: np.ndarray
@@ -83,14 +89,17 @@ def look(prepared: Prepared, model: Model) -> View:
         return View(
             time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()
         )
-    reading, _ = _filtered(recording, "hub_angle", time, MOTION_BAND)
+    reading, read = _filtered(recording, "hub_angle", time, MOTION_BAND)
     spline = CubicSpline(time, reading)
     rate, acceleration = spline(time, 1), spline(time, 2)
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
     direction = np.where(stuck, 0.0, np.sign(rate))
-    doubtful = stuck | _may_stick(rate, acceleration, prepared.noise["hub_angle"], _raw_period(recording))
+    doubtful = (
+        stuck | ~read | _may_stick(rate, acceleration, prepared.noise["hub_angle"], _raw_period(recording))
+    )
     sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / _GRID))
-    onsets = tuple((int(np.searchsorted(time, recording.time[k] - _LEAD)), d) for k, d in prepared.hub.onsets)
+    ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
+    onsets = _well_defined(ends, stuck, model.drive(recording).at(time))
     view = View(time, reading, rate, acceleration, direction, sliding, measured, known, {}, onsets)
     noise = _propagated(prepared, view, model)
     return View(time, reading, rate, acceleration, direction, sliding, measured, known, noise, onsets)
@@ -110,10 +119,9 @@ def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict
         parts[channel] = np.where(view.known[channel], (values - predicted) / view.noise[channel], 0.0)
     if prepared.hub is not None:
         drive_of = _delivered(view, prepared, model)
-        raw = model.drive(prepared.recording).at(view.time)
         missing = unmodelled(view, model, motion, required, drive_of)
         parts["hub_torque"] = np.where(view.sliding, missing / view.noise["hub_torque"], 0.0)
-        parts["break_away"] = _break_aways(view, model, motion, required, drive_of, raw)
+        parts["break_away"] = _break_aways(view, model, motion, required, drive_of)
     return parts
 
 
@@ -126,7 +134,14 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
     if prepared.recording.start == "unknown":
         omega = omega - omega[0] + rate[0]
     angles, rates, required = planar.driven(
-        model.plant, view.time, angle, rate, acceleration, phi, omega, model.step
+        model.plant,
+        view.time,
+        angle,
+        rate,
+        acceleration,
+        phi,
+        omega,
+        min(model.step, model.chain.largest_step()),
     )
     return Motion(view.time, angles, rates, view.direction), required
 
@@ -145,26 +160,43 @@ def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
 
 
 def _break_aways(
-    view: View, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray, raw: np.ndarray
+    view: View, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray
 ) -> np.ndarray:
-    """Excess of the torque that friction bore before a break-away over the static level, noise units (m)."""
+    """Torque that friction bore at a break-away less the static level, in noise units (m), at the break-aways.
+
+    The filter smears the break-away over the instants before it: a parabola through the rest that went before is
+    followed up to it.
+    """
     parts = np.zeros(len(view.time))
+    if not view.onsets:
+        return parts
+    quiet = np.zeros(len(parts))
+    laws = planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], quiet)
+    borne = delivered + low_passed(laws - required, _GRID)
     for k, direction in view.onsets:
-        if not 0 < k < len(parts):
-            continue
-        quiet = np.zeros(len(parts))
-        laws = planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], quiet)
-        borne = (delivered + low_passed(laws - required, _GRID)) * direction
-        ahead = int(_LEAD / _GRID)
-        slope = (borne[k] - borne[max(0, k - ahead)]) / (min(k, ahead) * _GRID)
-        at_onset = borne[k] + slope * (_LEAD - 0.004)
+        before = slice(k - int(_APPROACH / _GRID), k - int(_SMEAR / _GRID))
+        t = view.time[before] - view.time[k] + _BLIND
+        slope_of = np.polyfit(t, borne[before] * direction, 2)
         level = planar.static_level(model.plant, motion.angles[k, 0], direction)
-        # The instant is known to some 3 ms, the torque to its noise.
-        sigma = np.hypot(view.noise["hub_torque"], 0.003 * slope)
-        steady = np.ptp(raw[max(0, k - ahead) : k + ahead + 4]) < 0.1 * abs(level)
-        if steady and abs(slope) * _LEAD < 0.05 * abs(level):
-            parts[k] = (at_onset - level) / sigma
+        # The instant is known to some 3 ms, the torque to its noise, the parabola to some percent of the level.
+        sigma = np.hypot(np.hypot(1.5 * view.noise["hub_torque"], 0.003 * slope_of[1]), _TRUST * level)
+        parts[k] = (slope_of[2] - level) / sigma
     return parts
+
+
+def _well_defined(
+    onsets: Sequence[tuple[int, int]], stuck: np.ndarray, command: np.ndarray
+) -> tuple[tuple[int, int], ...]:
+    """Break-aways (index on the grid, direction) out of a long rest under a command that does not jump."""
+    found = []
+    for k, direction in onsets:
+        first = k - int(_APPROACH / _GRID)
+        if first < 0 or not stuck[first : k - int(_SMEAR / _GRID)].all():
+            continue
+        approach = command[first : max(first + 1, k - 2)]
+        if np.abs(np.diff(approach)).max() < 0.02 * np.abs(approach).max():
+            found.append((k, direction))
+    return tuple(found)
 
 
 def _delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
@@ -189,10 +221,30 @@ def _strains_only(asked: Recording) -> dict[str, np.ndarray]:
 def _filtered(
     recording: Recording, channel: str, time: np.ndarray, band: float = BAND
 ) -> tuple[np.ndarray, np.ndarray]:
+    """A channel on the grid behind the low-pass, and where its readings are there (m)."""
     values = recording[channel]
     ok = np.isfinite(values)
     nearest = np.interp(time, recording.time, ok.astype(float)) > 0.5
-    return low_passed(np.interp(time, recording.time[ok], values[ok]), _GRID, band), nearest
+    return low_passed(np.interp(time, *_bridged(recording.time[ok], values[ok])), _GRID, band), nearest
+
+
+def _bridged(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Known samples (n) with gaps filled by the cubic that continues level and slope of either side."""
+    gaps = np.flatnonzero(np.diff(time) > _GAP)
+    pieces_t, pieces_v = [time], [values]
+    for g in gaps:
+        ends = []
+        for side in (slice(max(0, g - _SIDE + 1), g + 1), slice(g + 1, g + 1 + _SIDE)):
+            at = time[g] if side.stop == g + 1 else time[g + 1]
+            t = time[side] - at
+            level = np.polyfit(t, values[side], min(2, len(t) - 1)) if len(t) > 1 else values[side]
+            ends.append((at, level[-1], level[-2] if len(level) > 1 else 0.0))
+        (t0, v0, s0), (t1, v1, s1) = ends
+        inside = np.arange(t0 + _GRID, t1 - _GRID / 2, _GRID)
+        pieces_t.append(inside)
+        pieces_v.append(CubicHermiteSpline([t0, t1], [v0, v1], [s0, s1])(inside))
+    order = np.argsort(np.concatenate(pieces_t), kind="stable")
+    return np.concatenate(pieces_t)[order], np.concatenate(pieces_v)[order]
 
 
 def _raw_period(recording: Recording) -> float:

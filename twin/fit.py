@@ -20,6 +20,7 @@ MEMORY = 0.25
 """Span over which a change of the hub angle is compared [s]."""
 _CORRELATION = 0.05  # s, over which a misfit is taken as one piece of evidence while fitting
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
+_REACH = 3.0  # standard deviations by which a declared parameter may be off
 _RIGID = ("torque_limit",)
 # Standard deviations assumed where a campaign leaves them unsaid, as a careful lab would state them.
 ASSUMED_UNCERTAINTY = {
@@ -100,7 +101,10 @@ def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
             relative = ASSUMED_UNCERTAINTY.get(name, 0.0)
         scale = relative * abs(parameter.value)
         if name not in _RIGID and name not in replaced and scale > 0:
-            found.append(Unknown("rig", name, parameter.value, scale, True, parameter.bounds))
+            # Within the uncertainty: what would have to move further is not calibration.
+            low, high = parameter.value - _REACH * scale, parameter.value + _REACH * scale
+            bounds = (max(low, parameter.bounds[0]), min(high, parameter.bounds[1]))
+            found.append(Unknown("rig", name, parameter.value, scale, True, bounds))
     return found
 
 
@@ -243,14 +247,20 @@ def guided(model: Model, prepared: Prepared, tight: bool) -> Guide | None:
 def whitened(model: Model, prepared: Prepared, start: Start) -> dict[str, np.ndarray]:
     """Channel -> measured minus simulated in noise units (m), 0 where missing; the simulation guided."""
     measured = prepared.recording
-    if measured.start == "rest" and prepared.hub is not None:
-        angle = model.hub_angle_of(np.array([start.hub_angle]), measured.time[:1])
-        start = replace(start, hub_angle=float(angle[0]))
+    start = reading_start(model, prepared, start)
     predicted = simulate(model, measured, start, guided(model, prepared, tight=False))
     return {
         c: _local(c, (measured[c] - predicted[c]) / prepared.noise[c], measured.time)
         for c in prepared.channels
     }
+
+
+def reading_start(model: Model, prepared: Prepared, start: Start) -> Start:
+    """The state at the first sample, the hub's reading turned into its angle by the model of the sensor."""
+    if prepared.recording.start != "rest" or prepared.hub is None:
+        return start
+    angle = model.hub_angle_of(np.array([start.hub_angle]), prepared.recording.time[:1])
+    return replace(start, hub_angle=float(angle[0]))
 
 
 def _local(channel: str, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -308,12 +318,18 @@ def placed_starts(
 
 
 def _moved(start: Start, name: str, value: float) -> Start:
-    if name in ("hub_angle", "hub_rate"):
-        return replace(start, **{name: value})
+    if name == "hub_angle":
+        return replace(start, hub_angle=value)
+    if name == "hub_rate":
+        return replace(start, hub_rate=value)
     attribute, index = name.rsplit("_", 1)
-    pair = list(getattr(start, attribute))
-    pair[int(index)] = value
-    return replace(start, **{attribute: tuple(pair)})
+    if attribute == "bend":
+        return replace(start, bend=_put(start.bend, int(index), value))
+    return replace(start, bend_rate=_put(start.bend_rate, int(index), value))
+
+
+def _put(pair: tuple[float, float], index: int, value: float) -> tuple[float, float]:
+    return (value, pair[1]) if index == 0 else (pair[0], value)
 
 
 def start_unknowns(prepared: Sequence[Prepared]) -> list[Unknown]:
@@ -488,3 +504,22 @@ def _jacobian(
         limit = unknowns[j].scale if unknowns[j].prior else 1e3 * abs(h)
         steps[j] = min(abs(h) * np.clip(_VISIBLE / max(visible, 1e-12), 1e-2, 1e2), limit)
     return J, steps
+
+
+_FIRST = 1.0  # s at the start of a recording from which its first state is estimated
+
+
+def estimated_start(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> Start:
+    """State at the first sample of a rig that was already moving, from its first second."""
+    recording = prepared.recording
+    first = recording.time <= recording.time[0] + _FIRST
+    held = None if recording.command_time is None else recording.command_time[first]
+    head = recording.replace(
+        time=recording.time[first],
+        channels={c: v[first] for c, v in recording.channels.items()},
+        command_time=held,
+    )
+    short, _ = prepare(head, prepared.noise)
+    bench = Workbench(GuidedData([short]), pool)
+    result = minimise(bench, model, [short.start], start_unknowns([short]), iterations=6)
+    return result.starts[0]

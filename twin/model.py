@@ -168,8 +168,9 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
     torques = np.r_[drive.before, drive.torque]
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
+    step = min(model.step, model.chain.largest_step())
     motion = planar.simulate(
-        plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.step, *flags
+        plant, times, torques, recording.time, phi, omega, mode, recording.clamped, step, *flags
     )
     return Motion(recording.time, *motion)
 

@@ -319,14 +319,9 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                 drive = _drive(u, u_before, age + h, plant.lag)
                 if crossed:
                     omega1[0] = 0.0
-                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
-                    if _holds(plant, phi1[0], needed):
-                        mode = 0
-                    else:
-                        mode = 1 if needed > 0 else -1
-                else:
-                    needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
-                    mode = 1 if needed > 0 else -1
+                needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
+                onwards = 1 if needed > 0 else -1
+                mode = 0 if crossed and _holds(plant, phi1[0], needed) else onwards
         for i in range(m):
             phi[i] = phi1[i]
             omega[i] = omega1[i]
@@ -376,9 +371,13 @@ def simulate(
     Returns:
       (m, n + 1) angles [rad], (m, n + 1) rates [rad/s], (m) mode.
     """
-    start = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
-    arrays = [np.ascontiguousarray(values, dtype=float) for values in (command_time, command, out_time)]
-    return _simulate(plant, *arrays, *start, mode0, clamped, h_max, observed, anchor)
+    phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
+    command_time, command, out_time = (
+        np.ascontiguousarray(values, dtype=float) for values in (command_time, command, out_time)
+    )
+    return _simulate(
+        plant, command_time, command, out_time, phi, omega, mode0, clamped, h_max, observed, anchor
+    )
 
 
 @_compiled
@@ -482,8 +481,10 @@ def driven(
     Returns:
       (m, n + 1) angles, (m, n + 1) rates, and (m) the torque [N m] on the hub that this motion takes.
     """
-    motion = [np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, acceleration)]
-    return _driven(plant, *motion, np.array(phi0, dtype=float), np.array(omega0, dtype=float), h_max)
+    time, angle, rate = (np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate))
+    acceleration = np.ascontiguousarray(acceleration, dtype=float)
+    phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
+    return _driven(plant, time, angle, rate, acceleration, phi, omega, h_max)
 
 
 @_compiled
@@ -555,7 +556,10 @@ def hub_laws(
     plant: Plant, time: np.ndarray, angle: np.ndarray, rate: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
     """Torque [N m] of the hub laws and of sliding friction along a motion of the hub (m,); direction 0: no friction."""
-    return _hub_laws(plant, *(np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, direction)))
+    time, angle, rate, direction = (
+        np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, direction)
+    )
+    return _hub_laws(plant, time, angle, rate, direction)
 
 
 @_compiled

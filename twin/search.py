@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import breakaway, chain, fit
+from twin import chain, evidence, fit
+from twin.chain import ChainShape
 from twin.effects import REGISTRY
 from twin.fit import Fit, Unknown, Workbench
 from twin.model import Model, Start
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _SCAN = np.linspace(0.94, 1.06, 25)  # about the break-away torque that was read from the recordings
-_MULTIPLES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+_MULTIPLES = (1.0, 20.0)
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
 Progress = Callable[[str], None]
@@ -26,51 +27,13 @@ def silent(text: str) -> None:
 
 def fine(model: Model) -> Model:
     """The same model on a chain fine enough to stand for the limit."""
-    return model.replace(shape=chain.fit_shape(model.declared, FINE_SEGMENTS), step=FINE_STEP)
+    return model.replace(shape=_fine_shape(model), step=FINE_STEP)
 
 
-def calibrate(bench: Workbench, model: Model, rounds: int = 2, progress: Progress = silent) -> Fit:
-    """Moves declared parameters within their uncertainty until the recordings are met best.
-
-    A stick or slip more makes the cost rugged in the break-away torque: it is read from the recordings first, then
-    scanned, then fitted with the rest.
-    """
-    starts = tuple(p.start for p in bench.prepared)
-    unknowns = tuple(fit.calibration(model) + fit.start_unknowns(bench.prepared))
-    x = np.array([u.start for u in unknowns])
-    best: Fit | None = None
-    for number in range(rounds):
-        progress(f"calibrating, round {number + 1}")
-        x = _with_break_away(bench, model, starts, unknowns, x, first=number == 0)
-        placed, states = fit.placed(model, unknowns, x), fit.placed_starts(starts, unknowns, x)
-        bench.refine(placed, fine(placed), states)
-        x = scanned(bench, model, starts, unknowns, x, "static_friction")
-        best = fit.minimise(bench, model, starts, unknowns, values=x, iterations=5)
-        x = best.values.copy()
-    assert best is not None
-    return best
-
-
-def _with_break_away(
-    bench: Workbench,
-    model: Model,
-    starts: Sequence[Start],
-    unknowns: Sequence[Unknown],
-    x: np.ndarray,
-    first: bool,
-) -> np.ndarray:
-    names = [u.name for u in unknowns]
-    if not first or "static_friction" not in names:
-        return x
-    levels = breakaway.levels(breakaway.find(fit.placed(model, unknowns, x), bench.prepared, starts))
-    index = names.index("static_friction")
-    u = unknowns[index]
-    # Only a level that the declared one allows is calibration.
-    likely = [level for level in levels.values() if abs(level - u.start) < 2.5 * u.scale]
-    x = x.copy()
-    if likely:
-        x[index] = max(likely)
-    return x
+def _fine_shape(model: Model) -> ChainShape:
+    # A shape fits all rigs that are much alike: fitted to three digits, it is found again.
+    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPED_BY}
+    return chain.fit_shape(rounded, FINE_SEGMENTS)
 
 
 def scanned(
@@ -140,16 +103,6 @@ def quick(bench: Workbench, base: Fit, name: str) -> Candidate:
     kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
     result = fit.minimise(bench, model, base.starts, unknowns, first_values(unknowns, model, base), kept, 4)
     return Candidate((*base.model.effects, name), result, gain(bench, base, result))
-
-
-def full(bench: Workbench, base: Fit, candidate: Candidate, iterations: int = 4) -> Candidate:
-    """Fits a candidate with everything free."""
-    before = candidate.fit
-    x = before.values
-    for name in ("static_friction", "static_positive", "static_negative"):
-        x = scanned(bench, before.model, before.starts, before.unknowns, x, name)
-    result = fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, iterations)
-    return Candidate(candidate.effects, result, gain(bench, base, result))
 
 
 def gain(bench: Workbench, base: Fit, result: Fit) -> float:
@@ -251,6 +204,4 @@ def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], leng
 
 
 def _plain_cost(bench: Workbench, r: np.ndarray) -> float:
-    from twin import evidence
-
     return float(bench.count @ evidence.loss(bench.sizes(r)))

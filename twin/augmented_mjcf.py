@@ -1,0 +1,108 @@
+"""The augmented rig as MJCF: the fitted chain with the effects that MuJoCo has elements for.
+
+Effects of the mechanics are written by `twin.mjcf`. Those of the drive are read off what it makes of a
+command u that is held from time 0 on: delivered(t) = gain * u(t - delay) + bias, behind a lag.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from twin import chain, mjcf
+from twin.diagnosis import Diagnosis
+from twin.effects import REGISTRY, Drive, Effect
+from twin.model import Effects, Model
+from twin.recording import Sensor
+
+
+@dataclass(frozen=True)
+class AugmentedMjcf:
+    """A rig in MJCF.
+
+    Attributes:
+      xml: the text of the file.
+      left_out: mechanisms that MJCF cannot say.
+    """
+
+    xml: str
+    left_out: tuple[str, ...]
+
+
+def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjcf:
+    """Returns the rig that a diagnosis arrived at.
+
+    Args:
+      diagnosis: its fitted rig and adopted effects.
+      sensors: channel -> sensor; strain gauges are written where there are any.
+    """
+    effects = {effect.name: dict(effect.parameters) for effect in diagnosis.effects}
+    model = Model(diagnosis.fitted, sensors, chain.fit_shape(diagnosis.fitted), effects)
+    drive = _DriveLaw.of(effects)
+    plant = model.plant._replace(bias=model.plant.bias + drive.bias, lag=drive.lag)
+    gauges = [sensor for sensor in sensors.values() if sensor.half_thickness > 0]
+    spec = mjcf.build_spec(model.rig, model.chain, plant, gauges=gauges)
+    spec.modelname = _plain(diagnosis.fitted.name)
+    _write_drive(spec, drive)
+    left_out = (*mjcf.not_native(plant), *(name for name in effects if _senses(REGISTRY[name])))
+    xml = f"{_comment(diagnosis, left_out)}\n{spec.to_xml().rstrip()}\n"
+    return AugmentedMjcf(xml, left_out)
+
+
+@dataclass(frozen=True)
+class _DriveLaw:
+    """delivered(t) = gain * commanded(t - delay) + bias, behind a first-order lag."""
+
+    gain: float
+    bias: float
+    delay: float
+    lag: float
+
+    @classmethod
+    def of(cls, effects: Effects) -> _DriveLaw:
+        none, one = (_delivered(effects, torque) for torque in (0.0, 1.0))
+        bias = float(none.torque[0])
+        return cls(float(one.torque[0]) - bias, bias, float(one.time[0]), one.lag)
+
+
+def _delivered(effects: Effects, torque: float) -> Drive:
+    drive = Drive(np.zeros(1), np.array([torque]))
+    for name, p in effects.items():
+        drive = REGISTRY[name].drive(drive, p)
+    return drive
+
+
+def _write_drive(spec: mujoco.MjSpec, drive: _DriveLaw) -> None:
+    motor = spec.actuator("motor")
+    # The command saturates, and what is delivered is a multiple of that.
+    motor.gainprm[0] = drive.gain
+    motor.forcerange = drive.gain * motor.forcerange
+    if drive.delay > 0:
+        motor.delay = drive.delay
+        motor.nsample = math.ceil(drive.delay / spec.option.timestep) + 1
+
+
+def _senses(effect: Effect) -> bool:
+    """Whether an effect shapes what sensors report: a sensor in MJCF reads the truth."""
+    return type(effect).sensing is not Effect.sensing
+
+
+def _comment(diagnosis: Diagnosis, left_out: tuple[str, ...]) -> str:
+    names = ", ".join(effect.name for effect in diagnosis.effects) or "none"
+    lines = [
+        f"The rig of campaign '{diagnosis.campaign}' as diagnosed by twin.",
+        f"Effects that the declared model lacked: {names}.",
+        f"Not in this file, because MJCF cannot say it: {', '.join(left_out) or 'nothing'}.",
+    ]
+    return f"<!-- {chr(10).join(map(_plain, lines))} -->"
+
+
+def _plain(text: str) -> str:
+    """A text that may stand in a comment and in an attribute: ASCII, no mark-up, no two hyphens in a row."""
+    kept = (c if c.isascii() and (c.isalnum() or c in " -_.,:'()") else "?" for c in text)
+    return re.sub("-(?=-)", "- ", "".join(kept))

@@ -1,0 +1,140 @@
+"""From the search and the last fit to what is said: verdict, sentences, numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from twin import traces, verdict
+from twin.campaign import Campaign
+from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Prediction, Verdict
+from twin.effects import REGISTRY
+from twin.fit import ASSUMED_UNCERTAINTY, Fit
+from twin.polish import Polished
+
+if TYPE_CHECKING:
+    from twin.diagnose import Found
+
+
+def conclude(
+    campaign: Campaign, found: Found, polished: Polished, predictions: Mapping[str, Prediction], wall_s: float
+) -> Diagnosis:
+    """Puts the answer together."""
+    left = verdict.unexplained(found.bench, found.best)
+    said: Verdict = "outside-library" if left else "explained" if found.adopted else "no-missing-effect"
+    effects = _effects(found, polished)
+    ranking = [(c.effects[-1], c.score) for c in (found.rounds[0] if found.rounds else ())]
+    alike = verdict.alternatives(found.rounds[: len(found.adopted)])
+    depends = _depends(found, left)
+    return Diagnosis(
+        campaign=campaign.name,
+        verdict=said,
+        summary=_summary(said, effects, left, depends, predictions),
+        effects=effects,
+        ranking=tuple(ranking),
+        indistinguishable=tuple(alike),
+        next_experiment=_next(said, alike, depends),
+        depends_on=depends if said == "outside-library" else (),
+        calibrated=_calibrated(campaign, polished.augmented),
+        predictions=dict(predictions),
+        traces=traces.traces_of(found.bench, found.data, found.base, found.best),
+        notes=(*campaign.warnings, *found.notes, *_assumptions(campaign)),
+        declared=campaign.rig,
+        fitted=polished.augmented.model.declared,
+        wall_s=wall_s,
+    )
+
+
+def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
+    adopted = []
+    for candidate, ranked in zip(found.adopted, found.rounds, strict=False):
+        name = candidate.effects[-1]
+        units = {p.name: p.unit for p in REGISTRY[name].parameters}
+        errors = _errors_of(found, polished, name)
+        values = dict(polished.augmented.model.effects[name])
+        share = verdict.probabilities(ranked).get(name, 0.0)
+        adopted.append(AdoptedEffect(name, share, values, errors, {n: units[n] for n in values}))
+    return tuple(adopted)
+
+
+def _errors_of(found: Found, polished: Polished, name: str) -> dict[str, float]:
+    fit = polished.augmented
+    return {u.name: float(e) for u, e in zip(fit.unknowns, fit.errors, strict=True) if u.owner == name}
+
+
+def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
+    found = {}
+    for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
+        if u.owner == "rig":
+            unit = campaign.rig.parameters[u.name].unit
+            found[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
+    return found
+
+
+def _depends(found: Found, left: Sequence[str]) -> tuple[str, ...]:
+    shares = {}
+    for channel in left:
+        residual = traces.unexplained(found.bench, found.data, found.best, channel)
+        if len(residual.values) > 50:
+            shares[channel] = traces.dependence(residual)
+    return traces.strongest(shares)
+
+
+def _assumptions(campaign: Campaign) -> list[str]:
+    unsaid = [
+        n for n, p in campaign.rig.parameters.items() if p.uncertainty is None and n in ASSUMED_UNCERTAINTY
+    ]
+    moved = [n for n in unsaid if campaign.rig[n] != 0]
+    if not moved:
+        return []
+    listed = ", ".join(f"{n} {100 * ASSUMED_UNCERTAINTY[n]:g} %" for n in moved)
+    return [f"No uncertainty was declared for some parameters; assumed: {listed}."]
+
+
+def _summary(
+    said: Verdict,
+    effects: Sequence[AdoptedEffect],
+    left: Sequence[str],
+    depends: Sequence[str],
+    predictions: Mapping[str, Prediction],
+) -> str:
+    names = " and ".join(e.name for e in effects)
+    held = _held_out(predictions)
+    if said == "no-missing-effect":
+        return f"The declared model, calibrated within its uncertainty, explains the recordings. {held}"
+    if said == "explained":
+        return f"The model lacks {names}. {held}"
+    where = " and ".join(_place(channel) for channel in left)
+    known = f" It depends on {', '.join(depends[:3])}." if depends else ""
+    partly = f" {names.capitalize()} explains a part of it." if effects else ""
+    return f"Something outside the library is missing: {where} is not explained.{known}{partly} {held}"
+
+
+def _held_out(predictions: Mapping[str, Prediction]) -> str:
+    errors = [
+        e for p in predictions.values() if p.role == "holdout" for e in p.errors.values() if e.noise > 0
+    ]
+    if not errors:
+        return "No recording was held out."
+    before, after = (sorted(getattr(e, which) / e.noise for e in errors) for which in ("before", "after"))
+    middle = len(errors) // 2
+    return (
+        f"On held-out recordings the median error falls from {before[middle]:.3g} to {after[middle]:.3g} noise levels."
+        if before[middle] > after[middle]
+        else f"On held-out recordings the median error is {after[middle]:.3g} noise levels."
+    )
+
+
+def _place(channel: str) -> str:
+    return {"hub_torque": "the balance of the hub (drive, friction, hub)"}.get(
+        channel, f"{channel} (link or sensor)"
+    )
+
+
+def _next(said: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str]) -> str | None:
+    if alike:
+        pair = " and ".join(alike[0][:3])
+        return f"Record what separates {pair}: larger angles, both directions, slow and fast, and the motor's torque."
+    if said == "outside-library" and depends:
+        return f"Repeat a run with {depends[0]} varied on purpose and everything else kept."
+    return None

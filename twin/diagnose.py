@@ -1,0 +1,194 @@
+"""The loop: calibrate, look at what is left, find the effect that explains it, report on held-out recordings."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from twin import chain, driven, evidence, fit, observe, polish, search, verdict
+from twin.campaign import Campaign
+from twin.conclude import conclude
+from twin.diagnosis import ChannelError, Diagnosis, Prediction
+from twin.fit import Fit, Prepared, Workbench
+from twin.model import Model, simulate
+from twin.recording import CHANNEL_UNITS, Recording
+from twin.search import Candidate, Progress, silent
+
+SEARCH_SEGMENTS, SEARCH_STEP = 6, 1e-3
+MOST_EFFECTS = 3
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search came to, before any held-out recording is looked at."""
+
+    declared: Model
+    prepared: tuple[Prepared, ...]
+    data: driven.DrivenData
+    bench: Workbench
+    base: Fit
+    adopted: tuple[Candidate, ...]
+    rounds: tuple[tuple[Candidate, ...], ...]
+    clock: str
+    notes: tuple[str, ...]
+
+    @property
+    def best(self) -> Fit:
+        """The fit of the model that stands at the end of the search."""
+        return self.adopted[-1].fit if self.adopted else self.base
+
+
+def diagnose(campaign: Campaign, progress: Progress = silent, workers: int | None = None) -> Diagnosis:
+    """Finds what a campaign's model lacks.
+
+    Args:
+      campaign: the recordings; held-out ones are simulated once, at the end.
+      progress: told of every stage.
+      workers: number of threads; by default one a processor.
+    """
+    began = time.perf_counter()
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+        found = find(campaign, pool, progress)
+        progress("fitting the whole recordings")
+        polished = polish.polish(found.prepared, found.base, found.best, found.declared, pool)
+        progress("simulating every recording")
+        predictions = predict(campaign, found, polished, pool)
+    return conclude(campaign, found, polished, predictions, time.perf_counter() - began)
+
+
+def find(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Found:
+    """Searches the fit recordings for effects that the model lacks."""
+    noise = noises(campaign)
+    model = Model(
+        campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, SEARCH_SEGMENTS), step=SEARCH_STEP
+    )
+    progress("reading the recordings")
+    clock, prepared, notes = on_best_clock(campaign.fit, noise, model, pool)
+    data = driven.DrivenData(prepared, model)
+    bench = Workbench(data, pool)
+    progress("calibrating")
+    base = calibrated(bench, model)
+    rounds: list[tuple[Candidate, ...]] = []
+    adopted: list[Candidate] = []
+    current = base
+    while len(adopted) < MOST_EFFECTS:
+        ranked = search.explore(bench, current, search.candidates(current.model, bench.channels()), progress)
+        rounds.append(tuple(ranked))
+        choice = verdict.worth_adopting(bench, current, ranked)
+        if choice is None:
+            break
+        progress(f"adopting {choice.effects[-1]}")
+        choice = refined(bench, current, choice)
+        adopted.append(choice)
+        current = choice.fit
+    return Found(model, prepared, data, bench, base, tuple(adopted), tuple(rounds), clock, tuple(notes))
+
+
+def noises(campaign: Campaign) -> dict[str, float]:
+    """Channel -> standard deviation of its noise: declared, or seen in the fit recordings."""
+    found = {}
+    for name, sensor in campaign.sensors.items():
+        seen = [observe.noise_of(r[name]) for r in campaign.fit if name in r]
+        declared = sensor.noise
+        found[name] = declared if declared else max(seen, default=0.0)
+    return {name: value for name, value in found.items() if value > 0 and name in CHANNEL_UNITS}
+
+
+def on_best_clock(
+    recordings: Sequence[Recording], noise: Mapping[str, float], model: Model, pool: ThreadPoolExecutor
+) -> tuple[str, tuple[Prepared, ...], list[str]]:
+    """Decides on which clock a jittered card put out its commands, by which one the declared model fits best."""
+    options = {"stamped": [r.replace() for r in recordings]}
+    if any(observe.clock(r.time) is not None for r in recordings):
+        for name in ("mean", "earliest"):
+            options[name] = [on_clock(r, name) for r in recordings]
+    best, cost = "", np.inf
+    kept: tuple[Prepared, ...] = ()
+    notes: list[str] = []
+    for name, candidates in options.items():
+        pairs = [fit.prepare(r, noise) for r in candidates]
+        prepared = tuple(p for p, _ in pairs)
+        value = 0.0
+        if len(options) > 1:
+            bench = Workbench(driven.DrivenData(prepared, model), pool)
+            [r] = bench.residuals([(model, [p.start for p in prepared], None)])
+            value = float(bench.count @ evidence.loss(bench.sizes(r)))
+        if value < cost:
+            best, cost, kept = name, value, prepared
+            notes = [note for _, said in pairs for note in said]
+    if best != "stamped":
+        notes.append(
+            "Time stamps scatter about a uniform clock; commands are taken to be held on that clock."
+        )
+    return best, kept, notes
+
+
+def on_clock(recording: Recording, name: str) -> Recording:
+    """The recording with its commands held on the uniform clock about which its time stamps scatter."""
+    ticks = observe.clock(recording.time)
+    if name == "stamped" or ticks is None:
+        return recording
+    late = float(np.min(recording.time - ticks)) if name == "earliest" else 0.0
+    return recording.replace(command_time=ticks + late)
+
+
+def calibrated(bench: Workbench, model: Model) -> Fit:
+    """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way."""
+    starts = tuple(p.start for p in bench.prepared)
+    unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
+    bench.refine(model, search.fine(model), starts)
+    return fit.minimise(bench, model, starts, unknowns)
+
+
+def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
+    """The candidate fitted with everything free."""
+    before = candidate.fit
+    result = fit.minimise(bench, before.model, before.starts, before.unknowns, before.values, None, 4)
+    return Candidate(candidate.effects, result, search.gain(bench, base, result))
+
+
+def predict(
+    campaign: Campaign, found: Found, polished: polish.Polished, pool: ThreadPoolExecutor
+) -> dict[str, Prediction]:
+    """Every recording beside the declared, the calibrated and the augmented model, free-running."""
+    noise = noises(campaign)
+    models = (polished.declared, polished.calibrated.model, polished.augmented.model)
+    found_all: dict[str, Prediction] = {}
+    roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
+        ("fit", campaign.fit),
+        ("holdout", campaign.holdout()),
+    )
+    for role, recordings in roles:
+        for recording in recordings:
+            prepared, _ = fit.prepare(on_clock(recording, found.clock), noise)
+            runs = free_runs(models, prepared, pool)
+            errors = {c: _error(prepared, c, runs, noise[c]) for c in prepared.channels}
+            before, calibrated, after = runs
+            found_all[recording.name] = Prediction(role, recording, before, calibrated, after, errors)
+    return found_all
+
+
+def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Recording]:
+    """The recording as each model predicts it from its first samples and its command alone."""
+    exact = [search.fine(m) for m in models]
+    starts = [fit.reading_start(m, prepared, prepared.start) for m in exact]
+    if prepared.recording.start == "unknown":
+        starts = [fit.estimated_start(m, prepared, pool) for m in models]
+    return list(
+        pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), zip(exact, starts, strict=True))
+    )
+
+
+def _error(prepared: Prepared, channel: str, runs: Sequence[Recording], noise: float) -> ChannelError:
+    measured = prepared.recording[channel]
+    known = np.isfinite(measured)
+    before, calibrated, after = (
+        float(np.sqrt(np.mean((measured - run[channel])[known] ** 2))) for run in runs
+    )
+    return ChannelError(before, calibrated, after, noise, CHANNEL_UNITS[channel])

@@ -1,0 +1,39 @@
+"""Results as JSON that any reader takes: what is not finite becomes null."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from twin.errors import InputError
+
+
+def to_text(content: Any) -> str:
+    """Returns a result as JSON."""
+    return json.dumps(_plain(content), indent=1, allow_nan=False) + "\n"
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Writes a result to the path that the user named.
+
+    Raises:
+      InputError: the path cannot be written.
+    """
+    try:
+        path.write_text(to_text(content), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    # An array, or a number, of numpy: help does not wait for its import.
+    return _plain(value.tolist()) if hasattr(value, "tolist") else value

@@ -1,0 +1,88 @@
+"""The last fit: whole recordings, simulated with every stick and slip, from where the search left off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import breakaway, fit, search
+from twin.fit import Fit, GuidedData, Prepared, Workbench
+from twin.model import Model
+
+_ROUNDS = 2
+_LEVELS = ("static_friction", "static_positive", "static_negative")
+
+
+@dataclass(frozen=True)
+class Polished:
+    """The three models of a report.
+
+    Attributes:
+      declared: as declared.
+      calibrated: declared parameters refitted within their uncertainty.
+      augmented: with the adopted effects; the same as `calibrated` where there are none.
+      bench: what they were fitted on.
+    """
+
+    declared: Model
+    calibrated: Fit
+    augmented: Fit
+    bench: Workbench
+
+
+def polish(
+    prepared: Sequence[Prepared], base: Fit, best: Fit, declared: Model, pool: ThreadPoolExecutor
+) -> Polished:
+    """Fits the model that the search came to once more, on the whole recordings."""
+    bench = Workbench(GuidedData(prepared), pool)
+    augmented = _polished(bench, best)
+    calibrated = augmented if best is base else _with_break_away(bench, base)
+    return Polished(declared, calibrated, augmented, bench)
+
+
+def _polished(bench: Workbench, best: Fit) -> Fit:
+    model, starts, unknowns = best.model, best.starts, best.unknowns
+    x, result = best.values, best
+    for number in range(_ROUNDS):
+        placed = fit.placed(model, unknowns, x)
+        x = _read_levels(bench, result, x) if number == 0 else x
+        placed = fit.placed(model, unknowns, x)
+        bench.refine(placed, search.fine(placed), starts)
+        for name in _LEVELS:
+            x = search.scanned(bench, model, starts, unknowns, x, name)
+        result = fit.minimise(bench, model, starts, unknowns, x, None, 4)
+        x, starts = result.values, result.starts
+    return result
+
+
+def _with_break_away(bench: Workbench, base: Fit) -> Fit:
+    """A fit with its break-away torque read from the recordings, nothing else changed."""
+    x = _read_levels(bench, base, base.values)
+    model = fit.placed(base.model, base.unknowns, x)
+    return Fit(
+        model,
+        base.starts,
+        base.unknowns,
+        x,
+        base.covariance,
+        base.residual,
+        base.size,
+        base.cost,
+        base.jacobian,
+    )
+
+
+def _read_levels(bench: Workbench, result: Fit, x: np.ndarray) -> np.ndarray:
+    events = breakaway.find(result.model, bench.prepared, result.starts)
+    levels = breakaway.levels(events)
+    x = x.copy()
+    for j, u in enumerate(result.unknowns):
+        if u.name == "static_friction" and levels:
+            x[j] = np.clip(max(levels.values()), *u.bounds)
+        for name, direction in (("static_positive", 1), ("static_negative", -1)):
+            if u.name == name and direction in levels:
+                x[j] = np.clip(levels[direction], *u.bounds)
+    return x

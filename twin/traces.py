@@ -1,0 +1,133 @@
+"""What a model leaves unexplained, local in time, and the variable that it depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import driven
+from twin.diagnosis import Trace
+from twin.fit import Fit, Workbench
+
+_BINS = 16
+_LABELS = {
+    "hub_torque": "unmodelled hub torque [N m]",
+    "strain_base": "unmodelled base strain [1]",
+    "strain_mid": "unmodelled mid strain [1]",
+    "tip_deflection": "unmodelled tip deflection [m]",
+    "tip_acceleration": "unmodelled tip acceleration [m/s^2]",
+}
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Residuals of one channel over all fit recordings, one after the other.
+
+    Attributes:
+      values: (n) in the channel's unit.
+      variables: name -> (n) what they may depend on.
+      recording: (n) index of the recording.
+      time: (n) [s].
+    """
+
+    values: np.ndarray
+    variables: dict[str, np.ndarray]
+    recording: np.ndarray
+    time: np.ndarray
+
+
+def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: str) -> Unexplained:
+    """Residuals of a channel under a fit, with the variables on which they may depend."""
+    parts: list[tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, np.ndarray]] = []
+    for group in bench.groups:
+        if group.channel != channel:
+            continue
+        i = group.recording
+        view, keep = data.views[i], bench.weight[group.rows] > 0
+        values = fit.residual[group.rows] * view.noise[channel]
+        variables = _variables(data, fit, i)
+        parts.append(
+            (
+                values[keep],
+                {k: v[keep] for k, v in variables.items()},
+                np.full(keep.sum(), i),
+                view.time[keep],
+            )
+        )
+    names = set.intersection(*(set(p[1]) for p in parts)) if parts else set()
+    join = np.concatenate
+    return Unexplained(
+        join([p[0] for p in parts]) if parts else np.zeros(0),
+        {name: join([p[1][name] for p in parts]) for name in sorted(names)},
+        join([p[2] for p in parts]) if parts else np.zeros(0),
+        join([p[3] for p in parts]) if parts else np.zeros(0),
+    )
+
+
+def _variables(data: driven.DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:
+    view, prepared = data.views[i], data.prepared[i]
+    motion, _ = driven.move(view, prepared, fit.model, fit.starts[i])
+    command = fit.model.drive(prepared.recording).at(view.time)
+    found = {
+        "hub_angle": motion.angles[:, 0],
+        "hub_rate": motion.rates[:, 0],
+        "torque_command": command,
+        "time": view.time - view.time[0],
+        "tip_rate": np.sum(
+            np.cos(motion.angles - motion.angles[:, :1]) * motion.rates * fit.model.chain.lengths, 1
+        ),
+    }
+    return found | {c: v for c, v in view.measured.items() if c.startswith("strain")}
+
+
+def dependence(found: Unexplained) -> list[tuple[str, float]]:
+    """Share of the variance (0 to 1) that a step function of each variable explains, best first.
+
+    A variable that explains the residual does so in every recording: the bins' means come from the other ones.
+    """
+    total = float(np.sum(found.values**2))
+    if not total > 0:
+        return []
+    shares = [(name, _cross_share(found, values, total)) for name, values in found.variables.items()]
+    return sorted(shares, key=lambda pair: -pair[1])
+
+
+def _cross_share(found: Unexplained, variable: np.ndarray, total: float) -> float:
+    edges = np.quantile(variable, np.linspace(0, 1, _BINS + 1)[1:-1])
+    bins = np.searchsorted(edges, variable)
+    left = 0.0
+    for i in np.unique(found.recording):
+        inside = found.recording == i
+        sums = np.bincount(bins[~inside], found.values[~inside], _BINS)
+        counts = np.bincount(bins[~inside], minlength=_BINS)
+        means = np.divide(sums, counts, out=np.zeros(_BINS), where=counts > 20)
+        left += float(np.sum((found.values[inside] - means[bins[inside]]) ** 2))
+    return max(0.0, 1 - left / total)
+
+
+def traces_of(bench: Workbench, data: driven.DrivenData, base: Fit, best: Fit) -> tuple[Trace, ...]:
+    """What the calibrated model leaves unexplained of each channel, those that the effects explain best first."""
+    found = []
+    for channel, label in _LABELS.items():
+        left = unexplained(bench, data, base, channel)
+        if len(left.values) < 50:
+            continue
+        after = unexplained(bench, data, best, channel)
+        gained = float(np.log(np.std(left.values) / max(np.std(after.values), 1e-30)))
+        order = dependence(left)
+        explained = order[0][0] if order and order[0][1] > 0.1 else None
+        fitted = left.values - after.values if best is not base else None
+        trace = Trace(label, left.time, left.values, left.variables, left.recording, explained, fitted)
+        found.append((gained, trace))
+    return tuple(trace for _, trace in sorted(found, key=lambda pair: -pair[0]))
+
+
+def strongest(dependences: Mapping[str, list[tuple[str, float]]]) -> tuple[str, ...]:
+    """Variables that explain most over some channels, best first, those that explain next to nothing left out."""
+    best: dict[str, float] = {}
+    for pairs in dependences.values():
+        for name, share in pairs:
+            best[name] = max(best.get(name, 0.0), share)
+    return tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > 0.05)

@@ -1,0 +1,93 @@
+"""When an effect is adopted, when nothing is missing, and when the library has no answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from twin import evidence
+from twin.fit import Fit, Workbench
+from twin.search import Candidate
+
+LEAST_SHARE = (
+    0.15  # of the misfit that an effect must explain: less is within what the model itself gets wrong
+)
+LEAST_SCORE = 30.0  # gain in log likelihood, after the price of its parameters
+ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
+LARGE_MISFIT = 3.0  # noise levels beyond which a group of residuals is not explained
+REPEATED = 2  # recordings in which a channel must stay unexplained
+
+
+def misfit(bench: Workbench, residual: np.ndarray) -> np.ndarray:
+    """Cost of each group (g) above that of pure noise."""
+    return bench.count * np.maximum(evidence.loss(bench.sizes(residual)) - 0.5, 0.0)
+
+
+def worth_adopting(bench: Workbench, base: Fit, ranked: Sequence[Candidate]) -> Candidate | None:
+    """The best candidate, if it explains a real part of the misfit, and in more than one recording.
+
+    A lone recording may be odd, and the chain is not the rig: an effect has to explain a fair share of what is left,
+    and still do so when the recording that speaks loudest for it is left out.
+    """
+    if not ranked:
+        return None
+    best = ranked[0]
+    left = misfit(bench, base.residual).sum()
+    if best.score < LEAST_SCORE or best.score < LEAST_SHARE * left:
+        return None
+    if len(bench.prepared) > 1 and without_loudest(bench, base, best.fit) < LEAST_SCORE:
+        return None
+    return best
+
+
+def without_loudest(bench: Workbench, base: Fit, fit: Fit) -> float:
+    """Gain in cost without the recording that gains most."""
+    gains = recording_gains(bench, base, fit)
+    return float(gains.sum() - gains.max())
+
+
+def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
+    """Gain in cost of each recording (r)."""
+    before, after = (bench.count * evidence.loss(bench.sizes(f.residual)) for f in (base, fit))
+    gains = np.zeros(len(bench.prepared))
+    for group, gain in zip(bench.groups, before - after, strict=True):
+        gains[group.recording] += gain
+    return gains
+
+
+def unexplained(bench: Workbench, fit: Fit) -> tuple[str, ...]:
+    """Channels whose residual stays far above the noise in several recordings, the worst first."""
+    sizes = bench.sizes(fit.residual)
+    worst: dict[str, list[float]] = {}
+    for group, size in zip(bench.groups, sizes, strict=True):
+        if size > LARGE_MISFIT and group.channel != "break_away":
+            worst.setdefault(group.channel, []).append(float(size))
+    repeated = {
+        c: float(np.median(s)) for c, s in worst.items() if len(s) >= min(REPEATED, len(bench.prepared))
+    }
+    return tuple(sorted(repeated, key=lambda c: -repeated[c]))
+
+
+def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]:
+    """Sets of effects of the adopting rounds that explain the recordings about as well as the adopted one."""
+    sets = []
+    for ranked in rounds:
+        best = ranked[0]
+        alike = [c.effects[-1] for c in ranked if c.score > best.score - _decisive(best.score)]
+        if len(alike) > 1:
+            sets.append(tuple(alike))
+    return sets
+
+
+def _decisive(score: float) -> float:
+    """Difference in score that decides: what the model gets wrong itself grows with what there is to explain."""
+    return max(5.0, (1 - ALIKE) * 0.25 * score)
+
+
+def probabilities(ranked: Sequence[Candidate]) -> dict[str, float]:
+    """Of each candidate of one round, that it is the missing one: odds tempered by the model's own error."""
+    scores = np.array([c.score for c in ranked])
+    scale = max(1.0, 0.02 * max(scores.max(), 0.0))
+    weights = np.exp((scores - scores.max()) / scale)
+    return {c.effects[-1]: float(w) for c, w in zip(ranked, weights / weights.sum(), strict=True)}
