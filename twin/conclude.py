@@ -21,20 +21,20 @@ def conclude(
 ) -> Diagnosis:
     """Puts the answer together."""
     left = verdict.unexplained(found.bench, found.best)
-    said: Verdict = "outside-library" if left else "explained" if found.adopted else "no-missing-effect"
+    answer = said(found)
     effects = _effects(found, polished)
     ranking = [(c.effects[-1], c.score) for c in (found.rounds[0] if found.rounds else ())]
     alike = verdict.alternatives(found.rounds[: len(found.adopted)])
     depends = _depends(found, left)
     return Diagnosis(
         campaign=campaign.name,
-        verdict=said,
-        summary=_summary(said, effects, left, depends, predictions),
+        verdict=answer,
+        summary=_summary(answer, effects, left, depends, predictions),
         effects=effects,
         ranking=tuple(ranking),
         indistinguishable=tuple(alike),
-        next_experiment=_next(said, alike, depends),
-        depends_on=depends if said == "outside-library" else (),
+        next_experiment=_next(answer, alike, depends),
+        depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
         traces=traces.traces_of(found.bench, found.data, found.base, found.best),
@@ -43,6 +43,13 @@ def conclude(
         fitted=polished.augmented.model.declared,
         wall_s=wall_s,
     )
+
+
+def said(found: Found) -> Verdict:
+    """The verdict of a search."""
+    if verdict.unexplained(found.bench, found.best):
+        return "outside-library"
+    return "explained" if found.adopted else "no-missing-effect"
 
 
 def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
@@ -92,7 +99,7 @@ def _assumptions(campaign: Campaign) -> list[str]:
 
 
 def _summary(
-    said: Verdict,
+    answer: Verdict,
     effects: Sequence[AdoptedEffect],
     left: Sequence[str],
     depends: Sequence[str],
@@ -100,9 +107,9 @@ def _summary(
 ) -> str:
     names = " and ".join(e.name for e in effects)
     held = _held_out(predictions)
-    if said == "no-missing-effect":
+    if answer == "no-missing-effect":
         return f"The declared model, calibrated within its uncertainty, explains the recordings. {held}"
-    if said == "explained":
+    if answer == "explained":
         return f"The model lacks {names}. {held}"
     where = " and ".join(_place(channel) for channel in left)
     known = f" It depends on {', '.join(depends[:3])}." if depends else ""
@@ -131,10 +138,10 @@ def _place(channel: str) -> str:
     )
 
 
-def _next(said: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str]) -> str | None:
+def _next(answer: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str]) -> str | None:
     if alike:
         pair = " and ".join(alike[0][:3])
         return f"Record what separates {pair}: larger angles, both directions, slow and fast, and the motor's torque."
-    if said == "outside-library" and depends:
+    if answer == "outside-library" and depends:
         return f"Repeat a run with {depends[0]} varied on purpose and everything else kept."
     return None

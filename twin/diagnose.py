@@ -20,8 +20,13 @@ from twin.model import Model, simulate
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.search import Candidate, Progress, silent
 
-SEARCH_SEGMENTS, SEARCH_STEP = 6, 1e-3
+SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
+"""A coarse chain is enough to search on: its own error is taken out by `Workbench.refine`."""
 MOST_EFFECTS = 3
+_CONTENDERS, _CLOSE = (
+    3,
+    0.3,
+)  # candidates that are fitted to the end, and the share of the best score they need
 
 
 @dataclass(frozen=True)
@@ -79,12 +84,13 @@ def find(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = sile
     current = base
     while len(adopted) < MOST_EFFECTS:
         ranked = search.explore(bench, current, search.candidates(current.model, bench.channels()), progress)
+        if verdict.worth_adopting(bench, current, ranked):
+            ranked = settled(bench, current, ranked, progress)
         rounds.append(tuple(ranked))
         choice = verdict.worth_adopting(bench, current, ranked)
         if choice is None:
             break
         progress(f"adopting {choice.effects[-1]}")
-        choice = refined(bench, current, choice)
         adopted.append(choice)
         current = choice.fit
     return Found(model, prepared, data, bench, base, tuple(adopted), tuple(rounds), clock, tuple(notes))
@@ -143,13 +149,26 @@ def calibrated(bench: Workbench, model: Model) -> Fit:
     starts = tuple(p.start for p in bench.prepared)
     unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
     bench.refine(model, search.fine(model), starts)
-    return fit.minimise(bench, model, starts, unknowns)
+    first = fit.minimise(bench, model, starts, unknowns)
+    bench.refine(first.model, search.fine(first.model), first.starts)
+    return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
+
+
+def settled(
+    bench: Workbench, base: Fit, ranked: Sequence[Candidate], progress: Progress = silent
+) -> list[Candidate]:
+    """The candidates, those that may be best fitted to the end."""
+    best = ranked[0].score
+    contenders = [c for c in ranked[:_CONTENDERS] if c.score > _CLOSE * best]
+    progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
+    rest = [c for c in ranked if c not in contenders]
+    return sorted([refined(bench, base, c) for c in contenders] + rest, key=lambda c: -c.score)
 
 
 def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
     """The candidate fitted with everything free."""
     before = candidate.fit
-    result = fit.minimise(bench, before.model, before.starts, before.unknowns, before.values, None, 4)
+    result = fit.minimise(bench, before.model, before.starts, before.unknowns, before.values, None, 6)
     return Candidate(candidate.effects, result, search.gain(bench, base, result))
 
 

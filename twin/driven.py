@@ -9,6 +9,7 @@ All signals pass the same zero-phase low-pass, so that measured and simulated on
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -70,9 +71,13 @@ class View:
 
 def low_passed(values: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
     """Zero-phase low-pass of a signal (m) on a uniform grid."""
-    corner = min(band, 0.4 / period)
-    sections = butter(3, corner, fs=1 / period, output="sos")
+    sections = _sections(min(band, 0.4 / period), period)
     return sosfiltfilt(sections, values, padlen=min(len(values) - 1, int(0.3 / period)))
+
+
+@functools.lru_cache
+def _sections(corner: float, period: float) -> np.ndarray:
+    return butter(3, corner, fs=1 / period, output="sos")
 
 
 def look(prepared: Prepared, model: Model) -> View:
@@ -200,12 +205,14 @@ def _well_defined(
 
 
 def _delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
+    """Delivered torque (m) on the grid, filtered [N m]."""
     drive = model.drive(prepared.recording)
-    fine = _GRID / 10
     # Held values are averaged over a grid step, centred: their edges lie between the grid's instants.
-    offsets = (np.arange(10) - 4.5) * fine
-    raw = np.mean([drive.at(view.time + d) for d in offsets], axis=0)
-    return low_passed(raw, _GRID)
+    edges = np.r_[view.time - _GRID / 2, view.time[-1] + _GRID / 2]
+    knots = np.r_[edges[0] - 1.0, drive.time, edges[-1] + 1.0]
+    knots = np.maximum.accumulate(knots)
+    impulse = np.r_[0.0, np.cumsum(np.diff(knots) * np.r_[drive.before, drive.torque])]
+    return low_passed(np.diff(np.interp(edges, knots, impulse)) / _GRID, _GRID)
 
 
 def _read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from twin import evidence, observe
 from twin.effects import REGISTRY
@@ -438,6 +439,39 @@ def _normal(
     weights = _row_weights(bench, r, count)
     prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
     return J.T @ (weights[:, None] * J) + np.diag(prior)
+
+
+def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()) -> float:
+    """Gain in cost that unknowns with these slopes (n x k) promise, the base's unknowns free to give way.
+
+    Declared parameters that the effect replaces no longer count as the base's.
+    Half the drop of the weighted squares, turned into the groups' losses: to noise, it is n log of the sizes' ratio.
+    """
+    weights = _row_weights(bench, base.residual, bench.count)
+    kept = np.array([u.owner != "rig" or u.name not in replaced for u in base.unknowns])
+    prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in base.unknowns])[kept]
+    away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])[kept]
+    J = np.hstack([base.jacobian[:, kept], columns])
+    normal = J.T @ (weights[:, None] * J) + np.diag(np.r_[prior, np.zeros(columns.shape[1])])
+    gradient = J.T @ (weights * base.residual) + np.r_[prior * away, np.zeros(columns.shape[1])]
+    low, high = np.array([u.bounds for u in base.unknowns])[kept].T
+    here = base.values[kept]
+    beyond = np.full(columns.shape[1], np.inf)
+    move = _bounded_move(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
+    after = base.residual + J @ move * bench.weight
+    return float(
+        bench.count @ (evidence.loss(bench.sizes(base.residual)) - evidence.loss(bench.sizes(after)))
+    )
+
+
+def _bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The move (p) within bounds that minimises gradient' m + m' normal m / 2."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    root = np.sqrt(np.maximum(values, 1e-10 * values.max()))
+    system, right = (vectors * root).T, -(vectors / root).T @ (gradient / scale)
+    bounds = (np.minimum(low * scale, -1e-9), np.maximum(high * scale, 1e-9))
+    return lsq_linear(system, right, bounds).x / scale
 
 
 def _step(

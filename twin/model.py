@@ -132,8 +132,11 @@ class Model:
     def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Hub angle (m,) that the sensor reports as `reading`: the fixed point of reading + angle - report."""
         angle = np.array(reading, dtype=float)
-        for _ in range(8):
-            angle = angle + reading - self.report(time, {"hub_angle": angle})["hub_angle"]
+        for _ in range(20):
+            off = reading - self.report(time, {"hub_angle": angle})["hub_angle"]
+            angle = angle + off
+            if np.all(np.abs(off) < 1e-9):
+                break
         return angle
 
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import breakaway, fit, search
+from twin import breakaway, chain, fit, search
 from twin.fit import Fit, GuidedData, Prepared, Workbench
 from twin.model import Model
 
 _ROUNDS = 2
+_SEGMENTS, _STEP = 6, 1e-3
 _LEVELS = ("static_friction", "static_positive", "static_negative")
 
 
@@ -44,7 +45,8 @@ def polish(
 
 
 def _polished(bench: Workbench, best: Fit) -> Fit:
-    model, starts, unknowns = best.model, best.starts, best.unknowns
+    shape = chain.fit_shape(best.model.rig, _SEGMENTS)
+    model, starts, unknowns = best.model.replace(shape=shape, step=_STEP), best.starts, best.unknowns
     x, result = best.values, best
     for number in range(_ROUNDS):
         placed = fit.placed(model, unknowns, x)

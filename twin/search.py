@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from twin.model import Model, Start
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _SCAN = np.linspace(0.94, 1.06, 25)  # about the break-away torque that was read from the recordings
 _MULTIPLES = (1.0, 20.0)
+_FITTED = 4  # effects that are fitted, of those that promise most
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
 Progress = Callable[[str], None]
@@ -53,7 +54,7 @@ def scanned(
     return points[int(np.argmin(fit.costs(bench, model, starts, unknowns, points)))]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One set of effects, fitted.
 
@@ -86,12 +87,41 @@ def candidates(model: Model, seen: set[str]) -> list[str]:
 def explore(
     bench: Workbench, base: Fit, names: Iterable[str], progress: Progress = silent
 ) -> list[Candidate]:
-    """A quick fit of each effect added to a fitted model, best first."""
+    """Each effect added to a fitted model, best first: all by their slopes, the most promising by a fit."""
+    names = list(names)
+    progress("scoring the effects")
+    promise = {name: promised(bench, base, name) for name in names}
+    best_first = sorted(names, key=lambda name: -promise[name])
     found = []
-    for name in names:
-        progress(f"trying {name}")
-        found.append(quick(bench, base, name))
+    for rank, name in enumerate(best_first):
+        if rank < _FITTED:
+            progress(f"trying {name}")
+            found.append(quick(bench, base, name))
+        else:
+            found.append(Candidate((*base.model.effects, name), base, promise[name]))
+    # A slope promises no more than what a fit delivers.
+    least = min((c.score for c in found[:_FITTED]), default=0.0)
+    found[_FITTED:] = [replace(c, score=min(c.score, least)) for c in found[_FITTED:]]
     return sorted(found, key=lambda c: -c.score)
+
+
+def promised(bench: Workbench, base: Fit, name: str) -> float:
+    """Gain that the slopes of an effect at neutral promise: a score test, less the price of its parameters.
+
+    The effect's columns compete with the declared parameters: what these can do as well is no gain.
+    """
+    effect = REGISTRY[name]
+    neutral = effect.neutral(base.model.declared)
+    columns = []
+    for ray in rays(bench, effect, neutral, base.model):
+        step = visible(bench, base, name, neutral, ray)
+        point = _on_ray(effect, neutral, ray, step) or _on_ray(effect, neutral, ray, -step)
+        if point is not None:
+            [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
+            columns.append((r - base.residual) / max(float(np.std(r - base.residual)), 1e-12))
+    if not columns:
+        return 0.0
+    return fit.slope_gain(bench, base, np.column_stack(columns), effect.replaces) - price(len(effect.parameters), bench)
 
 
 def quick(bench: Workbench, base: Fit, name: str) -> Candidate:
