@@ -1,0 +1,56 @@
+"""The loop on campaigns of the virtual rig: what is planted is named and recovered, nothing where nothing is."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from test_effects import PLANTED
+
+from twin.campaign import read_campaign
+from twin.conclude import said
+from twin.diagnose import find
+from twin.effects import REGISTRY
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
+
+SEED = 4100
+
+
+def searched(folder, effects, seed):
+    """The search on a campaign with these undeclared effects and parameters off from the declared ones."""
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(seed))
+    seen = [e for e in plan if e.role == "fit"]
+    make_campaign(folder, effects, seed, experiments=seen, perturb=0.5)
+    with ThreadPoolExecutor(2) as pool:
+        return find(read_campaign(folder), pool)
+
+
+@pytest.mark.parametrize("name", REGISTRY)
+def test_what_is_missing_is_named_and_recovered(tmp_path, name):
+    found = searched(tmp_path / "rig", {name: PLANTED[name]}, SEED + list(REGISTRY).index(name))
+    assert said(found) == "explained"
+    assert [c.effects[-1] for c in found.adopted] == [name]
+    assert found.rounds[0][0].effects == (name,)
+    fit = found.best
+    for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
+        if u.owner == name:
+            # Four standard errors, and what the coarse chain of a search may be off: a twentieth of the effect.
+            neutral = REGISTRY[name].neutral(preset_values())[u.name]
+            room = 4 * error + 0.05 * abs(PLANTED[name][u.name] - neutral)
+            room = max(room, 0.12 * PLANTED[name][u.name]) if u.name.startswith("static") else room
+            assert abs(value - PLANTED[name][u.name]) < room, u.name
+
+
+def preset_values():
+    """Declared parameters of the virtual rig's campaigns."""
+    from twin.rigs import preset
+
+    return preset("bossi2009")
+
+
+@pytest.mark.parametrize("seed", [4200, 4201])
+def test_nothing_is_named_where_nothing_is_missing(tmp_path, seed):
+    found = searched(tmp_path / "rig", {}, seed)
+    assert said(found) == "no-missing-effect"
+    for u, value in zip(found.base.unknowns, found.base.values, strict=True):
+        assert abs(value - u.start) < 3 * u.scale, u.name
