@@ -110,7 +110,7 @@ def _summary(
     if answer == "no-missing-effect":
         return f"The declared model, calibrated within its uncertainty, explains the recordings. {held}"
     if answer == "explained":
-        return f"The model lacks {names}. {held}"
+        return held
     where = " and ".join(_place(channel) for channel in left)
     known = f" It depends on {', '.join(depends[:3])}." if depends else ""
     partly = f" {names.capitalize()} explains a part of it." if effects else ""

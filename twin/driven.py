@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
@@ -28,8 +28,10 @@ from twin.recording import Recording
 BAND = 25.0
 """Corner of the low-pass [Hz]: above the second free mode of a rig like this, below the noise of its rates."""
 _GRID = 0.002  # s, uniform grid on which the signals are filtered
-MOTION_BAND = 70.0
-"""Corner of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it."""
+MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
+"""Corners of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it, but a poor
+sensor cannot tell them; the widest is taken in which the rate stands out of its noise."""
+_CLEAR = 0.03  # error of the rate, in parts of its rms, up to which a band is wide but not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
 _GAP, _SIDE = (
     0.007,
@@ -55,6 +57,7 @@ class View:
       known: channel -> (m) whether the readings are there.
       noise: name -> standard deviation of what is compared, after the filter.
       onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
+      band: corner of the low-pass on the motion of the hub [Hz].
     """
 
     time: np.ndarray
@@ -67,6 +70,7 @@ class View:
     known: dict[str, np.ndarray]
     noise: dict[str, float]
     onsets: tuple[tuple[int, int], ...]
+    band: float = MOTION_BANDS[0]
 
 
 def low_passed(values: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
@@ -94,20 +98,22 @@ def look(prepared: Prepared, model: Model) -> View:
         return View(
             time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()
         )
-    reading, read = _filtered(recording, "hub_angle", time, MOTION_BAND)
+    band = motion_band(recording, prepared.noise["hub_angle"], time)
+    reading, read = _filtered(recording, "hub_angle", time, band)
     spline = CubicSpline(time, reading)
     rate, acceleration = spline(time, 1), spline(time, 2)
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
     direction = np.where(stuck, 0.0, np.sign(rate))
     doubtful = (
-        stuck | ~read | _may_stick(rate, acceleration, prepared.noise["hub_angle"], _raw_period(recording))
+        stuck
+        | ~read
+        | _may_stick(rate, acceleration, prepared.noise["hub_angle"], _raw_period(recording), band)
     )
     sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / _GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = _well_defined(ends, stuck, model.drive(recording).at(time))
-    view = View(time, reading, rate, acceleration, direction, sliding, measured, known, {}, onsets)
-    noise = _propagated(prepared, view, model)
-    return View(time, reading, rate, acceleration, direction, sliding, measured, known, noise, onsets)
+    view = View(time, reading, rate, acceleration, direction, sliding, measured, known, {}, onsets, band)
+    return replace(view, noise=_propagated(prepared, view, model))
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
@@ -121,7 +127,11 @@ def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict
             predicted = _read_torque(view, prepared, model)
         else:
             predicted = low_passed(simulated[channel], _GRID)
-        parts[channel] = np.where(view.known[channel], (values - predicted) / view.noise[channel], 0.0)
+        missing = values - predicted
+        if prepared.recording.start == "unknown" and channel != "motor_torque":
+            # Without a rest at the start the zero of a bridge is not known.
+            missing = missing - np.median(missing[view.known[channel]])
+        parts[channel] = np.where(view.known[channel], missing / view.noise[channel], 0.0)
     if prepared.hub is not None:
         drive_of = _delivered(view, prepared, model)
         missing = unmodelled(view, model, motion, required, drive_of)
@@ -258,17 +268,30 @@ def _raw_period(recording: Recording) -> float:
     return float(np.median(np.diff(recording.time)))
 
 
-def _may_stick(rate: np.ndarray, acceleration: np.ndarray, noise: float, period: float) -> np.ndarray:
+def motion_band(recording: Recording, noise: float, time: np.ndarray) -> float:
+    """The widest of `MOTION_BANDS` in which the rate of the hub stands out of its noise [Hz]."""
+    for band in MOTION_BANDS:
+        reading, _ = _filtered(recording, "hub_angle", time, band)
+        error = noise * _gain(band, _raw_period(recording), 1)
+        if error < _CLEAR * np.std(np.gradient(reading, time)):
+            return band
+    return MOTION_BANDS[-1]
+
+
+def _gain(band: float, period: float, order: int) -> float:
+    """Standard deviation of a derivative of unit white noise behind a low-pass: (2 pi f)^k sqrt(2 f dt/(2 k + 1))."""
+    return (2 * np.pi * band) ** order * float(np.sqrt(2 * band * period / (2 * order + 1)))
+
+
+def _may_stick(
+    rate: np.ndarray, acceleration: np.ndarray, noise: float, period: float, band: float
+) -> np.ndarray:
     """Samples (m) about reversals and slow stretches at which the hub may have stuck for a moment.
 
     A stick has neither rate nor acceleration; where the acceleration stands out of its noise there was none.
-    Errors of the derivatives of white noise behind a low-pass at f: sigma (2 pi f)^k sqrt(2 f dt / (2 k + 1)).
     """
-    circular, share = 2 * np.pi * MOTION_BAND, 2 * MOTION_BAND * period
-    rate_error = noise * circular * np.sqrt(share / 3)
-    acceleration_error = noise * circular**2 * np.sqrt(share / 5)
-    slow = np.abs(rate) < 3 * rate_error
-    return slow & (np.abs(acceleration) < _SURE * acceleration_error)
+    slow = np.abs(rate) < 3 * noise * _gain(band, period, 1)
+    return slow & (np.abs(acceleration) < _SURE * noise * _gain(band, period, 2))
 
 
 def _sensor_slope(model: Model, view: View) -> np.ndarray:
@@ -289,15 +312,14 @@ def _propagated(prepared: Prepared, view: View, model: Model) -> dict[str, float
     """What the noise of the hub angle does to each figure, by a simulation with noise added."""
     generator = np.random.default_rng(0)
     sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(_raw_period(prepared.recording) / _GRID))
-    shaken = low_passed(generator.normal(0, sigma, len(view.time)), _GRID, MOTION_BAND)
+    shaken = low_passed(generator.normal(0, sigma, len(view.time)), _GRID, view.band)
     spline = CubicSpline(view.time, shaken)
     plain, torque = move(view, prepared, model, prepared.start)
-    noisy = View(
-        view.time,
-        view.reading + shaken,
-        view.rate + spline(view.time, 1),
-        view.acceleration + spline(view.time, 2),
-        *(view.direction, view.sliding, view.measured, view.known, {}, view.onsets),
+    noisy = replace(
+        view,
+        reading=view.reading + shaken,
+        rate=view.rate + spline(view.time, 1),
+        acceleration=view.acceleration + spline(view.time, 2),
     )
     moved, torque_moved = move(noisy, prepared, model, prepared.start)
     asked = Recording(

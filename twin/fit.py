@@ -399,7 +399,7 @@ def minimise(
             break
     size = bench.sizes(r)
     fitted, states = placed(model, unknowns, x), placed_starts(starts, unknowns, x)
-    covariance = np.linalg.pinv(_normal(bench, unknowns, r, J, count))
+    covariance = _covariance(bench, unknowns, x, r, J, count)
     return Fit(fitted, states, unknowns, x, covariance, r, size, cost, J)
 
 

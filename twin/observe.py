@@ -31,7 +31,16 @@ def noise_of(values: np.ndarray) -> float:
     if len(known) < 20:
         return 0.0
     differences = np.diff(known, 4)
-    return float(1.4826 * np.median(np.abs(differences - np.median(differences))) / np.sqrt(70.0))
+    scatter = 1.4826 * np.median(np.abs(differences - np.median(differences))) / np.sqrt(70.0)
+    return float(max(scatter, converter_step(known) / np.sqrt(12.0)))
+
+
+def converter_step(values: np.ndarray) -> float:
+    """Step of the converter that the readings (n) came through; 0 where they are not visibly quantised."""
+    levels = np.unique(values)
+    if len(levels) > len(values) / 4 or len(levels) < 2:
+        return 0.0
+    return float(np.median(np.diff(levels)))
 
 
 def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Recording, list[str]]:

@@ -16,7 +16,7 @@ from twin.model import Model, Start
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _SCAN = np.linspace(0.94, 1.06, 25)  # about the break-away torque that was read from the recordings
 _MULTIPLES = (1.0, 20.0)
-_FITTED = 4  # effects that are fitted, of those that promise most
+_FITTED = 6  # effects that are fitted, of those that promise most
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
 Progress = Callable[[str], None]

@@ -29,7 +29,7 @@ class Unexplained:
       values: (n) in the channel's unit.
       variables: name -> (n) what they may depend on.
       recording: (n) index of the recording.
-      time: (n) [s].
+      time: (n) [s], the recordings one after the other.
     """
 
     values: np.ndarray
