@@ -417,6 +417,30 @@ def costs(
     return np.array([_cost(bench, unknowns, x, r, count) for x, r in zip(points, residuals, strict=True)])
 
 
+def _covariance(
+    bench: Workbench,
+    unknowns: Sequence[Unknown],
+    x: np.ndarray,
+    r: np.ndarray,
+    J: np.ndarray,
+    count: np.ndarray,
+) -> np.ndarray:
+    """Covariance (p x p): of the noise, and of what the recordings say differently from one another.
+
+    Each recording pulls the estimate its own way, g_i, where the model is not quite the rig; with the information H
+    the pulls spread it by H^-1 sum g_i g_i' H^-1 (P. J. Huber, 1967; recordings as clusters). The two are added.
+    """
+    inverse = np.linalg.pinv(_normal(bench, unknowns, r, J, count), hermitian=True)
+    weights = _row_weights(bench, r, count)
+    pulls = np.zeros((len(bench.prepared), len(x)))
+    for group in bench.groups:
+        rows = group.rows
+        pulls[group.recording] += J[rows].T @ (weights[rows] * r[rows])
+    n = len(pulls)
+    spread = pulls.T @ pulls * (n / max(n - 1, 1))
+    return inverse + inverse @ spread @ inverse
+
+
 def _cost(
     bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray, count: np.ndarray
 ) -> float:
