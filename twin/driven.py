@@ -30,8 +30,8 @@ BAND = 25.0
 _GRID = 0.002  # s, uniform grid on which the signals are filtered
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 """Corners of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it, but a poor
-sensor cannot tell them; the widest is taken in which the rate stands out of its noise."""
-_CLEAR = 0.03  # error of the rate, in parts of its rms, up to which a band is wide but not too wide
+sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
+_CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
 _GAP, _SIDE = (
     0.007,
@@ -269,11 +269,11 @@ def _raw_period(recording: Recording) -> float:
 
 
 def motion_band(recording: Recording, noise: float, time: np.ndarray) -> float:
-    """The widest of `MOTION_BANDS` in which the rate of the hub stands out of its noise [Hz]."""
+    """The widest of `MOTION_BANDS` in which the strongest accelerations stand out of their noise [Hz]."""
+    reading, _ = _filtered(recording, "hub_angle", time, MOTION_BANDS[-1])
+    strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
     for band in MOTION_BANDS:
-        reading, _ = _filtered(recording, "hub_angle", time, band)
-        error = noise * _gain(band, _raw_period(recording), 1)
-        if error < _CLEAR * np.std(np.gradient(reading, time)):
+        if noise * _gain(band, _raw_period(recording), 2) < _CLEAR * strong:
             return band
     return MOTION_BANDS[-1]
 

@@ -15,7 +15,7 @@ LEAST_SHARE = (
 )
 LEAST_SCORE = 30.0  # gain in log likelihood, after the price of its parameters
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
-LARGE_MISFIT = 3.0  # noise levels beyond which a group of residuals is not explained
+LARGE_MISFIT = 4.0  # noise levels beyond which a group of residuals is not explained
 REPEATED = 2  # recordings in which a channel must stay unexplained
 
 
