@@ -23,6 +23,7 @@ from twin.search import Candidate, Progress, silent
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """A coarse chain is enough to search on: its own error is taken out by `Workbench.refine`."""
 MOST_EFFECTS = 3
+_IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
 _CONTENDERS, _CLOSE = (
     3,
     0.3,
@@ -60,8 +61,12 @@ def diagnose(campaign: Campaign, progress: Progress = silent, workers: int | Non
     began = time.perf_counter()
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         found = find(campaign, pool, progress)
-        progress("fitting the whole recordings")
-        polished = polish.polish(found.prepared, found.base, found.best, found.declared, pool)
+        if verdict.unexplained(found.bench, found.best):
+            # A model that does not follow the recordings gains nothing from their whole length.
+            polished = polish.unpolished(found.prepared, found.base, found.best, found.declared, pool)
+        else:
+            progress("fitting the whole recordings")
+            polished = polish.polish(found.prepared, found.base, found.best, found.declared, pool)
         progress("simulating every recording")
         predictions = predict(campaign, found, polished, pool)
     return conclude(campaign, found, polished, predictions, time.perf_counter() - began)
@@ -74,7 +79,9 @@ def find(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = sile
         campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, SEARCH_SEGMENTS), step=SEARCH_STEP
     )
     progress("reading the recordings")
-    clock, prepared, notes = on_best_clock(campaign.fit, noise, model, pool)
+    sound, cuts = sound_stretches(campaign.fit, noise, model)
+    clock, prepared, notes = on_best_clock(sound, noise, model, pool)
+    notes = cuts + notes
     data = driven.DrivenData(prepared, model)
     bench = Workbench(data, pool)
     progress("calibrating")
@@ -104,6 +111,20 @@ def noises(campaign: Campaign) -> dict[str, float]:
         declared = sensor.noise
         found[name] = declared if declared else max(seen, default=0.0)
     return {name: value for name, value in found.items() if value > 0 and name in CHANNEL_UNITS}
+
+
+def sound_stretches(
+    recordings: Sequence[Recording], noise: Mapping[str, float], model: Model
+) -> tuple[list[Recording], list[str]]:
+    """The recordings without the stretches in which the hub's motion cannot be followed, and what was left out."""
+    kept, notes = [], []
+    for recording in recordings:
+        peak = np.nanmax(np.abs(recording["torque_command"])) + model.declared["static_friction"]
+        strongest = _IMPOSSIBLE * peak / model.declared["hub_inertia"]
+        cut, note = observe.longest_sound_stretch(recording, noise.get("hub_angle", 0.0), float(strongest))
+        kept.append(cut)
+        notes += [note] if note else []
+    return kept, notes
 
 
 def on_best_clock(
@@ -149,7 +170,7 @@ def calibrated(bench: Workbench, model: Model) -> Fit:
     starts = tuple(p.start for p in bench.prepared)
     unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
     bench.refine(model, search.fine(model), starts)
-    first = fit.minimise(bench, model, starts, unknowns)
+    first = fit.minimise(bench, model, starts, unknowns, iterations=20)
     bench.refine(first.model, search.fine(first.model), first.starts)
     return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
 

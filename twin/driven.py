@@ -365,7 +365,7 @@ class DrivenData:
                 at_onset[[k for k, _ in view.onsets if 0 < k < len(at_onset)]] = True
                 named["break_away"] = at_onset
             for channel, mask in named.items():
-                if mask.any():
+                if mask.any() and np.isfinite(list(view.noise.values())).all():
                     groups.append(Group(i, channel, slice(row, row + len(mask))))
                     weights.append(mask.astype(float))
                     row += len(mask)

@@ -12,6 +12,7 @@ from twin.model import Guide, Start
 from twin.planar import STUCK, UNSURE
 from twin.recording import Recording
 
+_LONG_GAP = 0.1  # s without a reading of the hub beyond which its motion is not known
 _OUTLIER = 12.0  # noise standard deviations beyond which a lone sample is no measurement
 _REST_SPAN = 0.08  # s, shortest rest that counts
 _EDGE = 0.02  # s, margin to a change between rest and motion
@@ -74,6 +75,49 @@ def _outliers(values: np.ndarray, sigma: float) -> np.ndarray:
             break
         found |= far
     return found
+
+
+def longest_sound_stretch(
+    recording: Recording, noise: float, strongest: float
+) -> tuple[Recording, str | None]:
+    """Cuts a recording at long gaps of the hub angle and at motion that no torque could make.
+
+    Args:
+      recording: with a free hub.
+      noise: standard deviation of the hub angle [rad].
+      strongest: acceleration beyond which a reading is no motion [rad/s^2].
+
+    Returns:
+      The longest stretch without either, and what was left out, or None where nothing was.
+    """
+    if recording.clamped or "hub_angle" not in recording:
+        return recording, None
+    time, reading = recording.time, recording["hub_angle"]
+    known = np.flatnonzero(np.isfinite(reading))
+    steps, spans = np.diff(reading[known]), np.diff(time[known])
+    # Over a short gap a jump shows as a rate that differs from those around it by more than a torque can make.
+    rates = steps / spans
+    usual = median_filter(rates, 9, mode="nearest")
+    jump = np.abs(rates - usual) * spans > 12 * noise + strongest / 2 * (spans + 0.02) ** 2
+    breaks = np.flatnonzero(jump | (spans > _LONG_GAP))
+    if not len(breaks):
+        return recording, None
+    edges = np.r_[-1, breaks, len(known) - 1]
+    longest = int(
+        np.argmax([time[known[b]] - time[known[a + 1]] for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    )
+    first, last = known[edges[longest] + 1], known[edges[longest + 1]]
+    kept = slice(int(first), int(last) + 1)
+    begins = "unknown" if first > 0 else recording.start
+    held = None if recording.command_time is None else recording.command_time[kept]
+    cut = recording.replace(
+        time=time[kept],
+        channels={name: values[kept] for name, values in recording.channels.items()},
+        start=begins,
+        command_time=held,
+    )
+    note = f"{recording.name}: the hub angle has long gaps or jumps; used from {time[first]:.2f} to {time[last]:.2f} s"
+    return cut, note
 
 
 def clock(time: np.ndarray) -> np.ndarray | None:

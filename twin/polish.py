@@ -44,6 +44,16 @@ def polish(
     return Polished(declared, calibrated, augmented, bench)
 
 
+def unpolished(
+    prepared: Sequence[Prepared], base: Fit, best: Fit, declared: Model, pool: ThreadPoolExecutor
+) -> Polished:
+    """The models as the search left them, but for their break-away torque."""
+    bench = Workbench(GuidedData(prepared), pool)
+    augmented = _with_break_away(bench, best)
+    calibrated = augmented if best is base else _with_break_away(bench, base)
+    return Polished(declared, calibrated, augmented, bench)
+
+
 def _polished(bench: Workbench, best: Fit) -> Fit:
     shape = chain.fit_shape(best.model.rig, _SEGMENTS)
     model, starts, unknowns = best.model.replace(shape=shape, step=_STEP), best.starts, best.unknowns
