@@ -170,7 +170,8 @@ def calibrated(bench: Workbench, model: Model) -> Fit:
     starts = tuple(p.start for p in bench.prepared)
     unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
     bench.refine(model, search.fine(model), starts)
-    first = fit.minimise(bench, model, starts, unknowns, iterations=20)
+    x = search.roughly(bench, model, starts, unknowns)
+    first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)
     bench.refine(first.model, search.fine(first.model), first.starts)
     return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from twin.model import Model
 
 _ROUNDS = 2
 _SEGMENTS, _STEP = 6, 1e-3
+_SPANS = (0.06, 0.005)  # a break-away that is off by 0.1 % can decide the rest of a run
 _LEVELS = ("static_friction", "static_positive", "static_negative")
 
 
@@ -64,10 +65,19 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
         placed = fit.placed(model, unknowns, x)
         bench.refine(placed, search.fine(placed), starts)
         for name in _LEVELS:
-            x = search.scanned(bench, model, starts, unknowns, x, name)
+            for span in _SPANS:
+                x = search.scanned(bench, model, starts, unknowns, x, name, span)
         result = fit.minimise(bench, model, starts, unknowns, x, None, 4)
         x, starts = result.values, result.starts
-    return result
+    return _level_last(bench, result)
+
+
+def _level_last(bench: Workbench, result: Fit) -> Fit:
+    """The fit with its break-away torques at the best of a last, finest grid."""
+    x = result.values
+    for name in _LEVELS:
+        x = search.scanned(bench, result.model, result.starts, result.unknowns, x, name, _SPANS[-1])
+    return replace(result, model=fit.placed(result.model, result.unknowns, x), values=x)
 
 
 def _with_break_away(bench: Workbench, base: Fit) -> Fit:

@@ -14,8 +14,9 @@ from twin.fit import Fit, Unknown, Workbench
 from twin.model import Model, Start
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
-_SCAN = np.linspace(0.94, 1.06, 25)  # about the break-away torque that was read from the recordings
+_SCAN = 25  # values of a break-away torque that are tried about the one that was read from the recordings
 _MULTIPLES = (1.0, 20.0)
+_ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED = 6  # effects that are fitted, of those that promise most
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
@@ -37,6 +38,25 @@ def _fine_shape(model: Model) -> ChainShape:
     return chain.fit_shape(rounded, FINE_SEGMENTS)
 
 
+def roughly(
+    bench: Workbench, model: Model, starts: Sequence[Start], unknowns: Sequence[Unknown]
+) -> np.ndarray:
+    """Where the fit of a rig starts: as declared, or for a rig known only roughly, the best of a coarse grid.
+
+    A link whose frequencies are far off is in another valley than the right one: stiffness and damping, where their
+    uncertainty is large, are tried over their range first.
+    """
+    x = np.array([u.start for u in unknowns])
+    for name in ("bending_stiffness", "damping_ratio", "bending_stiffness"):
+        for index, u in enumerate(unknowns):
+            if u.name == name and u.prior and u.scale > _ROUGH * abs(u.start):
+                spread = min(1.0, 2 * u.scale / abs(u.start))
+                values = np.clip(x[index] * np.geomspace(1 / (1 + spread), 1 + spread, 11), *u.bounds)
+                points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
+                x = points[int(np.argmin(fit.costs(bench, model, starts, unknowns, points)))]
+    return x
+
+
 def scanned(
     bench: Workbench,
     model: Model,
@@ -44,13 +64,16 @@ def scanned(
     unknowns: Sequence[Unknown],
     x: np.ndarray,
     name: str,
+    span: float = 0.06,
 ) -> np.ndarray:
-    """Moves one unknown to the best of a fine grid about its value."""
+    """Moves one unknown to the best of a fine grid about its value, `span` of it to either side."""
     names = [u.name for u in unknowns]
     if name not in names:
         return x
     index = names.index(name)
-    points = [np.r_[x[:index], value, x[index + 1 :]] for value in x[index] * _SCAN]
+    points = [
+        np.r_[x[:index], value, x[index + 1 :]] for value in x[index] * np.linspace(1 - span, 1 + span, _SCAN)
+    ]
     return points[int(np.argmin(fit.costs(bench, model, starts, unknowns, points)))]
 
 
@@ -121,7 +144,9 @@ def promised(bench: Workbench, base: Fit, name: str) -> float:
             columns.append((r - base.residual) / max(float(np.std(r - base.residual)), 1e-12))
     if not columns:
         return 0.0
-    return fit.slope_gain(bench, base, np.column_stack(columns), effect.replaces) - price(len(effect.parameters), bench)
+    return fit.slope_gain(bench, base, np.column_stack(columns), effect.replaces) - price(
+        len(effect.parameters), bench
+    )
 
 
 def quick(bench: Workbench, base: Fit, name: str) -> Candidate:

@@ -714,8 +714,12 @@ def simulate(
 def delivered_torque(rig: Rig, times: Array, commands: Array) -> Array:
     """Returns what the drive delivers at the times of the sensors' readings (samples,) [N m].
 
-    Gain, limit, dead time and lag are in it; a reading at the instant of a new command sees that command.
+    Gain, limit, dead time, lag and bias are in it; a reading at the instant of a new command sees that command.
     """
+    return rig.torque_bias + _commanded_torque(rig, times, commands)
+
+
+def _commanded_torque(rig: Rig, times: Array, commands: Array) -> Array:
     command_times = times + rig.actuator_delay
     targets = all_saturated(rig, commands)
     at = times - rig.sensor_delay
