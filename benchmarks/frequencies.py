@@ -16,9 +16,9 @@ import numpy as np
 
 from twin import beam, planar
 from twin.chain import Chain, build, uniform_shape
-from twin.mjcf import declared_plant
 from twin.mujoco_chain import MujocoChain
 from twin.parameters import Rig
+from twin.planar import declared_plant
 from twin.rigs import preset
 
 SEGMENTS = (4, 5, 6, 8, 12, 16, 24, 32)

@@ -12,10 +12,9 @@ from frequencies import DURATION, Slew, slew
 
 from twin import planar
 from twin.chain import Chain, build
-from twin.mjcf import declared_plant
 from twin.mujoco_chain import MujocoChain
 from twin.parameters import Rig
-from twin.planar import Plant
+from twin.planar import Plant, declared_plant
 from twin.rigs import preset
 
 SEGMENTS = (4, 5, 6, 8, 12)

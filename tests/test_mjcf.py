@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import beam, mjcf
+from twin import beam, mjcf, planar
 from twin.chain import build
 from twin.check import linearised
 from twin.recording import Sensor
@@ -14,7 +14,7 @@ from twin.rigs import preset
 
 RIG = preset("bossi2009")
 CHAIN = build(RIG)
-PLANT = mjcf.declared_plant(RIG, CHAIN)
+PLANT = planar.declared_plant(RIG, CHAIN)
 MODELS = Path(__file__).parent.parent / "models"
 
 
@@ -139,7 +139,7 @@ def test_scene_adds_table_and_cameras():
 
 
 def test_plant_of_another_chain_is_refused():
-    other = mjcf.declared_plant(RIG, build(RIG.replace(tip_mass=0.2), shape=CHAIN.shape))
+    other = planar.declared_plant(RIG, build(RIG.replace(tip_mass=0.2), shape=CHAIN.shape))
     with pytest.raises(ValueError, match="plant and chain have different inertias"):
         mjcf.build_spec(RIG, CHAIN, other)
 

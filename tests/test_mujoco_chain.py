@@ -4,14 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import beam, mjcf, planar
+from twin import beam, planar
 from twin.chain import build
 from twin.mujoco_chain import MujocoChain
 from twin.rigs import preset
 
 RIG = preset("bossi2009")
 CHAIN = build(RIG)
-PLANT = mjcf.declared_plant(RIG, CHAIN)
+PLANT = planar.declared_plant(RIG, CHAIN)
 SIZE = len(CHAIN.lengths)
 REST = np.zeros(SIZE)
 STEP = 5e-4

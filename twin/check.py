@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import eig, eigh
 from scipy.optimize import least_squares
 
-from twin import beam, mjcf, modal
+from twin import beam, mjcf, modal, planar
 from twin.beam import Boundary
 from twin.chain import DEFAULT_SEGMENTS, Chain, build
 from twin.errors import InputError
@@ -114,7 +114,7 @@ def check(
         raise InputError(f"--segments is {segments}; expected {SEGMENTS[0]} to {SEGMENTS[1]}")
     report(f"fitting a chain of {segments} segments")
     chain = build(rig, segments)
-    plant = mjcf.declared_plant(rig, chain)
+    plant = planar.declared_plant(rig, chain)
     report("eigenvalues and ring-downs")
     free, clamped = (_compare(rig, chain, plant, boundary) for boundary in get_args(Boundary))
     compliance = (beam.static_tip_compliance(rig), _tip_compliance(rig, chain, plant))

@@ -61,12 +61,10 @@ def diagnose(campaign: Campaign, progress: Progress = silent, workers: int | Non
     began = time.perf_counter()
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         found = find(campaign, pool, progress)
-        if verdict.unexplained(found.bench, found.best):
-            # A model that does not follow the recordings gains nothing from their whole length.
-            polished = polish.unpolished(found.prepared, found.base, found.best, found.declared, pool)
-        else:
+        followed = not verdict.unexplained(found.bench, found.best)
+        if followed:
             progress("fitting the whole recordings")
-            polished = polish.polish(found.prepared, found.base, found.best, found.declared, pool)
+        polished = polish.polish(found.prepared, found.base, found.best, found.declared, pool, whole=followed)
         progress("simulating every recording")
         predictions = predict(campaign, found, polished, pool)
     return conclude(campaign, found, polished, predictions, time.perf_counter() - began)

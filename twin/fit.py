@@ -103,7 +103,8 @@ def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
         scale = relative * abs(parameter.value)
         if name not in _RIGID and name not in replaced and scale > 0:
             # Within the uncertainty: what would have to move further is not calibration.
-            low, high = parameter.value - _REACH * scale, parameter.value + _REACH * scale
+            # A rough value may be off by a factor either way, and stays positive.
+            low, high = parameter.value / (1 + _REACH * relative), parameter.value * (1 + _REACH * relative)
             bounds = (max(low, parameter.bounds[0]), min(high, parameter.bounds[1]))
             found.append(Unknown("rig", name, parameter.value, scale, True, bounds))
     return found

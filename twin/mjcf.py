@@ -23,6 +23,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from twin import planar
 from twin.chain import Chain, curvature_row
 from twin.planar import Plant
 from twin.recording import Sensor
@@ -57,7 +58,7 @@ def build_spec(
       scene: add table, light and camera.
       gauges: strain bridges off the link's end are left out.
     """
-    spec = dynamics_spec(chain, plant if plant is not None else declared_plant(rig, chain), rig)
+    spec = dynamics_spec(chain, plant if plant is not None else planar.declared_plant(rig, chain), rig)
     _add_motor(spec, rig)
     _add_sensors(spec, rig, chain, gauges)
     _add_looks(spec, rig, chain, gauges)
@@ -126,24 +127,6 @@ def write_models(folder: Path) -> tuple[Path, ...]:
     bare.write_text(_tidy(spec.to_xml()), encoding="utf-8")
     scene.write_text(_scene(bare.name), encoding="utf-8")
     return bare, scene
-
-
-def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
-    """The plant of a rig with its declared friction and no other mechanism."""
-    coulomb = rig.get("coulomb_friction", 0.0)
-    static = max(rig.get("static_friction", 0.0), coulomb)
-    return Plant(
-        chain.lengths,
-        chain.inertia,
-        chain.stiffness,
-        chain.damping,
-        chain.first_moment,
-        chain.stiffness / rig["bending_stiffness"],
-        static,
-        static,
-        coulomb,
-        coulomb,
-    )
 
 
 # Moving parts

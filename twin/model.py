@@ -109,7 +109,7 @@ class Model:
     @functools.cached_property
     def plant(self) -> planar.Plant:
         """What the equations of motion read."""
-        plant = bare_plant(self.rig, self.chain)
+        plant = planar.declared_plant(self.rig, self.chain)
         for name, p in self.effects.items():
             plant = REGISTRY[name].plant(plant, p)
         return plant
@@ -138,21 +138,6 @@ class Model:
             if np.all(np.abs(off) < 1e-9):
                 break
         return angle
-
-
-def bare_plant(rig: Mapping[str, float], links: Chain) -> planar.Plant:
-    """The plant of a rig without any effect."""
-    static, coulomb = rig["static_friction"], rig["coulomb_friction"]
-    static = max(static, coulomb)
-    return planar.Plant(
-        links.lengths,
-        np.ascontiguousarray(links.inertia),
-        links.stiffness,
-        np.ascontiguousarray(links.damping),
-        np.ascontiguousarray(links.first_moment),
-        links.stiffness / rig["bending_stiffness"],
-        *(float(level) for level in (static, static, coulomb, coulomb)),
-    )
 
 
 def simulate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Recording:

@@ -15,10 +15,13 @@ level, and slides again where that torque exceeds it. Both instants are located 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+
+from twin.chain import Chain
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 _compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
@@ -66,6 +69,21 @@ class Plant(NamedTuple):
     softening_curvature: float = 1.0
     gravity_x: float = 0.0
     gravity_y: float = 0.0
+
+
+def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
+    """The plant of a rig with its declared friction and no other mechanism."""
+    coulomb = rig.get("coulomb_friction", 0.0)
+    static = max(rig.get("static_friction", 0.0), coulomb)
+    return Plant(
+        chain.lengths,
+        np.ascontiguousarray(chain.inertia),
+        chain.stiffness,
+        np.ascontiguousarray(chain.damping),
+        np.ascontiguousarray(chain.first_moment),
+        chain.stiffness / rig["bending_stiffness"],
+        *(float(level) for level in (static, static, coulomb, coulomb)),
+    )
 
 
 @_inlined

@@ -36,21 +36,15 @@ class Polished:
 
 
 def polish(
-    prepared: Sequence[Prepared], base: Fit, best: Fit, declared: Model, pool: ThreadPoolExecutor
+    prepared: Sequence[Prepared], base: Fit, best: Fit, declared: Model, pool: ThreadPoolExecutor, whole: bool
 ) -> Polished:
-    """Fits the model that the search came to once more, on the whole recordings."""
-    bench = Workbench(GuidedData(prepared), pool)
-    augmented = _polished(bench, best)
-    calibrated = augmented if best is base else _with_break_away(bench, base)
-    return Polished(declared, calibrated, augmented, bench)
+    """Fits the model that the search came to once more, on the whole recordings.
 
-
-def unpolished(
-    prepared: Sequence[Prepared], base: Fit, best: Fit, declared: Model, pool: ThreadPoolExecutor
-) -> Polished:
-    """The models as the search left them, but for their break-away torque."""
+    Without `whole`, the models stay as the search left them, but for their break-away torque: one that does not
+    follow the recordings gains nothing from their whole length.
+    """
     bench = Workbench(GuidedData(prepared), pool)
-    augmented = _with_break_away(bench, best)
+    augmented = _polished(bench, best) if whole else _with_break_away(bench, best)
     calibrated = augmented if best is base else _with_break_away(bench, base)
     return Polished(declared, calibrated, augmented, bench)
 
@@ -69,7 +63,9 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
                 x = search.scanned(bench, model, starts, unknowns, x, name, span)
         result = fit.minimise(bench, model, starts, unknowns, x, None, 4)
         x, starts = result.values, result.starts
-    return _level_last(bench, result)
+    # A rig that the chain follows only roughly may lead the whole runs astray: then the search knew better.
+    before = fit.costs(bench, model, best.starts, unknowns, [best.values])[0]
+    return _level_last(bench, result) if result.cost < before else _with_break_away(bench, best)
 
 
 def _level_last(bench: Workbench, result: Fit) -> Fit:
