@@ -1,0 +1,79 @@
+"""When a command acts and when a sensor reads, against the exact response of the linear chain."""
+
+import numpy as np
+import pytest
+
+from twin import chain
+from twin.modal import held_response
+from twin.model import Model, Start, simulate
+from twin.mujoco_chain import MujocoChain
+from twin.recording import Recording
+from twin.rigs import preset
+
+RIG = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)
+SHAPE = chain.fit_shape(RIG, 6)
+
+
+class LinearChain:
+    """State space of the chain at small angles: [hub, hinges, rates], torque in, hub angle out."""
+
+    def __init__(self):
+        links = chain.build(RIG, shape=SHAPE)
+        mass, n = links.mass_matrix(), len(links.lengths)
+        stiffness, damping = np.zeros((n, n)), np.zeros((n, n))
+        stiffness[1:, 1:], damping[1:, 1:] = np.diag(links.stiffness), links.damping
+        self.A = np.block(
+            [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(mass, np.hstack([stiffness, damping]))]]
+        )
+        self.B = np.r_[np.zeros(n), np.linalg.solve(mass, np.eye(n)[:, 0])][:, None]
+        self.C = np.eye(2 * n)[:1]
+        self.D = np.zeros((1, 1))
+
+
+def commanded(time):
+    """A small random torque, so that angles stay small [N m]."""
+    return 1e-4 * np.random.default_rng(3).normal(size=len(time))
+
+
+def instants(kind):
+    """Sample times, uniform or scattered [s]."""
+    uniform = np.arange(0, 0.6, 0.002)
+    scatter = np.random.default_rng(4).uniform(0, 6e-4, len(uniform))
+    return uniform if kind == "uniform" else uniform + scatter
+
+
+def delay_of(angle, exact, time):
+    """How much later `angle` is than `exact` [s], by least squares."""
+    rate = np.gradient(exact, time)
+    return -float(np.sum((angle - exact) * rate) / np.sum(rate**2))
+
+
+@pytest.mark.parametrize("kind", ["uniform", "scattered"])
+def test_a_command_acts_from_its_sample_to_the_next_and_a_reading_is_of_its_instant(kind):
+    time = instants(kind)
+    recording = Recording("", time, {"torque_command": commanded(time), "hub_angle": np.zeros_like(time)})
+    model = Model(RIG, {}, SHAPE, step=2.5e-4)
+    angle = simulate(model, recording, Start())["hub_angle"]
+    exact = held_response(LinearChain(), time, commanded(time))[:, 0]
+    assert abs(delay_of(angle, exact, time)) < 1e-6
+
+
+def test_mujoco_keeps_the_same_time():
+    time = instants("uniform")
+    links = chain.build(RIG, shape=SHAPE)
+    model = Model(RIG, {}, SHAPE)
+    engine = MujocoChain(RIG, links, model.plant)
+    start = np.zeros(len(links.lengths))
+    angles, _, _ = engine.simulate(time, commanded(time), time, start, start, 0, False, 2.5e-4)
+    exact = held_response(LinearChain(), time, commanded(time))[:, 0]
+    assert abs(delay_of(angles[:, 0], exact, time)) < 1e-6
+
+
+def test_a_delay_is_seen_as_a_delay():
+    # The measure itself: half a millisecond must not pass.
+    time = instants("uniform")
+    recording = Recording("", time, {"torque_command": commanded(time), "hub_angle": np.zeros_like(time)})
+    late = Model(RIG, {}, SHAPE, {"actuator-delay": {"delay": 5e-4}}, step=2.5e-4)
+    angle = simulate(late, recording, Start())["hub_angle"]
+    exact = held_response(LinearChain(), time, commanded(time))[:, 0]
+    assert delay_of(angle, exact, time) == pytest.approx(5e-4, rel=0.05)
