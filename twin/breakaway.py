@@ -48,7 +48,7 @@ def levels(events: Sequence[BreakAway]) -> dict[int, float]:
 
 
 def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) -> list[BreakAway]:
-    held = _never_breaking(model)
+    held = model.with_plant(static_positive=1e9, static_negative=1e9)
     motion = integrate(held, prepared.recording, start, guided(held, prepared, tight=True))
     time = prepared.recording.time
     drive = held.drive(prepared.recording).at(time)
@@ -65,10 +65,3 @@ def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) ->
             angle = prepared.hub.reading[k]
             found.append(BreakAway(float(needed[k]), direction, float(angle), index, float(time[k])))
     return found
-
-
-def _never_breaking(model: Model) -> Model:
-    held = model.replace()
-    plant = model.plant._replace(static_positive=1e9, static_negative=1e9)
-    held.__dict__["plant"] = plant
-    return held

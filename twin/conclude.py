@@ -12,6 +12,8 @@ from twin.effects import REGISTRY
 from twin.fit import ASSUMED_UNCERTAINTY, Fit
 from twin.polish import Polished
 
+_FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
+
 if TYPE_CHECKING:
     from twin.diagnose import Found
 
@@ -38,7 +40,7 @@ def conclude(
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
         traces=traces.traces_of(found.bench, found.data, found.base, found.best),
-        notes=(*campaign.warnings, *found.notes, *_assumptions(campaign)),
+        notes=(*campaign.warnings, *found.notes, *_assumptions(campaign), *_unpredictable(predictions)),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         wall_s=wall_s,
@@ -96,6 +98,19 @@ def _assumptions(campaign: Campaign) -> list[str]:
         return []
     listed = ", ".join(f"{n} {100 * ASSUMED_UNCERTAINTY[n]:g} %" for n in moved)
     return [f"No uncertainty was declared for some parameters; assumed: {listed}."]
+
+
+def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:
+    """Held-out recordings whose error says little: a stick or slip more decides them."""
+    notes = []
+    for file, prediction in predictions.items():
+        worst = max(prediction.errors.values(), key=lambda e: e.reach / e.noise, default=None)
+        if prediction.role == "holdout" and worst is not None and worst.reach > _FAR * worst.noise:
+            notes.append(
+                f"{file} can hardly be predicted: a break-away torque that is off by 0.1 % changes the prediction by "
+                f"{worst.reach / worst.noise:.0f} noise levels, because one stick more or less decides the rest of it."
+            )
+    return notes
 
 
 def _summary(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -52,6 +53,8 @@ class ChannelError:
       after: with the adopted effects.
       noise: standard deviation of the sensor.
       unit: SI unit of the channel.
+      reach: root-mean-square change of the prediction where the break-away torque is off by 0.1 %: a recording in
+        which a stick or slip more decides the rest cannot be predicted any better than this.
     """
 
     before: float
@@ -59,6 +62,7 @@ class ChannelError:
     after: float
     noise: float
     unit: str
+    reach: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -170,6 +174,7 @@ def _errors_json(prediction: Prediction) -> dict[str, Any]:
             "calibrated": error.calibrated,
             "after": error.after,
             "noise": error.noise,
+            "reach": error.reach if math.isfinite(error.reach) else None,
             "unit": CHANNEL_UNITS[channel],
         }
     return rows

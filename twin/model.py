@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -113,6 +114,12 @@ class Model:
         for name, p in self.effects.items():
             plant = REGISTRY[name].plant(plant, p)
         return plant
+
+    def with_plant(self, **changes: Any) -> Model:
+        """A model whose plant has some fields changed, whatever the rig and the effects say."""
+        changed = self.replace()
+        changed.__dict__["plant"] = self.plant._replace(**changes)
+        return changed
 
     def drive(self, recording: Recording) -> Drive:
         """Delivered torque of a recording's command: saturated, then through the effects of the drive."""

@@ -65,7 +65,18 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
         x, starts = result.values, result.starts
     # A rig that the chain follows only roughly may lead the whole runs astray: then the search knew better.
     before = fit.costs(bench, model, best.starts, unknowns, [best.values])[0]
-    return _level_last(bench, result) if result.cost < before else _with_break_away(bench, best)
+    if not result.cost < before:
+        return _with_break_away(bench, best)
+    return _level_last(bench, _with_disagreement(result, best))
+
+
+def _with_disagreement(result: Fit, other: Fit) -> Fit:
+    """The fit with half its distance to another kind of fit added to its errors.
+
+    A stick or slip makes whole runs steep in every parameter, so that noise alone promises too much.
+    """
+    apart = (result.values - other.values) / 2
+    return replace(result, covariance=result.covariance + np.diag(apart**2))
 
 
 def _level_last(bench: Workbench, result: Fit) -> Fit:

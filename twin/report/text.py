@@ -92,6 +92,7 @@ def _afterwards(diagnosis: Diagnosis) -> list[str]:
     ]
     if diagnosis.next_experiment:
         lines.append(f"Next: {diagnosis.next_experiment}")
+    lines += [f"Note: {note}" for note in diagnosis.notes]
     return ["", *lines] if lines else []
 
 
