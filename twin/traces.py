@@ -9,6 +9,7 @@ import numpy as np
 
 from twin import driven
 from twin.diagnosis import Trace
+from twin.evidence import Group
 from twin.fit import Fit, Workbench
 
 _BINS = 16
@@ -40,29 +41,28 @@ class Unexplained:
 
 def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: str) -> Unexplained:
     """Residuals of a channel under a fit, with the variables on which they may depend."""
-    parts: list[tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, np.ndarray]] = []
-    for group in bench.groups:
-        if group.channel != channel:
-            continue
-        i = group.recording
-        view, keep = data.views[i], bench.weight[group.rows] > 0
-        values = fit.residual[group.rows] * view.noise[channel]
-        variables = _variables(data, fit, i)
-        parts.append(
-            (
-                values[keep],
-                {k: v[keep] for k, v in variables.items()},
-                np.full(keep.sum(), i),
-                view.time[keep],
-            )
-        )
-    names = set.intersection(*(set(p[1]) for p in parts)) if parts else set()
-    join = np.concatenate
+    parts = [_in_recording(bench, data, fit, group) for group in bench.groups if group.channel == channel]
+    if not parts:
+        return Unexplained(np.zeros(0), {}, np.zeros(0), np.zeros(0))
+    shared = set.intersection(*(set(part.variables) for part in parts))
     return Unexplained(
-        join([p[0] for p in parts]) if parts else np.zeros(0),
-        {name: join([p[1][name] for p in parts]) for name in sorted(names)},
-        join([p[2] for p in parts]) if parts else np.zeros(0),
-        join([p[3] for p in parts]) if parts else np.zeros(0),
+        np.concatenate([part.values for part in parts]),
+        {name: np.concatenate([part.variables[name] for part in parts]) for name in sorted(shared)},
+        np.concatenate([part.recording for part in parts]),
+        np.concatenate([part.time for part in parts]),
+    )
+
+
+def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Group) -> Unexplained:
+    i = group.recording
+    view, keep = data.views[i], bench.weight[group.rows] > 0
+    values = fit.residual[group.rows] * view.noise[group.channel]
+    before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
+    return Unexplained(
+        values[keep],
+        {name: variable[keep] for name, variable in _variables(data, fit, i).items()},
+        np.full(keep.sum(), i),
+        before + view.time[keep] - view.time[0],
     )
 
 
