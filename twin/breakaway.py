@@ -22,13 +22,14 @@ _SPAN = 0.01  # s
 
 @dataclass(frozen=True)
 class BreakAway:
-    """One break-away: torque [N m], direction, hub reading [rad], recording and instant [s]."""
+    """One break-away: torque [N m], direction, hub reading [rad], recording, instant [s], growth before it [N m/s]."""
 
     torque: float
     direction: int
     angle: float
     recording: int
     time: float
+    slope: float
 
 
 def find(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> list[BreakAway]:
@@ -42,9 +43,12 @@ def find(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) ->
 
 
 def levels(events: Sequence[BreakAway]) -> dict[int, float]:
-    """Median break-away torque by direction, +1 and -1; a direction never seen is left out [N m]."""
-    by_direction = {d: [abs(e.torque) for e in events if e.direction == d] for d in (1, -1)}
-    return {d: float(np.median(torques)) for d, torques in by_direction.items() if torques}
+    """Break-away torque by direction, +1 and -1, at the slowest approach; a direction never seen is left out [N m].
+
+    The slower the torque grows, the less the instant of the break-away matters.
+    """
+    by_direction = {d: [e for e in events if e.direction == d] for d in (1, -1)}
+    return {d: abs(min(seen, key=lambda e: e.slope).torque) for d, seen in by_direction.items() if seen}
 
 
 def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) -> list[BreakAway]:
@@ -63,5 +67,6 @@ def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) ->
             continue
         if np.abs(needed[k] - needed[k - lag]) < _SLOW * abs(needed[k]):
             angle = prepared.hub.reading[k]
-            found.append(BreakAway(float(needed[k]), direction, float(angle), index, float(time[k])))
+            slope = abs(float(needed[k] - needed[k - lag]) / (lag * period))
+            found.append(BreakAway(float(needed[k]), direction, float(angle), index, float(time[k]), slope))
     return found

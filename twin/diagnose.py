@@ -24,6 +24,7 @@ SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """A coarse chain is enough to search on: its own error is taken out by `Workbench.refine`."""
 MOST_EFFECTS = 3
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
+_LONG = 15  # iterations of a fit that is to arrive
 _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
 _CONTENDERS, _CLOSE = (
     3,
@@ -187,9 +188,18 @@ def settled(
 
 
 def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
-    """The candidate fitted with everything free."""
+    """The candidate fitted with everything free.
+
+    Without the effect the declared parameters had to stand in for it: the fit may as well start from these anew.
+    """
     before = candidate.fit
-    result = fit.minimise(bench, before.model, before.starts, before.unknowns, before.values, None, 6)
+    anew = np.array(
+        [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
+    )
+    points = [before.values, anew]
+    cost = fit.costs(bench, before.model, before.starts, before.unknowns, points)
+    x = points[int(np.argmin(cost))]
+    result = fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, _LONG)
     return Candidate(candidate.effects, result, search.gain(bench, base, result))
 
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin import breakaway, chain, fit, search
-from twin.fit import Fit, GuidedData, Prepared, Workbench
-from twin.model import Model
+from twin.fit import Fit, GuidedData, Prepared, Unknown, Workbench
+from twin.model import Model, Start
 
-_ROUNDS = 2
+_ROUNDS = 3
 _SEGMENTS, _STEP = 6, 1e-3
 _SPANS = (0.06, 0.005)  # a break-away that is off by 0.1 % can decide the rest of a run
 _LEVELS = ("static_friction", "static_positive", "static_negative")
@@ -53,21 +53,31 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
     shape = chain.fit_shape(best.model.rig, _SEGMENTS)
     model, starts, unknowns = best.model.replace(shape=shape, step=_STEP), best.starts, best.unknowns
     x, result = best.values, best
+    # Two views of the break-away torque: of the search, and read at the instants at which rests end.
+    views = [x, _read_levels(bench, result, x)]
+    x = views[int(np.argmin(fit.costs(bench, model, starts, unknowns, views)))]
     for number in range(_ROUNDS):
         placed = fit.placed(model, unknowns, x)
-        x = _read_levels(bench, result, x) if number == 0 else x
-        placed = fit.placed(model, unknowns, x)
         bench.refine(placed, search.fine(placed), starts)
-        for name in _LEVELS:
-            for span in _SPANS:
-                x = search.scanned(bench, model, starts, unknowns, x, name, span)
-        result = fit.minimise(bench, model, starts, unknowns, x, None, 4)
+        if number:
+            x = _scanned(bench, model, starts, unknowns, x)
+        result = fit.minimise(bench, model, starts, unknowns, x, None, 6)
         x, starts = result.values, result.starts
     # A rig that the chain follows only roughly may lead the whole runs astray: then the search knew better.
     before = fit.costs(bench, model, best.starts, unknowns, [best.values])[0]
     if not result.cost < before:
         return _with_break_away(bench, best)
     return _level_last(bench, _with_disagreement(result, best))
+
+
+def _scanned(
+    bench: Workbench, model: Model, starts: Sequence[Start], unknowns: Sequence[Unknown], x: np.ndarray
+) -> np.ndarray:
+    """The point (p) with its break-away torques at the best of a coarse and of a fine grid."""
+    for name in _LEVELS:
+        for span in _SPANS:
+            x = search.scanned(bench, model, starts, unknowns, x, name, span)
+    return x
 
 
 def _with_disagreement(result: Fit, other: Fit) -> Fit:
