@@ -24,7 +24,7 @@ SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """A coarse chain is enough to search on: its own error is taken out by `Workbench.refine`."""
 MOST_EFFECTS = 3
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
-_LONG = 15  # iterations of a fit that is to arrive
+_LONG = 12  # iterations of a fit that is to arrive
 _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
 _CONTENDERS, _CLOSE = (
     3,
@@ -196,10 +196,12 @@ def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
     anew = np.array(
         [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
     )
-    points = [before.values, anew]
-    cost = fit.costs(bench, before.model, before.starts, before.unknowns, points)
-    x = points[int(np.argmin(cost))]
-    result = fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, _LONG)
+    # A group that fits badly weighs little, so that a fit can settle with it: both ways are gone to the end.
+    results = [
+        fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, _LONG)
+        for x in (before.values, anew)
+    ]
+    result = min(results, key=lambda r: r.cost)
     return Candidate(candidate.effects, result, search.gain(bench, base, result))
 
 
