@@ -205,10 +205,6 @@ class Workbench:
         _, i, model, start = task
         return self.data.residual(model, i, start)
 
-    def independent(self, residual: np.ndarray) -> np.ndarray:
-        """Number of independent samples of each group (g)."""
-        return evidence.independent(residual, self.groups, self.weight)
-
     def sizes(self, residual: np.ndarray) -> np.ndarray:
         """Root-mean-square of each group (g), noise units."""
         return evidence.sizes(residual, self.groups, self.weight)
@@ -418,6 +414,11 @@ def costs(
     return np.array([_cost(bench, unknowns, x, r, count) for x, r in zip(points, residuals, strict=True)])
 
 
+def _prior_precision(unknowns: Sequence[Unknown]) -> np.ndarray:
+    """One over the variance of each prior (p); 0 where there is none."""
+    return np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
+
+
 def _covariance(
     bench: Workbench,
     unknowns: Sequence[Unknown],
@@ -462,7 +463,7 @@ def _normal(
 ) -> np.ndarray:
     """Information matrix (p x p)."""
     weights = _row_weights(bench, r, count)
-    prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
+    prior = _prior_precision(unknowns)
     return J.T @ (weights[:, None] * J) + np.diag(prior)
 
 
@@ -474,7 +475,7 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     """
     weights = _row_weights(bench, base.residual, bench.count)
     kept = np.array([u.owner != "rig" or u.name not in replaced for u in base.unknowns])
-    prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in base.unknowns])[kept]
+    prior = _prior_precision(base.unknowns)[kept]
     away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])[kept]
     J = np.hstack([base.jacobian[:, kept], columns])
     normal = J.T @ (weights[:, None] * J) + np.diag(np.r_[prior, np.zeros(columns.shape[1])])
@@ -509,7 +510,7 @@ def _step(
     damping: float,
 ) -> np.ndarray:
     weights = _row_weights(bench, r, count)
-    prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
+    prior = _prior_precision(unknowns)
     away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
     normal = _normal(bench, unknowns, r, J, count)
     gradient = J.T @ (weights * r) + prior * away
