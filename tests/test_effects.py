@@ -32,6 +32,17 @@ PLANTED = {
     "air-drag": {"coefficient": 0.08},
     "hub-sensor-gain": {"gain": 0.97},
     "strain-gain": {"gain_base": 0.95, "gain_mid": 1.04},
+    "stribeck-friction": {"stribeck_velocity": 0.5},
+    "position-dependent-friction": {"amplitude": 0.02, "order": 4.0, "phase": 0.6},
+    "cogging": {"amplitude": 0.012, "order": 7.0, "phase": -0.4},
+    "actuator-lag": {"time_constant": 0.008},
+    "gravity-tilt": {"tilt": 0.02, "direction": 1.1},
+    "periodic-disturbance": {"frequency": 6.0, "amplitude": 0.01, "phase": 0.5},
+    "softening-stiffness": {"softening": 0.3, "curvature": 0.8},
+    "air-pad-drag": {"viscous": 0.05},
+    "hub-sensor-nonlinearity": {"amplitude": 0.02, "order": 3.0, "phase": 0.3},
+    "strain-drift": {"rate_base": 4e-5, "rate_mid": -2e-5},
+    "sensor-delay": {"delay": 0.008, "hub_angle": 1.0, "strain": 1.0},
 }
 
 

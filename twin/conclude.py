@@ -68,7 +68,9 @@ def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
 
 def _errors_of(found: Found, polished: Polished, name: str) -> dict[str, float]:
     fit = polished.augmented
-    return {u.name: float(e) for u, e in zip(fit.unknowns, fit.errors, strict=True) if u.owner == name}
+    pairs = [(u, float(e)) for u, e in zip(fit.unknowns, fit.errors, strict=True) if u.owner == name]
+    values = fit.model.effects[name]
+    return {u.name: e * values[u.name] ** 2 if u.inverse else e for u, e in pairs}
 
 
 def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
@@ -27,7 +27,7 @@ from twin.recording import Recording
 
 BAND = 25.0
 """Corner of the low-pass [Hz]: above the second free mode of a rig like this, below the noise of its rates."""
-_GRID = 0.002  # s, uniform grid on which the signals are filtered
+GRID = 0.002  # s, uniform grid on which the signals are filtered
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 """Corners of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it, but a poor
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
@@ -41,6 +41,8 @@ _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque 
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
 _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
+_KEPT = 12  # simulations of a recording that are remembered
+_LAST = 0.06  # s left out at the end: a sensor that is late says nothing of them
 _SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
 
@@ -58,6 +60,7 @@ class View:
       noise: name -> standard deviation of what is compared, after the filter.
       onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
       band: corner of the low-pass on the motion of the hub [Hz].
+      moves: what the link did in the last simulations, by what it depends on.
     """
 
     time: np.ndarray
@@ -71,12 +74,13 @@ class View:
     noise: dict[str, float]
     onsets: tuple[tuple[int, int], ...]
     band: float = MOTION_BANDS[0]
+    moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
 
 def low_passed(values: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
-    """Zero-phase low-pass of a signal (m) on a uniform grid."""
+    """Zero-phase low-pass of a signal (m), or of several (k, m), on a uniform grid."""
     sections = _sections(min(band, 0.4 / period), period)
-    return sosfiltfilt(sections, values, padlen=min(len(values) - 1, int(0.3 / period)))
+    return sosfiltfilt(sections, values, padlen=min(values.shape[-1] - 1, int(0.3 / period)))
 
 
 @functools.lru_cache
@@ -87,8 +91,8 @@ def _sections(corner: float, period: float) -> np.ndarray:
 def look(prepared: Prepared, model: Model) -> View:
     """Filters a recording and propagates its noise through the model."""
     recording = prepared.recording
-    count = max(2, int(np.floor(recording.duration / _GRID)) + 1)
-    time = recording.time[0] + _GRID * np.arange(count)
+    count = max(2, int(np.floor(recording.duration / GRID)) + 1)
+    time = recording.time[0] + GRID * np.arange(count)
     measured, known = {}, {}
     for channel in prepared.channels:
         if channel != "hub_angle":
@@ -109,7 +113,7 @@ def look(prepared: Prepared, model: Model) -> View:
         | ~read
         | _may_stick(rate, acceleration, prepared.noise["hub_angle"], _raw_period(recording), band)
     )
-    sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / _GRID))
+    sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = _well_defined(ends, stuck, model.drive(recording).at(time))
     view = View(time, reading, rate, acceleration, direction, sliding, measured, known, {}, onsets, band)
@@ -126,7 +130,7 @@ def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict
         if channel == "motor_torque":
             predicted = _read_torque(view, prepared, model)
         else:
-            predicted = low_passed(simulated[channel], _GRID)
+            predicted = low_passed(simulated[channel], GRID)
         missing = values - predicted
         if prepared.recording.start == "unknown" and channel != "motor_torque":
             # Without a rest at the start the zero of a bridge is not known.
@@ -141,24 +145,61 @@ def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict
 
 
 def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:
-    """The link under the measured hub, and the torque (m) on the hub that this takes [N m]."""
-    angle = model.hub_angle_of(view.reading, view.time)
-    ratio = _sensor_slope(model, view)
-    rate, acceleration = view.rate * ratio, view.acceleration * ratio
+    """The link under the measured hub, and the torque (m) on the hub that this takes [N m].
+
+    Candidates that act on the hub alone move the link alike: what the link does is kept for a while.
+    """
+    hub = hub_motion(view, model)
     phi, omega = initial_state(model, prepared.recording, start)
-    if prepared.recording.start == "unknown":
-        omega = omega - omega[0] + rate[0]
-    angles, rates, required = planar.driven(
-        model.plant,
-        view.time,
-        angle,
-        rate,
-        acceleration,
-        phi,
-        omega,
-        min(model.step, model.chain.largest_step()),
-    )
-    return Motion(view.time, angles, rates, view.direction), required
+    key = (*(_print(v) for v in link_of(model.plant)), hub.angle.tobytes(), phi.tobytes(), omega.tobytes())
+    name = hash((key, model.step))
+    if (known := view.moves.get(name)) is None:
+        if prepared.recording.start == "unknown":
+            omega = omega - omega[0] + hub.rate[0]
+        step = min(model.step, model.chain.largest_step())
+        known = planar.driven(model.plant, view.time, hub.angle, hub.rate, hub.acceleration, phi, omega, step)
+        for old in list(view.moves)[: max(0, len(view.moves) - _KEPT + 1)]:
+            view.moves.pop(old, None)
+        view.moves[name] = known
+    angles, rates, required = known
+    return Motion(view.time, angles, rates, hub.direction), required
+
+
+@dataclass(frozen=True)
+class Hub:
+    """Motion of the hub behind its sensor (m): angle [rad], rate, acceleration, direction."""
+
+    angle: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    direction: np.ndarray
+
+
+def hub_motion(view: View, model: Model) -> Hub:
+    """What the hub does, as the model of its sensor says."""
+    angle = model.hub_angle_of(view.reading, view.time)
+    if np.array_equal(angle, view.reading):
+        return Hub(angle, view.rate, view.acceleration, view.direction)
+    spline = CubicSpline(view.time, angle)
+    rate = spline(view.time, 1)
+    return Hub(angle, rate, spline(view.time, 2), np.where(view.direction == 0, 0.0, np.sign(rate)))
+
+
+_ON_HUB = (
+    *("static_positive", "static_negative", "coulomb_positive", "coulomb_negative", "stribeck_velocity"),
+    *("friction_amplitude", "friction_order", "friction_phase", "viscous", "lag", "bias"),
+    *("cable_stiffness", "cable_rest_angle", "cogging_amplitude", "cogging_order", "cogging_phase"),
+    *("disturbance_amplitude", "disturbance_frequency", "disturbance_phase"),
+)
+
+
+def link_of(plant: planar.Plant) -> tuple:
+    """What the link's motion under a given hub depends on: the plant without the torques on the hub."""
+    return tuple(value for name, value in plant._asdict().items() if name not in _ON_HUB)
+
+
+def _print(value: np.ndarray | float) -> bytes | float:
+    return value.tobytes() if isinstance(value, np.ndarray) else value
 
 
 def unmodelled(
@@ -166,12 +207,12 @@ def unmodelled(
 ) -> np.ndarray:
     """Torque (m) on the hub that the model does not account for [N m], where the hub slides."""
     laws = hub_laws(view, model, motion)
-    return low_passed(required - laws, _GRID) - delivered
+    return low_passed(required - laws, GRID) - delivered
 
 
 def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
     """Torque (m) of all hub laws and sliding friction along a motion [N m]."""
-    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], view.direction)
+    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], motion.modes)
 
 
 def _break_aways(
@@ -187,9 +228,9 @@ def _break_aways(
         return parts
     quiet = np.zeros(len(parts))
     laws = planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], quiet)
-    borne = delivered + low_passed(laws - required, _GRID)
+    borne = delivered + low_passed(laws - required, GRID)
     for k, direction in view.onsets:
-        before = slice(k - int(_APPROACH / _GRID), k - int(_SMEAR / _GRID))
+        before = slice(k - int(_APPROACH / GRID), k - int(_SMEAR / GRID))
         t = view.time[before] - view.time[k] + _BLIND
         slope_of = np.polyfit(t, borne[before] * direction, 2)
         level = planar.static_level(model.plant, motion.angles[k, 0], direction)
@@ -205,8 +246,8 @@ def _well_defined(
     """Break-aways (index on the grid, direction) out of a long rest under a command that does not jump."""
     found = []
     for k, direction in onsets:
-        first = k - int(_APPROACH / _GRID)
-        if first < 0 or not stuck[first : k - int(_SMEAR / _GRID)].all():
+        first = k - int(_APPROACH / GRID)
+        if first < 0 or not stuck[first : k - int(_SMEAR / GRID)].all():
             continue
         approach = command[first : max(first + 1, k - 2)]
         if np.abs(np.diff(approach)).max() < 0.02 * np.abs(approach).max():
@@ -218,17 +259,14 @@ def _delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
     """Delivered torque (m) on the grid, filtered [N m]."""
     drive = model.drive(prepared.recording)
     # Held values are averaged over a grid step, centred: their edges lie between the grid's instants.
-    edges = np.r_[view.time - _GRID / 2, view.time[-1] + _GRID / 2]
-    knots = np.r_[edges[0] - 1.0, drive.time, edges[-1] + 1.0]
-    knots = np.maximum.accumulate(knots)
-    impulse = np.r_[0.0, np.cumsum(np.diff(knots) * np.r_[drive.before, drive.torque])]
-    return low_passed(np.diff(np.interp(edges, knots, impulse)) / _GRID, _GRID)
+    edges = np.r_[view.time - GRID / 2, view.time[-1] + GRID / 2]
+    return low_passed(np.diff(drive.impulse(edges)) / GRID, GRID)
 
 
 def _read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:
     """Delivered torque as a current sensor reports it, at the samples, filtered like the reading."""
     time = prepared.recording.time
-    return low_passed(np.interp(view.time, time, model.drive(prepared.recording).at(time)), _GRID)
+    return low_passed(np.interp(view.time, time, model.drive(prepared.recording).at(time)), GRID)
 
 
 def _strains_only(asked: Recording) -> dict[str, np.ndarray]:
@@ -242,7 +280,7 @@ def _filtered(
     values = recording[channel]
     ok = np.isfinite(values)
     nearest = np.interp(time, recording.time, ok.astype(float)) > 0.5
-    return low_passed(np.interp(time, *_bridged(recording.time[ok], values[ok])), _GRID, band), nearest
+    return low_passed(np.interp(time, *_bridged(recording.time[ok], values[ok])), GRID, band), nearest
 
 
 def _bridged(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -257,7 +295,7 @@ def _bridged(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
             level = np.polyfit(t, values[side], min(2, len(t) - 1)) if len(t) > 1 else values[side]
             ends.append((at, level[-1], level[-2] if len(level) > 1 else 0.0))
         (t0, v0, s0), (t1, v1, s1) = ends
-        inside = np.arange(t0 + _GRID, t1 - _GRID / 2, _GRID)
+        inside = np.arange(t0 + GRID, t1 - GRID / 2, GRID)
         pieces_t.append(inside)
         pieces_v.append(CubicHermiteSpline([t0, t1], [v0, v1], [s0, s1])(inside))
     order = np.argsort(np.concatenate(pieces_t), kind="stable")
@@ -294,14 +332,6 @@ def _may_stick(
     return slow & (np.abs(acceleration) < _SURE * noise * _gain(band, period, 2))
 
 
-def _sensor_slope(model: Model, view: View) -> np.ndarray:
-    """d angle / d reading of the hub sensor along the view (m)."""
-    small = 1e-4
-    up = model.hub_angle_of(view.reading + small, view.time)
-    down = model.hub_angle_of(view.reading - small, view.time)
-    return (up - down) / (2 * small)
-
-
 def _sensor_noise(prepared: Prepared, hub: dict[str, float]) -> dict[str, float]:
     share = np.sqrt(2 * BAND * _raw_period(prepared.recording))
     noise = {c: prepared.noise[c] * min(1.0, share) for c in prepared.channels if c != "hub_angle"}
@@ -311,12 +341,13 @@ def _sensor_noise(prepared: Prepared, hub: dict[str, float]) -> dict[str, float]
 def _propagated(prepared: Prepared, view: View, model: Model) -> dict[str, float]:
     """What the noise of the hub angle does to each figure, by a simulation with noise added."""
     generator = np.random.default_rng(0)
-    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(_raw_period(prepared.recording) / _GRID))
-    shaken = low_passed(generator.normal(0, sigma, len(view.time)), _GRID, view.band)
+    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(_raw_period(prepared.recording) / GRID))
+    shaken = low_passed(generator.normal(0, sigma, len(view.time)), GRID, view.band)
     spline = CubicSpline(view.time, shaken)
     plain, torque = move(view, prepared, model, prepared.start)
     noisy = replace(
         view,
+        moves={},
         reading=view.reading + shaken,
         rate=view.rate + spline(view.time, 1),
         acceleration=view.acceleration + spline(view.time, 2),
@@ -326,9 +357,9 @@ def _propagated(prepared: Prepared, view: View, model: Model) -> dict[str, float
         "", view.time, {c: np.zeros(len(view.time)) for c in view.measured if c != "motor_torque"}
     )
     a, b = reported(model, asked, plain), reported(model, asked, moved)
-    hub = {c: float(np.std(low_passed(a[c] - b[c], _GRID))) for c in asked.measured()}
+    hub = {c: float(np.std(low_passed(a[c] - b[c], GRID))) for c in asked.measured()}
     noise = _sensor_noise(prepared, hub)
-    noise["hub_torque"] = float(np.std(low_passed(torque_moved - torque, _GRID)))
+    noise["hub_torque"] = float(np.std(low_passed(torque_moved - torque, GRID)))
     return noise
 
 
@@ -346,7 +377,7 @@ class DrivenData:
 
     def counts(self) -> np.ndarray:
         """Number of independent samples of each group (g): the filter leaves two a hertz and second."""
-        per_sample = min(1.0, 2 * BAND * _GRID)
+        per_sample = min(1.0, 2 * BAND * GRID)
         return np.array(
             [
                 self.weight[g.rows].sum() * (1.0 if g.channel == "break_away" else per_sample)
@@ -358,6 +389,8 @@ class DrivenData:
         groups, weights, row = [], [], 0
         for i, (view, p) in enumerate(zip(self.views, self.prepared, strict=True)):
             late = view.time >= view.time[0] + (_SETTLING if p.recording.start == "unknown" else 0.0)
+            if p.hub is not None:
+                late &= view.time <= view.time[-1] - _LAST
             named = {c: view.known[c] & late for c in view.measured}
             if p.hub is not None:
                 named["hub_torque"] = view.sliding & late

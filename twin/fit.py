@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -82,6 +83,7 @@ class Unknown:
       prior: whether `scale` is a prior about `start`.
       bounds: range.
       recording: index of the only recording that it acts on, or None.
+      inverse: whether the number is one over the parameter's value.
     """
 
     owner: str
@@ -91,6 +93,13 @@ class Unknown:
     prior: bool
     bounds: tuple[float, float]
     recording: int | None = None
+    inverse: bool = False
+
+    def turned(self, value: float) -> float:
+        """The parameter's value for the number that a fit moves, and the other way round."""
+        if not self.inverse:
+            return value
+        return 1 / value if value else math.inf
 
 
 def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
@@ -113,9 +122,9 @@ def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
 def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen: set[str]) -> list[Unknown]:
     """Parameters of an effect that these channels can say something about."""
     return [
-        Unknown(effect, p.name, values[p.name], abs(p.step), False, p.bounds)
+        Unknown(effect, p.name, p.turned(values[p.name]), abs(p.step), False, p.span, inverse=p.inverse)
         for p in REGISTRY[effect].parameters
-        if p.channel is None or p.channel in seen
+        if not p.choice and (p.channel is None or p.channel in seen)
     ]
 
 
@@ -299,7 +308,7 @@ def placed(model: Model, unknowns: Sequence[Unknown], values: np.ndarray) -> Mod
     effects = {name: dict(p) for name, p in model.effects.items()}
     for u, v in zip(unknowns, values, strict=True):
         if u.owner in effects:
-            effects[u.owner][u.name] = float(v)
+            effects[u.owner][u.name] = u.turned(float(v))
     declared = model.declared.replace(source="fitted", **rig) if rig else model.declared
     return model.replace(declared=declared, effects=effects)
 
@@ -432,8 +441,8 @@ def _covariance(
     Each recording pulls the estimate its own way, g_i, where the model is not quite the rig; with the information H
     the pulls spread it by H^-1 sum g_i g_i' H^-1 (P. J. Huber, 1967; recordings as clusters). The two are added.
     """
-    inverse = np.linalg.pinv(_normal(bench, unknowns, r, J, count), hermitian=True)
-    weights = _row_weights(bench, r, count)
+    inverse = np.linalg.pinv(_normal(bench, unknowns, r, J), hermitian=True)
+    weights = row_weights(bench, r)
     pulls = np.zeros((len(bench.prepared), len(x)))
     for group in bench.groups:
         rows = group.rows
@@ -450,21 +459,29 @@ def _cost(
     return float(count @ evidence.loss(bench.sizes(r)) + prior)
 
 
-def _row_weights(bench: Workbench, r: np.ndarray, count: np.ndarray) -> np.ndarray:
+def row_weights(bench: Workbench, r: np.ndarray) -> np.ndarray:
+    """Weight of each residual (n) where every group is weighted by its own size."""
     weights = np.zeros(len(r))
-    for group, size, n in zip(bench.groups, bench.sizes(r), count, strict=True):
+    for group, size, n in zip(bench.groups, bench.sizes(r), bench.count, strict=True):
         total = max(bench.weight[group.rows].sum(), 1)
         weights[group.rows] = n / total / max(1.0, size) ** 2
     return weights * bench.weight
 
 
-def _normal(
-    bench: Workbench, unknowns: Sequence[Unknown], r: np.ndarray, J: np.ndarray, count: np.ndarray
-) -> np.ndarray:
+def _normal(bench: Workbench, unknowns: Sequence[Unknown], r: np.ndarray, J: np.ndarray) -> np.ndarray:
     """Information matrix (p x p)."""
-    weights = _row_weights(bench, r, count)
+    weights = row_weights(bench, r)
     prior = _prior_precision(unknowns)
     return J.T @ (weights[:, None] * J) + np.diag(prior)
+
+
+def normal_equations(bench: Workbench, base: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Information (p x p) and gradient (p) of a fit's unknowns where it stands."""
+    weights = row_weights(bench, base.residual)
+    away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])
+    prior = _prior_precision(base.unknowns)
+    information = _normal(bench, base.unknowns, base.residual, base.jacobian)
+    return information, base.jacobian.T @ (weights * base.residual) + prior * away
 
 
 def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()) -> float:
@@ -473,7 +490,7 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     Declared parameters that the effect replaces no longer count as the base's.
     Half the drop of the weighted squares, turned into the groups' losses: to noise, it is n log of the sizes' ratio.
     """
-    weights = _row_weights(bench, base.residual, bench.count)
+    weights = row_weights(bench, base.residual)
     kept = np.array([u.owner != "rig" or u.name not in replaced for u in base.unknowns])
     prior = _prior_precision(base.unknowns)[kept]
     away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])[kept]
@@ -509,10 +526,10 @@ def _step(
     count: np.ndarray,
     damping: float,
 ) -> np.ndarray:
-    weights = _row_weights(bench, r, count)
+    weights = row_weights(bench, r)
     prior = _prior_precision(unknowns)
     away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
-    normal = _normal(bench, unknowns, r, J, count)
+    normal = _normal(bench, unknowns, r, J)
     gradient = J.T @ (weights * r) + prior * away
     ridge = damping * np.diag(normal) + 1e-12 * np.trace(normal) / len(x)
     low, high = np.array([u.bounds for u in unknowns]).T

@@ -137,14 +137,10 @@ class Model:
         return true
 
     def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Hub angle (m,) that the sensor reports as `reading`: the fixed point of reading + angle - report."""
-        angle = np.array(reading, dtype=float)
-        for _ in range(20):
-            off = reading - self.report(time, {"hub_angle": angle})["hub_angle"]
-            angle = angle + off
-            if np.all(np.abs(off) < 1e-9):
-                break
-        return angle
+        """Hub angle (m,) that the sensor reports as `reading`."""
+        for name, p in reversed(list(self.effects.items())):
+            reading = REGISTRY[name].hub_angle_of(time, reading, p)
+        return reading
 
 
 def simulate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Recording:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import chain, evidence, fit
+from twin import chain, evidence, fit, waves
 from twin.chain import ChainShape
-from twin.effects import REGISTRY
+from twin.effects import REGISTRY, Effect
 from twin.fit import Fit, Unknown, Workbench
 from twin.model import Model, Start
 
@@ -134,6 +134,8 @@ def promised(bench: Workbench, base: Fit, name: str) -> float:
     The effect's columns compete with the declared parameters: what these can do as well is no gain.
     """
     effect = REGISTRY[name]
+    if effect.wave is not None:
+        return _promised_wave(bench, base, effect)
     neutral = effect.neutral(base.model.declared)
     columns = []
     for ray in rays(bench, effect, neutral, base.model):
@@ -147,6 +149,14 @@ def promised(bench: Workbench, base: Fit, name: str) -> float:
     return fit.slope_gain(bench, base, np.column_stack(columns), effect.replaces) - price(
         len(effect.parameters), bench
     )
+
+
+def _promised_wave(bench: Workbench, base: Fit, effect: Effect) -> float:
+    tops = waves.peaks(bench, base, effect)
+    if not tops:
+        return 0.0
+    columns = waves.slopes(bench, base, effect, tops[0])
+    return fit.slope_gain(bench, base, columns, effect.replaces) - price(len(effect.parameters), bench)
 
 
 def quick(bench: Workbench, base: Fit, name: str) -> Candidate:
@@ -190,7 +200,7 @@ def first_values(unknowns: Sequence[Unknown], model: Model, base: Fit) -> np.nda
     first = []
     for u in unknowns:
         value = known.get((u.owner, u.name, u.recording), u.start)
-        first.append(model.effects[u.owner][u.name] if u.owner in model.effects else value)
+        first.append(u.turned(model.effects[u.owner][u.name]) if u.owner in model.effects else value)
     return np.array(first)
 
 
@@ -199,6 +209,12 @@ def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> tuple[dict
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
     best, best_cost = neutral, np.inf
+    if effect.wave is not None:
+        points = [neutral, *(top.start(effect) for top in waves.peaks(bench, base, effect))]
+        points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in points]
+        jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
+        cost = [_plain_cost(bench, r) for r in bench.residuals(jobs)]
+        return points[int(np.argmin(cost))], min(cost)
     for ray in rays(bench, effect, neutral, model):
         step = visible(bench, base, name, neutral, ray)
         points = [
@@ -220,7 +236,11 @@ def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -
     """Directions out of neutral, as increments of the parameters."""
     seen = bench.channels()
     usable = [p for p in effect.parameters if p.channel is None or p.channel in seen]
-    own = [{k: v - neutral[k] for k, v in start.items()} for start in effect.starts(model.declared)]
+    turn = {p.name: p.turned for p in effect.parameters}
+    own = [
+        {k: turn[k](v) - turn[k](neutral[k]) for k, v in start.items()}
+        for start in effect.starts(model.declared)
+    ]
     single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.joint else []
     return own + single
 
@@ -251,10 +271,11 @@ def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], leng
     for p in effect.parameters:
         if p.name not in ray:
             continue
-        value = neutral[p.name] + (ray[p.name] if p.name in effect.along else ray[p.name] * length)
-        if not p.bounds[0] <= value <= p.bounds[1]:
+        moved = ray[p.name] if p.name in effect.along else ray[p.name] * length
+        value = p.turned(neutral[p.name]) + moved
+        if not p.span[0] <= value <= p.span[1]:
             return None
-        point[p.name] = value
+        point[p.name] = p.turned(value)
     return point
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin.effects.wave import Wave
 from twin.parameters import Rig
 from twin.planar import Plant
 
@@ -22,6 +25,9 @@ class EffectParameter:
       bounds: range in which it is searched for.
       step: a small but visible size, from which a search starts.
       channel: channel without which the parameter means nothing, or None.
+      inverse: whether a fit moves one over the value: a stiffness whose neutral value is infinite. `bounds` are of
+        the value, `step` is of one over it.
+      choice: whether it only says which of several laws acts: a start gives it, no fit moves it.
     """
 
     name: str
@@ -30,6 +36,20 @@ class EffectParameter:
     bounds: tuple[float, float]
     step: float
     channel: str | None = None
+    inverse: bool = False
+    choice: bool = False
+
+    def turned(self, value: float) -> float:
+        """What a fit moves for a value, and the value for what a fit moves: itself, or one over it."""
+        if not self.inverse:
+            return value
+        return 1 / value if value else math.inf
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Range of what a fit moves."""
+        low, high = sorted(self.turned(value) for value in self.bounds)
+        return low, high
 
 
 @dataclass(frozen=True)
@@ -53,9 +73,37 @@ class Drive:
         return replace(self, **changes)
 
     def at(self, t: np.ndarray) -> np.ndarray:
-        """Torque at the instants t (m,), without the lag [N m]."""
+        """Delivered torque at the instants t (m,) [N m]."""
         index = np.searchsorted(self.time, t + 1e-9, side="right") - 1
-        return np.where(index < 0, self.before, self.torque[np.maximum(index, 0)])
+        held = np.where(index < 0, self.before, self.torque[np.maximum(index, 0)])
+        if self.lag <= 0:
+            return held
+        index = np.maximum(index, 0)
+        late = np.exp(-np.maximum(t - self.time[index], 0.0) / self.lag)
+        return held + (self.reached[index] - held) * late
+
+    @functools.cached_property
+    def reached(self) -> np.ndarray:
+        """Delivered torque at the instants (k) at which the command changes, behind the lag [N m]."""
+        targets = np.r_[self.before, self.torque[:-1]]
+        if self.lag <= 0:
+            return targets
+        kept = np.exp(-np.diff(self.time, prepend=self.time[0]) / self.lag)
+        reached, torque = np.empty(len(targets)), self.before
+        for k, (target, share) in enumerate(zip(targets.tolist(), kept.tolist(), strict=True)):
+            reached[k] = torque = target + (torque - target) * share
+        return reached
+
+    def impulse(self, t: np.ndarray) -> np.ndarray:
+        """Integral of the delivered torque up to the instants t (m,) [N m s], up to a constant.
+
+        Of a first-order lag, lag * y' = u - y: the integral of y is that of u less lag * y.
+        """
+        first = min(t[0], self.time[0]) - 1.0
+        knots = np.maximum.accumulate(np.r_[first, self.time, max(t[-1], self.time[-1]) + 1.0])
+        held = np.r_[0.0, np.cumsum(np.diff(knots) * np.r_[self.before, self.torque])]
+        whole = np.interp(t, knots, held)
+        return whole - self.lag * self.at(t) if self.lag > 0 else whole
 
 
 class Effect:
@@ -66,6 +114,7 @@ class Effect:
       parameters: the `EffectParameter`s.
       along: parameters that say where or how the effect acts and mean nothing at neutral (a phase, a rest angle):
         a start gives them as they are, it does not scale them.
+      wave: how the effect repeats, if it does with an order that a search has to look for.
       replaces: declared parameters that the effect takes over: they no longer count as calibration.
     """
 
@@ -73,6 +122,7 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     replaces: tuple[str, ...] = ()
     along: tuple[str, ...] = ()
+    wave: Wave | None = None
 
     @property
     def joint(self) -> bool:
@@ -86,7 +136,7 @@ class Effect:
     def starts(self, rig: Mapping[str, float]) -> tuple[dict[str, float], ...]:
         """Values close to neutral from which a search can leave it: one per direction that it should try."""
         neutral = self.neutral(rig)
-        return ({p.name: neutral[p.name] + p.step for p in self.parameters},)
+        return ({p.name: p.turned(p.turned(neutral[p.name]) + p.step) for p in self.parameters},)
 
     def rig(self, rig: Rig, p: Mapping[str, float]) -> Rig:
         """Changes parameters of the rig itself."""
@@ -105,3 +155,13 @@ class Effect:
     ) -> dict[str, np.ndarray]:
         """Turns true channel values (name -> (m,), SI) into what the sensors report."""
         return channels
+
+    def hub_angle_of(self, time: np.ndarray, reading: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        """Hub angle (m,) that the sensor reports as `reading`: the fixed point of reading + angle - report."""
+        angle = np.array(reading, dtype=float)
+        for _ in range(50):
+            off = reading - self.sensing(time, {"hub_angle": angle}, p)["hub_angle"]
+            angle = angle + off
+            if np.all(np.abs(off) < 1e-9):
+                break
+        return angle

@@ -1,0 +1,16 @@
+"""A drive whose torque follows the command with a lag."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class ActuatorLag(Effect):
+    """time_constant d(delivered)/dt = commanded - delivered."""
+
+    name = "actuator-lag"
+    parameters = (EffectParameter("time_constant", "s", 0.0, (0.0, 0.5), 1e-3),)
+
+    def drive(self, drive, p):
+        return drive.replace(lag=p["time_constant"])
+
+    def plant(self, plant, p):
+        return plant._replace(lag=p["time_constant"])

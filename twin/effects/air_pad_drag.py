@@ -1,0 +1,13 @@
+"""Drag of an air-pad on the tip."""
+
+from twin.effects.base import Effect, EffectParameter
+
+
+class AirPadDrag(Effect):
+    """Force -viscous v on the tip: a film of air in shear."""
+
+    name = "air-pad-drag"
+    parameters = (EffectParameter("viscous", "N*s/m", 0.0, (0.0, 10.0), 1e-3),)
+
+    def plant(self, plant, p):
+        return plant._replace(tip_drag_linear=p["viscous"])

@@ -1,0 +1,28 @@
+"""Gravity that acts in a plane which is not level."""
+
+import numpy as np
+
+from twin.effects.base import Effect, EffectParameter
+
+GRAVITY = 9.80665  # m/s^2, standard
+
+
+class GravityTilt(Effect):
+    """Acceleration g sin(tilt) along `direction`, an angle fixed in the plane, on every mass of link and payload."""
+
+    name = "gravity-tilt"
+    parameters = (
+        EffectParameter("tilt", "rad", 0.0, (0.0, 0.8), 1e-3),
+        EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1),
+    )
+    along = ("direction",)
+
+    def starts(self, rig):
+        # Two components of one vector, none of which can be negative alone.
+        return tuple({"tilt": 1e-3, "direction": angle} for angle in np.deg2rad([0.0, 120.0, -120.0]))
+
+    def plant(self, plant, p):
+        pull = GRAVITY * np.sin(p["tilt"])
+        return plant._replace(
+            gravity_x=float(pull * np.cos(p["direction"])), gravity_y=float(pull * np.sin(p["direction"]))
+        )

@@ -1,0 +1,25 @@
+"""An angle sensor whose error repeats with the angle: a potentiometer's track, an encoder off its centre."""
+
+import numpy as np
+
+from twin.effects.base import Effect, EffectParameter
+from twin.effects.wave import Wave
+
+
+class HubSensorNonlinearity(Effect):
+    """reading = theta + amplitude sin(order theta + phase)."""
+
+    name = "hub-sensor-nonlinearity"
+    parameters = (
+        EffectParameter("amplitude", "rad", 0.0, (0.0, 0.5), 1e-3, "hub_angle"),
+        EffectParameter("order", "1", 1.0, (0.3, 40.0), 0.02, "hub_angle"),
+        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, "hub_angle"),
+    )
+    along = ("order", "phase")
+    wave = Wave("reading", "order")
+
+    def sensing(self, time, channels, p):
+        if "hub_angle" not in channels:
+            return channels
+        theta = channels["hub_angle"]
+        return {**channels, "hub_angle": theta + p["amplitude"] * np.sin(p["order"] * theta + p["phase"])}

@@ -1,0 +1,22 @@
+"""A bearing that grips more at some angles than at others."""
+
+from twin.effects.base import Effect, EffectParameter
+from twin.effects.wave import Wave
+
+
+class PositionDependentFriction(Effect):
+    """Both friction levels raised by amplitude (1 + sin(order theta + phase))/2."""
+
+    name = "position-dependent-friction"
+    parameters = (
+        EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
+        EffectParameter("order", "1", 1.0, (0.3, 80.0), 0.02),
+        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
+    )
+    along = ("order", "phase")
+    wave = Wave("friction", "order")
+
+    def plant(self, plant, p):
+        return plant._replace(
+            friction_amplitude=p["amplitude"], friction_order=p["order"], friction_phase=p["phase"]
+        )
