@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -98,8 +98,8 @@ def find(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = sile
         if choice is None:
             break
         progress(f"adopting {choice.effects[-1]}")
-        adopted.append(choice)
-        current = choice.fit
+        current = on_fine_chain(bench, choice.fit)
+        adopted.append(replace(choice, fit=current))
     return Found(model, prepared, data, bench, base, tuple(adopted), tuple(rounds), clock, tuple(notes))
 
 
@@ -174,6 +174,12 @@ def calibrated(bench: Workbench, model: Model) -> Fit:
     first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)
     bench.refine(first.model, search.fine(first.model), first.starts)
     return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
+
+
+def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
+    """The fit with the chain's own error taken out where it now stands: an effect may bend the link as never before."""
+    bench.refine(found.model, search.fine(found.model), found.starts)
+    return fit.minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)
 
 
 def settled(

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.ndimage import binary_dilation
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 
 from twin import planar
 from twin.evidence import Group
@@ -78,14 +78,32 @@ class View:
 
 
 def low_passed(values: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
-    """Zero-phase low-pass of a signal (m), or of several (k, m), on a uniform grid."""
-    sections = _sections(min(band, 0.4 / period), period)
-    return sosfiltfilt(sections, values, padlen=min(values.shape[-1] - 1, int(0.3 / period)))
+    """Zero-phase low-pass of a signal (m), or of several (..., m), on a uniform grid.
+
+    Forwards and backwards from an odd extension, as `scipy.signal.sosfiltfilt`, whose states at rest are kept here.
+    """
+    sections, resting = _sections(min(band, 0.4 / period), period)
+    pad = min(values.shape[-1] - 1, int(0.3 / period))
+    resting = resting.reshape(len(sections), *(1,) * (values.ndim - 1), 2)
+    before = 2 * values[..., :1] - values[..., pad:0:-1]
+    behind = 2 * values[..., -1:] - values[..., -2 : -pad - 2 : -1]
+    signal = np.concatenate([before, values, behind], axis=-1)
+    for _ in range(2):
+        signal, _ = sosfilt(sections, signal, zi=resting * signal[..., :1])
+        signal = signal[..., ::-1]
+    return signal[..., pad : signal.shape[-1] - pad]
 
 
 @functools.lru_cache
-def _sections(corner: float, period: float) -> np.ndarray:
-    return butter(3, corner, fs=1 / period, output="sos")
+def _sections(corner: float, period: float) -> tuple[np.ndarray, np.ndarray]:
+    sections = butter(3, corner, fs=1 / period, output="sos")
+    return sections, sosfilt_zi(sections)
+
+
+def passed(frequency: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
+    """Share of a sine of this frequency [Hz] that `low_passed` leaves."""
+    sections, _ = _sections(min(band, 0.4 / period), period)
+    return np.abs(sosfreqz(sections, frequency, fs=1 / period)[1]) ** 2
 
 
 def look(prepared: Prepared, model: Model) -> View:

@@ -12,12 +12,14 @@ from twin.chain import ChainShape
 from twin.effects import REGISTRY, Effect
 from twin.fit import Fit, Unknown, Workbench
 from twin.model import Model, Start
+from twin.waves import Peak
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _SCAN = 25  # values of a break-away torque that are tried about the one that was read from the recordings
 _MULTIPLES = (1.0, 20.0)
 _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED = 6  # effects that are fitted, of those that promise most
+_STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
 Progress = Callable[[str], None]
@@ -113,13 +115,16 @@ def explore(
     """Each effect added to a fitted model, best first: all by their slopes, the most promising by a fit."""
     names = list(names)
     progress("scoring the effects")
-    promise = {name: promised(bench, base, name) for name in names}
+    tops = {
+        name: waves.peaks(bench, base, REGISTRY[name]) for name in names if REGISTRY[name].wave is not None
+    }
+    promise = {name: promised(bench, base, name, tops.get(name, ())) for name in names}
     best_first = sorted(names, key=lambda name: -promise[name])
     found = []
     for rank, name in enumerate(best_first):
         if rank < _FITTED:
             progress(f"trying {name}")
-            found.append(quick(bench, base, name))
+            found.append(quick(bench, base, name, tops.get(name, ())))
         else:
             found.append(Candidate((*base.model.effects, name), base, promise[name]))
     # A slope promises no more than what a fit delivers.
@@ -128,41 +133,36 @@ def explore(
     return sorted(found, key=lambda c: -c.score)
 
 
-def promised(bench: Workbench, base: Fit, name: str) -> float:
+def promised(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> float:
     """Gain that the slopes of an effect at neutral promise: a score test, less the price of its parameters.
 
     The effect's columns compete with the declared parameters: what these can do as well is no gain.
     """
     effect = REGISTRY[name]
     if effect.wave is not None:
-        return _promised_wave(bench, base, effect)
+        columns = waves.slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
+        return _promise(bench, base, effect, columns)
     neutral = effect.neutral(base.model.declared)
-    columns = []
+    slopes = []
     for ray in rays(bench, effect, neutral, base.model):
-        step = visible(bench, base, name, neutral, ray)
-        point = _on_ray(effect, neutral, ray, step) or _on_ray(effect, neutral, ray, -step)
-        if point is not None:
-            [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
-            columns.append((r - base.residual) / max(float(np.std(r - base.residual)), 1e-12))
-    if not columns:
+        _, change = visible(bench, base, name, neutral, ray, _STRAIGHT)
+        if change is not None:
+            slopes.append(change / max(float(np.std(change)), 1e-12))
+    columns = np.column_stack(slopes) if slopes else np.zeros((len(base.residual), 0))
+    return _promise(bench, base, effect, columns)
+
+
+def _promise(bench: Workbench, base: Fit, effect: Effect, columns: np.ndarray) -> float:
+    if not columns.shape[1]:
         return 0.0
-    return fit.slope_gain(bench, base, np.column_stack(columns), effect.replaces) - price(
-        len(effect.parameters), bench
-    )
+    paid = len([p for p in effect.parameters if not p.choice])
+    return fit.slope_gain(bench, base, columns, effect.replaces) - price(paid, bench)
 
 
-def _promised_wave(bench: Workbench, base: Fit, effect: Effect) -> float:
-    tops = waves.peaks(bench, base, effect)
-    if not tops:
-        return 0.0
-    columns = waves.slopes(bench, base, effect, tops[0])
-    return fit.slope_gain(bench, base, columns, effect.replaces) - price(len(effect.parameters), bench)
-
-
-def quick(bench: Workbench, base: Fit, name: str) -> Candidate:
+def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Candidate:
     """Follows an effect out of its neutral value, then fits it with the declared parameters' slopes kept."""
     model = with_effect(base.model, name, REGISTRY[name].neutral(base.model.declared))
-    values, _ = outwards(bench, base, model, name)
+    values = at_peak(bench, base, name, tops) if tops else outwards(bench, base, model, name)
     model = with_effect(base.model, name, values)
     unknowns = unknowns_of(bench, model, base)
     kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
@@ -204,19 +204,13 @@ def first_values(unknowns: Sequence[Unknown], model: Model, base: Fit) -> np.nda
     return np.array(first)
 
 
-def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> tuple[dict[str, float], float]:
+def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> dict[str, float]:
     """The best point on rays from neutral: each parameter of the effect alone, and its own starts."""
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
     best, best_cost = neutral, np.inf
-    if effect.wave is not None:
-        points = [neutral, *(top.start(effect) for top in waves.peaks(bench, base, effect))]
-        points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in points]
-        jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
-        cost = [_plain_cost(bench, r) for r in bench.residuals(jobs)]
-        return points[int(np.argmin(cost))], min(cost)
     for ray in rays(bench, effect, neutral, model):
-        step = visible(bench, base, name, neutral, ray)
+        step, _ = visible(bench, base, name, neutral, ray)
         points = [
             _on_ray(effect, neutral, ray, sign * step * multiple)
             for multiple in _MULTIPLES
@@ -229,7 +223,18 @@ def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> tuple[dict
         cost = [_plain_cost(bench, r) for r in bench.residuals(jobs)]
         if min(cost) < best_cost:
             best, best_cost = points[int(np.argmin(cost))], min(cost)
-    return best, best_cost
+    return best
+
+
+def at_peak(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> dict[str, float]:
+    """The best of a wave's peaks."""
+    effect = REGISTRY[name]
+    points = [
+        {p.name: float(np.clip(top.start(effect)[p.name], *p.bounds)) for p in effect.parameters}
+        for top in tops
+    ]
+    jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
+    return points[int(np.argmin([_plain_cost(bench, r) for r in bench.residuals(jobs)]))]
 
 
 def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:
@@ -246,23 +251,27 @@ def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -
 
 
 def visible(
-    bench: Workbench, base: Fit, name: str, neutral: Mapping[str, float], ray: Mapping[str, float]
-) -> float:
-    """Length along the ray at which the residual changes visibly."""
-    length = 1.0
-    for _ in range(3):
-        point = _on_ray(REGISTRY[name], neutral, ray, length) or _on_ray(
-            REGISTRY[name], neutral, ray, -length
-        )
+    bench: Workbench,
+    base: Fit,
+    name: str,
+    neutral: Mapping[str, float],
+    ray: Mapping[str, float],
+    factor_of: float = 3.0,
+) -> tuple[float, np.ndarray | None]:
+    """Length along the ray at which the residual changes visibly, within a factor, and the change (n) last seen."""
+    length, change = 1.0, None
+    for _ in range(4):
+        forward = _on_ray(REGISTRY[name], neutral, ray, length)
+        point = forward or _on_ray(REGISTRY[name], neutral, ray, -length)
         if point is None:
-            return length
+            return length, change
         [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
-        change = float(np.sqrt(np.mean((r - base.residual) ** 2)))
-        factor = float(np.clip(_VISIBLE / max(change, 1e-9), 1e-3, 1e3))
-        length *= factor
-        if 0.3 < factor < 3:
+        change = (r - base.residual) * (1.0 if forward else -1.0)
+        factor = float(np.clip(_VISIBLE / max(np.sqrt(np.mean(change**2)), 1e-9), 1e-3, 1e3))
+        if 1 / factor_of < factor < factor_of:
             break
-    return length
+        length *= factor
+    return length, change
 
 
 def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):

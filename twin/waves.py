@@ -6,7 +6,7 @@ the declared parameters free to give way; where the gain peaks, a fit can start.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -14,19 +14,20 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from twin import driven, fit
-from twin.chain import Chain
 from twin.effects.base import Effect
 from twin.effects.wave import Wave
 from twin.fit import Fit, Workbench
-from twin.model import Model
+from twin.model import Model, Motion
 
 _PEAKS = 3
+_AT_ONCE = 16  # orders of one piece of work
+_MODES = 3
 _FINEST = 0.05  # smallest step of an order
 _HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0}
 _LOWEST = {"torque": 0.5, "friction": 0.5, "reading": 0.5, "time": 0.1}
 
 Columns = dict[int, np.ndarray]
-"""Index of a group -> (rows, k) slopes of its residual."""
+"""Index of a group -> (k, orders, rows) slopes of its residual."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     scan = _Scan.of(bench, base, effect)
     if scan is None:
         return ()
-    found = [scan.at(order) for order in scan.orders]
+    chunks = np.array_split(scan.orders, max(1, len(scan.orders) // _AT_ONCE))
+    found = [peak for some in bench.pool.map(scan.at, chunks) for peak in some]
     gains = np.array([peak.gain for peak in found])
     inner = np.r_[-np.inf, gains, -np.inf]
     tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
@@ -67,83 +69,102 @@ def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarra
     scan = _Scan.of(bench, base, effect)
     if scan is None:
         return np.zeros((len(base.residual), 0))
-    parts = scan.columns(peak.order)
-    width = next(iter(parts.values())).shape[1]
-    found = np.zeros((len(base.residual), width))
+    parts = scan.columns(np.array([peak.order]))
+    found = np.zeros((len(base.residual), len(next(iter(parts.values())))))
     for index, columns in parts.items():
-        found[bench.groups[index].rows] = columns
+        found[bench.groups[index].rows] = columns[:, 0].T
     return found
 
 
 @dataclass(frozen=True)
 class _Scan:
-    """The base's part of the regressions, computed once."""
+    """The base's part of the regressions, computed once.
+
+    Attributes:
+      bench, base: the fit to look beyond.
+      weights: (n) of the residual.
+      information, gradient: of the base's unknowns (p x p), (p).
+      orders: the grid.
+      columns: orders (o) to slopes: index of a group -> (k, o, rows).
+    """
 
     bench: Workbench
     base: Fit
     weights: np.ndarray
-    information: np.ndarray  # of the base's unknowns (p x p)
-    gradient: np.ndarray  # (p)
+    information: np.ndarray
+    gradient: np.ndarray
     orders: np.ndarray
-    columns: Callable[[float], Columns]
+    columns: Callable[[np.ndarray], Columns]
 
     @staticmethod
     def of(bench: Workbench, base: Fit, effect: Effect) -> _Scan | None:
         acts, data = _wave(effect).acts, cast(driven.DrivenData, bench.data)
-        channels = {"hub_torque"} if acts != "reading" else None
-        motions = {
-            i: driven.move(data.views[i], p, base.model, base.starts[i])[0]
-            for i, p in enumerate(data.prepared)
-            if p.hub is not None
-        }
+        seen = [(k, g) for k, g in enumerate(bench.groups) if g.channel not in ("break_away", "motor_torque")]
+        free = {i for i, p in enumerate(data.prepared) if p.hub is not None}
         groups = [
             (k, g)
-            for k, g in enumerate(bench.groups)
-            if g.recording in motions
-            and g.channel not in ("break_away", "motor_torque")
-            and (channels is None or g.channel in channels)
+            for k, g in seen
+            if g.recording in free and (acts == "reading" or g.channel == "hub_torque")
         ]
         if not groups:
             return None
+        motions = {
+            i: driven.move(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
+            for i in {g.recording for _, g in groups}
+        }
         views = {i: data.views[i] for i in motions}
-        angles = {i: m.angles[:, 0] for i, m in motions.items()}
-        directions = {i: m.modes for i, m in motions.items()}
-        orders = _grid(acts, views, angles)
 
-        def columns(order: float) -> Columns:
+        def columns(orders: np.ndarray) -> Columns:
             found: Columns = {}
-            for i, view in views.items():
-                waves = _waves(acts, order, view, angles[i], directions[i])
-                parts = dict(_responses(acts, waves, view, base.model))
+            for i, motion in motions.items():
+                waves = _waves(acts, orders, motion)
+                parts = _responses(acts, orders, waves, views[i], base.model)
                 for k, g in groups:
-                    if g.recording == i:
-                        found[k] = parts[g.channel] * bench.weight[g.rows][:, None]
+                    if g.recording == i and g.channel in parts:
+                        found[k] = parts[g.channel] * bench.weight[g.rows]
             return found
 
         weights = fit.row_weights(bench, base.residual)
         information, gradient = fit.normal_equations(bench, base)
-        return _Scan(bench, base, weights, information, gradient, orders, columns)
+        return _Scan(
+            bench, base, weights, information, gradient, _grid(acts, list(motions.values())), columns
+        )
 
-    def at(self, order: float) -> Peak:
-        """The regression at one order."""
+    def at(self, orders: np.ndarray) -> list[Peak]:
+        """The regressions at some orders (o)."""
         J, r, w = self.base.jacobian, self.base.residual, self.weights
-        found = self.columns(order)
-        k, p = next(iter(found.values())).shape[1], J.shape[1]
-        squares, mixed, slope = np.zeros((k, k)), np.zeros((k, p)), np.zeros(k)
+        found = self.columns(orders)
+        k, count, p = len(next(iter(found.values()))), len(orders), J.shape[1]
+        squares, mixed, slope = np.zeros((count, k, k)), np.zeros((k, count, p)), np.zeros((k, count))
         for index, columns in found.items():
             rows = self.bench.groups[index].rows
-            weighted = (w[rows][:, None] * columns).T
-            squares += weighted @ columns
+            weighted = columns * w[rows]
+            squares += np.einsum("kom,lom->okl", weighted, columns)
             mixed += weighted @ J[rows]
             slope += weighted @ r[rows]
-        within = np.linalg.lstsq(self.information, np.c_[mixed.T, self.gradient], rcond=None)[0]
-        left = squares - mixed @ within[:, :-1]
-        pull = slope - mixed @ within[:, -1]
-        scale = np.sqrt(np.maximum(np.diag(left), 1e-300))
-        move = -np.linalg.lstsq(left / np.outer(scale, scale), pull / scale, rcond=1e-6)[0] / scale
-        gain = float(-0.5 * pull @ move)
-        amplitude, phase = float(np.hypot(*move[:2])), float(np.arctan2(move[1], move[0]))
-        return Peak(float(order), amplitude, phase, gain)
+        inverse = np.linalg.pinv(self.information, hermitian=True)
+        return [
+            _regression(float(order), squares[o], mixed[:, o], slope[:, o], inverse, self.gradient)
+            for o, order in enumerate(orders)
+        ]
+
+
+def _regression(
+    order: float,
+    squares: np.ndarray,
+    mixed: np.ndarray,
+    slope: np.ndarray,
+    inverse: np.ndarray,
+    gradient: np.ndarray,
+) -> Peak:
+    """The wave's normal equations with the base's unknowns (p) eliminated, solved."""
+    left = squares - mixed @ inverse @ mixed.T
+    pull = slope - mixed @ inverse @ gradient
+    scale = np.sqrt(np.maximum(np.diag(left), 1e-300))
+    move = -np.linalg.lstsq(left / np.outer(scale, scale), pull / scale, rcond=1e-6)[0] / scale
+    return Peak(
+        order, float(np.hypot(*move[:2])), float(np.arctan2(move[1], move[0])), float(-0.5 * pull @ move)
+    )
 
 
 def _wave(effect: Effect) -> Wave:
@@ -152,63 +173,64 @@ def _wave(effect: Effect) -> Wave:
     return effect.wave
 
 
-def _grid(acts: str, views: Mapping[int, driven.View], angles: Mapping[int, np.ndarray]) -> np.ndarray:
+def _grid(acts: str, motions: Sequence[Motion]) -> np.ndarray:
     """Orders close enough that no peak falls between two."""
     if acts == "time":
-        widest = max(v.time[-1] - v.time[0] for v in views.values())
-        step = 0.25 / widest
-    else:
-        widest = max(float(np.ptp(angle)) for angle in angles.values())
-        step = max(1.0 / max(widest, 1e-3), _FINEST)
-    low = max(_LOWEST[acts], 0.0 if acts == "time" else 0.5 / max(widest, 1e-3))
-    return np.arange(low, _HIGHEST[acts], step)
+        step = 0.35 / max(m.time[-1] - m.time[0] for m in motions)
+        return np.arange(_LOWEST[acts], _HIGHEST[acts], step)
+    widest = max(float(np.ptp(m.angles[:, 0])) for m in motions)
+    low = max(_LOWEST[acts], 0.5 / max(widest, 1e-3))
+    return np.arange(low, max(_HIGHEST[acts], 2 * low), max(1.0 / max(widest, 1e-3), _FINEST))
 
 
-def _waves(
-    acts: str, order: float, view: driven.View, angle: np.ndarray, direction: np.ndarray
-) -> np.ndarray:
-    """Sine and cosine (m x k) of the order, as they act."""
-    x = 2 * np.pi * view.time if acts == "time" else angle
-    waves = np.stack([np.sin(order * x), np.cos(order * x)], axis=1)
+def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
+    """Sine and cosine (k, o, m) of the orders, as they act; of a level of friction its mean as well."""
+    x = 2 * np.pi * motion.time if acts == "time" else motion.angles[:, 0]
+    angle = orders[:, None] * x
+    waves = np.stack([np.sin(angle), np.cos(angle)])
     if acts == "friction":
-        return -0.5 * direction[:, None] * np.c_[waves, np.ones(len(x))]
+        return -0.5 * motion.modes * np.concatenate([waves, np.ones((1, *angle.shape))])
     return waves
 
 
 def _responses(
-    acts: str, waves: np.ndarray, view: driven.View, model: Model
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Channel -> (m x k) change of the residual, noise units."""
+    acts: str, orders: np.ndarray, waves: np.ndarray, view: driven.View, model: Model
+) -> dict[str, np.ndarray]:
+    """Channel -> (k, o, m) change of the residual, noise units."""
+    if acts == "time":
+        share = driven.passed(orders, driven.GRID)[:, None]
+        return {"hub_torque": -share * waves / view.noise["hub_torque"]}
     if acts != "reading":
-        filtered = driven.low_passed(waves.T, driven.GRID).T
-        yield "hub_torque", -filtered / view.noise["hub_torque"]
-        return
-    error = driven.low_passed(waves.T, driven.GRID, view.band)
-    acceleration = np.gradient(np.gradient(error, driven.GRID, axis=1), driven.GRID, axis=1)
-    for channel, response in _under_hub(model, acceleration).items():
+        return {"hub_torque": -driven.low_passed(waves, driven.GRID) / view.noise["hub_torque"]}
+    error = driven.low_passed(waves, driven.GRID, view.band)
+    found = {}
+    for channel, response in _under_hub(model, _second(error)).items():
         if channel in view.noise:
-            filtered = driven.low_passed(response, driven.GRID).T
+            # What the sensor's error lets the hub seem to do was never there.
             sign = -1.0 if channel == "hub_torque" else 1.0
-            yield channel, sign * filtered / view.noise[channel]
+            found[channel] = sign * driven.low_passed(response, driven.GRID) / view.noise[channel]
+    return found
+
+
+def _second(values: np.ndarray) -> np.ndarray:
+    """Second derivative (..., m) on the grid."""
+    return np.gradient(np.gradient(values, driven.GRID, axis=-1), driven.GRID, axis=-1)
 
 
 def _under_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and strains (k x m) that small hub accelerations (k x m) [rad/s^2] take.
+    """Torque on the hub and strains (..., m) that small hub accelerations (..., m) [rad/s^2] take.
 
     In clamped modes q'' + 2 zeta omega q' + omega^2 q = -g alpha, and the torque is J alpha + sum g q''.
     """
-    chain: Chain = model.chain
-    mass = chain.mass_matrix()
-    frequencies, shapes = chain.modes("clamped")
-    ratios = chain.damping_ratios("clamped")
+    mass = model.chain.mass_matrix()
+    frequencies, shapes = model.chain.modes("clamped")
+    ratios = model.chain.damping_ratios("clamped")
     torque = mass[0, 0] * acceleration
     strains = {c: np.zeros_like(acceleration) for c in model.curvature_rows}
-    for omega, zeta, shape in list(zip(frequencies, ratios, shapes[1:].T, strict=True))[:3]:
+    for omega, zeta, shape in list(zip(frequencies, ratios, shapes[1:].T, strict=True))[:_MODES]:
         g = float(mass[0, 1:] @ shape)
-        numerator, denominator = _sampled(omega, zeta)
-        q = lfilter(numerator, denominator, -g * acceleration, axis=1)
-        rate_of = np.gradient(np.gradient(q, driven.GRID, axis=1), driven.GRID, axis=1)
-        torque = torque + g * rate_of
+        q = lfilter(*_sampled(float(omega), float(zeta)), -g * acceleration)
+        torque = torque + g * _second(q)
         for channel, row in model.curvature_rows.items():
             strains[channel] += model.sensors[channel].half_thickness * float(row @ shape) * q
     return {"hub_torque": torque, **strains}
