@@ -1,10 +1,10 @@
 """How often the diagnosis is right, on campaigns of the virtual rig whose truth is known.
 
-    python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--seed 1000] [--jobs 2] [--whole]
+    python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--pairs 20] [--outside 20] [--seed 1000] [--jobs 2]
+        [--whole]
 
-WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. Every campaign has true
-parameters off from the declared ones, and nulls have nothing else. The verdict and the ranking come from the search;
-`--whole` also runs the last fit and simulates the held-out recordings.
+WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. The verdict and the
+ranking come from the search; `--whole` also runs the last fit and simulates the held-out recordings.
 """
 
 from __future__ import annotations
@@ -14,102 +14,22 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from cases import DEPENDS, SIZES, Case, cases
 from machine import describe
 from rich.progress import track
 
-from twin.campaign import read_campaign
-from twin.conclude import said
-from twin.diagnose import diagnose, find
+from twin.campaign import Campaign, read_campaign
+from twin.conclude import said, variables
+from twin.diagnose import Found, diagnose, find
+from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
+from twin.verdict import misfit
 from twin.virtual_rig import make_campaign
-
-NOTHING = "(nothing)"
-SIZES: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    # smallest and largest size, drawn log-uniformly; of a gain or a share, of its distance from 1
-    "viscous-friction": {"viscous": (8e-4, 5e-3)},
-    "cable-torsion": {"stiffness": (3e-3, 2e-2)},
-    "torque-bias": {"bias": (1e-3, 6e-3)},
-    "torque-gain": {"gain": (0.02, 0.1)},
-    "actuator-delay": {"delay": (3e-3, 2e-2)},
-    "payload-mass": {"tip_mass": (0.04, 0.15)},
-    "stiffness-loss": {"bending_stiffness": (0.07, 0.2)},
-    "air-drag": {"coefficient": (0.02, 0.2)},
-    "hub-sensor-gain": {"gain": (0.01, 0.06)},
-    "strain-gain": {"gain_base": (0.02, 0.1), "gain_mid": (0.02, 0.1)},
-    "asymmetric-friction": {"static": (0.05, 0.2), "coulomb": (2e-3, 6e-3)},
-}
-
-
-@dataclass(frozen=True)
-class Case:
-    """One campaign: which effect it lacks, and its seed."""
-
-    effect: str
-    seed: int
-
-    @property
-    def name(self) -> str:
-        """A name that says nothing about the effect."""
-        return f"rig-{self.seed}"
-
-
-def planted(case: Case) -> dict[str, dict[str, float]]:
-    """The effect of a case with a size drawn from its seed."""
-    if case.effect == NOTHING:
-        return {}
-    draw = np.random.default_rng([case.seed, 7])
-
-    def size(name: str) -> float:
-        low, high = SIZES[case.effect][name]
-        return float(np.exp(draw.uniform(np.log(low), np.log(high))))
-
-    sign = float(draw.choice([-1, 1]))
-    match case.effect:
-        case "cable-torsion":
-            return {
-                case.effect: {"stiffness": size("stiffness"), "rest_angle": float(draw.uniform(-0.5, 0.5))}
-            }
-        case "torque-bias":
-            return {case.effect: {"bias": sign * size("bias")}}
-        case "torque-gain" | "hub-sensor-gain":
-            return {case.effect: {"gain": 1 + sign * size("gain")}}
-        case "payload-mass":
-            return {case.effect: {"tip_mass": 0.155 * (1 + sign * size("tip_mass"))}}
-        case "stiffness-loss":
-            return {case.effect: {"bending_stiffness": 0.24957 * (1 - size("bending_stiffness"))}}
-        case "strain-gain":
-            gains = {name: 1 + float(draw.choice([-1, 1])) * size(name) for name in SIZES[case.effect]}
-            return {case.effect: gains}
-        case "asymmetric-friction":
-            static, coulomb = size("static"), size("coulomb")
-            return {
-                case.effect: {
-                    "static_positive": 0.065 * (1 + sign * static),
-                    "static_negative": 0.065 * (1 - sign * static),
-                    "coulomb_positive": 0.0055 + max(0.0, sign) * coulomb,
-                    "coulomb_negative": 0.0055 + max(0.0, -sign) * coulomb,
-                }
-            }
-    return {case.effect: {name: size(name) for name in SIZES[case.effect]}}
-
-
-def cases(each: int, nulls: int, seed: int) -> Iterator[Case]:
-    """The campaigns, the effects taking turns so that an early stop is a fair sample."""
-    effects = [name for name in REGISTRY if name in SIZES]
-    number = seed
-    for turn in range(max(each, -(-nulls // 4))):
-        for effect in effects if turn < each else ():
-            yield Case(effect, number)
-            number += 1
-        for _ in range(max(0, min(4, nulls - 4 * turn))):
-            yield Case(NOTHING, number)
-            number += 1
 
 
 def answer(case: Case, work: Path, whole: bool) -> dict:
@@ -118,40 +38,17 @@ def answer(case: Case, work: Path, whole: bool) -> dict:
     if path.exists():
         return json.loads(path.read_text())
     folder = work / case.name
-    truth = make_campaign(folder, planted(case), case.seed, perturb=0.5, force=True)
-    campaign = read_campaign(folder)
+    truth = make_campaign(
+        folder, case.effects(), case.seed, perturb=case.perturb, dirty=case.dirty, force=True
+    )
     began = time.perf_counter()
-    if whole:
-        result = diagnose(campaign, workers=1)
-        found = {
-            "verdict": result.verdict,
-            "adopted": [e.name for e in result.effects],
-            "ranking": [name for name, _ in result.ranking],
-            "values": {e.name: dict(e.parameters) for e in result.effects},
-            "errors": {e.name: dict(e.standard_errors) for e in result.effects},
-            "alike": [list(names) for names in result.indistinguishable],
-            "after": [
-                e.after / e.noise
-                for p in result.predictions.values()
-                if p.role == "holdout"
-                for e in p.errors.values()
-            ],
-        }
-    else:
-        with ThreadPoolExecutor(1) as pool:
-            search = find(campaign, pool)
-        best = search.best
-        found = {
-            "verdict": said(search),
-            "adopted": [c.effects[-1] for c in search.adopted],
-            "ranking": [c.effects[-1] for c in search.rounds[0]],
-            "values": {name: dict(p) for name, p in best.model.effects.items()},
-            "errors": {},
-            "alike": [],
-        }
+    campaign = read_campaign(folder)
+    found = _whole(diagnose(campaign, workers=1)) if whole else _searched(campaign)
     found |= {
-        "effect": case.effect,
+        "kind": case.kind,
+        "missing": list(case.missing),
         "truth": truth.effects,
+        "dirty": list(case.dirty),
         "seconds": time.perf_counter() - began,
     }
     path.write_text(json.dumps(found, indent=1))
@@ -161,62 +58,168 @@ def answer(case: Case, work: Path, whole: bool) -> dict:
     return found
 
 
-def table(answers: list[dict]) -> str:
+def _whole(result: Diagnosis) -> dict:
+    held_out = [p for p in result.predictions.values() if p.role == "holdout"]
+    return {
+        "verdict": result.verdict,
+        "adopted": [e.name for e in result.effects],
+        "ranking": [name for name, _ in result.ranking],
+        "probabilities": {e.name: e.probability for e in result.effects},
+        "values": {e.name: dict(e.parameters) for e in result.effects},
+        "errors": {e.name: dict(e.standard_errors) for e in result.effects},
+        "alike": [list(names) for names in result.indistinguishable],
+        "depends": list(result.depends_on),
+        "after": [e.after / e.noise for p in held_out for e in p.errors.values()],
+    }
+
+
+def _searched(campaign: Campaign) -> dict:
+    with ThreadPoolExecutor(1) as pool:
+        found = find(campaign, pool)
+    return {
+        "verdict": said(found),
+        "adopted": [c.effects[-1] for c in found.adopted],
+        "ranking": [c.effects[-1] for c in found.rounds[0]],
+        "values": {name: dict(p) for name, p in found.best.model.effects.items()},
+        "errors": {},
+        "alike": [],
+        "depends": list(variables(found)),
+        "rounds": _rounds(found),
+    }
+
+
+def _rounds(found: Found) -> list[dict]:
+    """What was decided on in each round: the best scores, and the misfit that there was to explain."""
+    fits = [found.base, *(c.fit for c in found.adopted)]
+    return [
+        {
+            "left": float(misfit(found.bench, fit.residual).sum()),
+            "best": [(c.effects[-1], c.score) for c in ranked[:3]],
+        }
+        for fit, ranked in zip(fits, found.rounds, strict=False)
+    ]
+
+
+def table(answers: Sequence[dict]) -> str:
     """The confusion table and the figures below it, as Markdown."""
-    effects = [name for name in REGISTRY if any(a["effect"] == name for a in answers)]
     lines = [
         "| missing | campaigns | first in ranking | adopted alone | adopted with others | nothing adopted"
         " | other adopted | outside-library | parameter error |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
-    for effect in effects:
-        mine = [a for a in answers if a["effect"] == effect]
-        errors = [e for a in mine if (e := parameter_error(a)) is not None]
-        middle = f"{100 * np.median(errors):.1f} %" if errors else "-"
-        counts = Counter(_kind(a) for a in mine)
-        first = sum(a["ranking"][:1] == [effect] for a in mine)
-        cells = [effect, len(mine), first, *(counts[k] for k in ("alone", "with", "none", "other"))]
-        outside = sum(a["verdict"] == "outside-library" for a in mine)
-        lines.append("| " + " | ".join(str(c) for c in (*cells, outside, middle)) + " |")
-    nulls = [a for a in answers if a["effect"] == NOTHING]
-    alarms = [a for a in nulls if a["verdict"] != "no-missing-effect"]
-    seconds = [a["seconds"] for a in answers]
-    wrong = Counter(
-        f"{a['effect']} -> {'+'.join(a['adopted']) or a['verdict']}" for a in answers if _wrong(a)
-    )
-    lines += [
-        "",
-        f"Nothing missing: {len(alarms)} false alarms in {len(nulls)} campaigns.",
-        f"Time for a campaign: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s, one thread each.",
-        "Wrong: " + (", ".join(f"{k} ({n})" for k, n in wrong.items()) or "none") + ".",
+    singles = [a for a in answers if a["kind"] == "single"]
+    for effect in SIZES:
+        mine = [a for a in singles if a["missing"] == [effect]]
+        if mine:
+            lines.append("| " + " | ".join(str(c) for c in _row(effect, mine)) + " |")
+    return "\n".join([*lines, "", *_figures(answers, singles)])
+
+
+def _row(effect: str, mine: Sequence[dict]) -> list:
+    errors = [e for a in mine if (e := parameter_error(a)) is not None]
+    middle = f"{100 * np.median(errors):.1f} %" if errors else "-"
+    counts = Counter(_kind(a) for a in mine)
+    first = sum(a["ranking"][:1] == [effect] for a in mine)
+    outside = sum(a["verdict"] == "outside-library" for a in mine)
+    return [
+        effect,
+        len(mine),
+        first,
+        *(counts[k] for k in ("alone", "with", "none", "other")),
+        outside,
+        middle,
     ]
-    return "\n".join(lines)
+
+
+def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
+    kinds = {kind: [a for a in answers if a["kind"] == kind] for kind in ("pair", "nothing", "outside")}
+    first = sum(a["ranking"][:1] == a["missing"] for a in singles)
+    alone = sum(a["adopted"] == a["missing"] for a in singles)
+    both = sum(set(a["missing"]) <= set(a["adopted"]) for a in kinds["pair"])
+    one = sum(bool(set(a["missing"]) & set(a["adopted"])) for a in kinds["pair"])
+    alarms = sum(a["verdict"] != "no-missing-effect" for a in kinds["nothing"])
+    seen = sum(a["verdict"] == "outside-library" for a in kinds["outside"])
+    named = sum(a["depends"][:1] in [[v] for v in DEPENDS[a["missing"][0]]] for a in kinds["outside"])
+    claimed = sum(a["verdict"] == "outside-library" for a in answers if a["kind"] != "outside")
+    seconds = [a["seconds"] for a in answers]
+    others = Counter(
+        f"{'+'.join(a['missing']) or '(nothing)'} -> {'+'.join(a['adopted']) or a['verdict']}"
+        for a in answers
+        if _wrong(a)
+    )
+    return [
+        f"- One effect: first in the ranking in {first} of {len(singles)}, adopted alone in {alone}.",
+        f"- Two effects: both adopted in {both} of {len(kinds['pair'])}, at least one in {one}.",
+        f"- Nothing missing: {alarms} false alarms in {len(kinds['nothing'])}.",
+        f"- Outside the library: recognised in {seen} of {len(kinds['outside'])}, a right variable first in {named}.",
+        f"- Outside the library claimed of {claimed} others.",
+        *_held_out(answers),
+        f"- Time for a campaign: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s, one thread each.",
+        "",
+        "Not exactly right: " + (", ".join(f"{k} ({n})" for k, n in sorted(others.items())) or "none") + ".",
+    ]
+
+
+def _held_out(answers: Sequence[dict]) -> list[str]:
+    after = [np.median(a["after"]) for a in answers if a.get("after") and not _wrong(a)]
+    covered = [c for a in answers for c in _covered(a)]
+    lines = []
+    if after:
+        lines.append(
+            f"- Error on held-out recordings after a right answer, median over channels, in noise levels: "
+            f"median {np.median(after):.2f}, worst {max(after):.1f}."
+        )
+    if covered:
+        share = 100 * np.mean(covered)
+        lines.append(
+            f"- 95 % intervals of adopted effects that hold the truth: {share:.0f} % of {len(covered)}."
+        )
+    return lines
+
+
+def _covered(a: dict) -> list[bool]:
+    """Whether each interval of the rightly adopted effects holds the truth; phases and angles by their cosine."""
+    found = []
+    for name in set(a["missing"]) & set(a["values"]):
+        for parameter, true in a["truth"][name].items():
+            error = a["errors"].get(name, {}).get(parameter)
+            if error:
+                off = a["values"][name][parameter] - true
+                if parameter in ("phase", "direction"):
+                    off = float(np.angle(np.exp(1j * off)))
+                found.append(abs(off) <= 1.96 * error)
+    return found
 
 
 def _kind(a: dict) -> str:
     if not a["adopted"]:
         return "none"
-    if a["effect"] not in a["adopted"]:
+    if a["missing"][0] not in a["adopted"]:
         return "other"
     return "alone" if len(a["adopted"]) == 1 else "with"
 
 
 def _wrong(a: dict) -> bool:
-    if a["effect"] == NOTHING:
-        return a["verdict"] != "no-missing-effect"
-    return _kind(a) != "alone"
+    match a["kind"]:
+        case "nothing":
+            return a["verdict"] != "no-missing-effect"
+        case "outside":
+            return a["verdict"] != "outside-library"
+    return a["verdict"] != "explained" or set(a["adopted"]) != set(a["missing"])
 
 
 def parameter_error(a: dict) -> float | None:
     """Error of the first parameter, relative to its distance from neutral; None where it was not found."""
-    effect = a["effect"]
+    effect = a["missing"][0]
     if effect not in a["values"]:
         return None
-    parameter = REGISTRY[effect].parameters[0]
+    parameter = next(p for p in REGISTRY[effect].parameters if p.name not in REGISTRY[effect].along)
     declared = {"tip_mass": 0.155, "bending_stiffness": 0.24957, "static_positive": 0.065}
     neutral = declared[parameter.name] if parameter.neutral is None else parameter.neutral
-    true = a["truth"][effect][parameter.name]
-    return abs(a["values"][effect][parameter.name] - true) / abs(true - neutral)
+    value, true = a["values"][effect][parameter.name], a["truth"][effect][parameter.name]
+    return abs(parameter.turned(value) - parameter.turned(true)) / abs(
+        parameter.turned(true) - parameter.turned(neutral)
+    )
 
 
 def main() -> None:
@@ -225,21 +228,26 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("work", type=Path)
-    parser.add_argument("--each", type=int, default=5)
-    parser.add_argument("--nulls", type=int, default=20)
+    parser.add_argument("--each", type=int, default=5, help="campaigns of each effect")
+    parser.add_argument("--nulls", type=int, default=20, help="campaigns with nothing missing")
+    parser.add_argument("--pairs", type=int, default=20, help="campaigns with two effects")
+    parser.add_argument("--outside", type=int, default=20, help="campaigns with a fault outside the library")
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--whole", action="store_true")
+    parser.add_argument("--whole", action="store_true", help="with the last fit and the held-out recordings")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
-    todo = list(cases(options.each, options.nulls, options.seed))
+    todo = list(cases(options.each, options.nulls, options.pairs, options.outside, options.seed))
     answers = []
     with ProcessPoolExecutor(options.jobs) as pool:
         jobs = [pool.submit(answer, case, options.work, options.whole) for case in todo]
         for job in track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty()):
             answers.append(job.result())
-    command = f"python benchmarks/diagnosis.py WORK --each {options.each} --nulls {options.nulls}"
-    print(f"`{command} --seed {options.seed}`, {describe()}\n\n{table(answers)}")
+    given = " ".join(f"--{k} {getattr(options, k)}" for k in ("each", "nulls", "pairs", "outside", "seed"))
+    print(
+        f"`python benchmarks/diagnosis.py WORK {given}{' --whole' if options.whole else ''}`, {describe()}\n"
+    )
+    print(table(answers))
 
 
 if __name__ == "__main__":

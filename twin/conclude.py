@@ -27,7 +27,7 @@ def conclude(
     effects = _effects(found, polished)
     ranking = [(c.effects[-1], c.score) for c in (found.rounds[0] if found.rounds else ())]
     alike = verdict.alternatives(found.rounds[: len(found.adopted)])
-    depends = _depends(found, left)
+    depends = variables(found)
     return Diagnosis(
         campaign=campaign.name,
         verdict=answer,
@@ -82,9 +82,10 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
     return found
 
 
-def _depends(found: Found, left: Sequence[str]) -> tuple[str, ...]:
+def variables(found: Found) -> tuple[str, ...]:
+    """Variables on which what is left unexplained depends, the first most; none where nothing is."""
     shares = {}
-    for channel in left:
+    for channel in verdict.unexplained(found.bench, found.best):
         residual = traces.unexplained(found.bench, found.data, found.best, channel)
         if len(residual.values) > 50:
             shares[channel] = traces.dependence(residual)

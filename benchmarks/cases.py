@@ -1,0 +1,162 @@
+"""Campaigns of the virtual rig to judge the diagnosis by: what is missing in each, and how much of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Kind = Literal["single", "pair", "nothing", "outside"]
+Effects = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How a parameter is drawn.
+
+    Attributes:
+      low, high: range.
+      how: "log" log-uniform; "either" the same with a random sign; "off" the same as a distance from `about`,
+        relative to it, either way; "less" the same, below it; "even" uniform; "whole" a whole number.
+      about: the neutral value of "off" and "less".
+    """
+
+    low: float
+    high: float
+    how: Literal["log", "either", "off", "less", "even", "whole"] = "log"
+    about: float = 1.0
+
+    def draw(self, generator: np.random.Generator) -> float:
+        """A value."""
+        if self.how == "even":
+            return float(generator.uniform(self.low, self.high))
+        if self.how == "whole":
+            return float(generator.integers(int(self.low), int(self.high) + 1))
+        size = float(np.exp(generator.uniform(np.log(self.low), np.log(self.high))))
+        sign = float(generator.choice([-1, 1]))
+        match self.how:
+            case "either":
+                return sign * size
+            case "off":
+                return self.about * (1 + sign * size)
+            case "less":
+                return self.about * (1 - size)
+        return size
+
+
+_PHASE = Size(-3.1, 3.1, "even")
+SIZES: Mapping[str, Mapping[str, Size]] = {
+    "viscous-friction": {"viscous": Size(8e-4, 5e-3)},
+    "stribeck-friction": {"stribeck_velocity": Size(0.15, 1.5)},
+    "asymmetric-friction": {
+        "static_positive": Size(0.05, 0.2, "off", 0.065),
+        "static_negative": Size(0.05, 0.2, "off", 0.065),
+        "coulomb_positive": Size(3e-3, 1.2e-2),
+        "coulomb_negative": Size(3e-3, 1.2e-2),
+    },
+    "position-dependent-friction": {
+        "amplitude": Size(4e-3, 2e-2),
+        "order": Size(1, 12, "whole"),
+        "phase": _PHASE,
+    },
+    "cable-torsion": {"stiffness": Size(3e-3, 2e-2), "rest_angle": Size(-0.5, 0.5, "even")},
+    "cogging": {"amplitude": Size(3e-3, 1.5e-2), "order": Size(2, 14, "whole"), "phase": _PHASE},
+    "torque-gain": {"gain": Size(0.02, 0.1, "off")},
+    "torque-bias": {"bias": Size(1e-3, 6e-3, "either")},
+    "actuator-lag": {"time_constant": Size(2e-3, 2e-2)},
+    "actuator-delay": {"delay": Size(3e-3, 2e-2)},
+    "gravity-tilt": {"tilt": Size(3e-3, 3e-2), "direction": _PHASE},
+    "periodic-disturbance": {
+        "frequency": Size(0.6, 15.0),
+        "amplitude": Size(3e-3, 1.5e-2),
+        "phase": _PHASE,
+    },
+    "payload-mass": {"tip_mass": Size(0.04, 0.15, "off", 0.155)},
+    "stiffness-loss": {"bending_stiffness": Size(0.07, 0.2, "less", 0.24957)},
+    "softening-stiffness": {"softening": Size(0.08, 0.35), "curvature": Size(0.5, 1.5)},
+    "air-drag": {"coefficient": Size(0.02, 0.2)},
+    "air-pad-drag": {"viscous": Size(5e-3, 5e-2)},
+    "hub-sensor-gain": {"gain": Size(0.01, 0.06, "off")},
+    "hub-sensor-nonlinearity": {"amplitude": Size(4e-3, 3e-2), "order": Size(1, 6, "whole"), "phase": _PHASE},
+    "strain-gain": {"gain_base": Size(0.02, 0.1, "off"), "gain_mid": Size(0.02, 0.1, "off")},
+    "strain-drift": {"rate_base": Size(5e-7, 1e-5, "either"), "rate_mid": Size(5e-7, 1e-5, "either")},
+    "sensor-delay": {"delay": Size(2e-3, 1.2e-2)},
+}
+"""Effects of the vocabulary with sizes from a few noise levels up."""
+
+OUTSIDE: Mapping[str, Mapping[str, Size]] = {
+    "strain-amplifier-clips": {"level": Size(8e-5, 2e-4), "level_mid": Size(5e-5, 1.2e-4)},
+    "dead-zone": {"width": Size(8e-3, 3e-2)},
+    "hard-stop": {"angle": Size(0.3, 0.7), "stiffness": Size(2.0, 20.0), "damping": Size(0.01, 0.1)},
+    "warming-friction": {"rise": Size(5e-3, 2e-2), "time_constant": Size(1.5, 5.0)},
+    "shaking-base": {"amplitude": Size(0.1, 0.6), "frequency": Size(2.0, 12.0), "phase": _PHASE},
+}
+"""Faults that the vocabulary has no name for."""
+
+DEPENDS: Mapping[str, Sequence[str]] = {
+    "strain-amplifier-clips": ("strain_base", "strain_mid"),
+    "dead-zone": ("torque_command",),
+    "hard-stop": ("hub_angle",),
+    "warming-friction": ("time", "hub_rate", "direction"),
+    "shaking-base": ("time", "hub_angle"),
+}
+"""The variables that a right answer may name."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One campaign.
+
+    Attributes:
+      kind: what its truth is like.
+      missing: effects that it does not declare.
+      seed: of everything else.
+      dirty: kinds of dirt in its data.
+      perturb: how far the true parameters are off, in parts of their uncertainty.
+    """
+
+    kind: Kind
+    missing: tuple[str, ...]
+    seed: int
+    dirty: tuple[str, ...] = ()
+    perturb: float = 0.5
+
+    @property
+    def name(self) -> str:
+        """A name that says nothing about the effect."""
+        return f"rig-{self.seed}"
+
+    def effects(self) -> Effects:
+        """The missing effects with sizes drawn from the seed."""
+        generator = np.random.default_rng([self.seed, 7])
+        sizes = {**SIZES, **OUTSIDE}
+        return {
+            name: {parameter: size.draw(generator) for parameter, size in sizes[name].items()}
+            for name in self.missing
+        }
+
+
+_DIRT = (("spikes",), ("missing-fields",), ("dropped-rows",), ("jitter",), ("spikes", "missing-fields"))
+
+
+def cases(each: int, nulls: int, pairs: int, outside: int, seed: int) -> Iterator[Case]:
+    """The campaigns; all kinds take turns, so that an early stop is a fair sample.
+
+    Every fifth one has dirty data, every third null exactly the declared parameters.
+    """
+    draw = np.random.default_rng(seed)
+    every = list(SIZES)
+    kinds: list[tuple[float, Kind, tuple[str, ...]]] = []
+    kinds += [((k + 0.5) / each, "single", (name,)) for name in every for k in range(each)]
+    kinds += [((k + 0.5) / nulls, "nothing", ()) for k in range(nulls)]
+    for k in range(pairs):
+        first, second = draw.choice(len(every), 2, replace=False)
+        kinds.append(((k + 0.5) / pairs, "pair", (every[first], every[second])))
+    faults = list(OUTSIDE)
+    kinds += [((k + 0.5) / outside, "outside", (faults[k % len(faults)],)) for k in range(outside)]
+    for number, (_, kind, missing) in enumerate(sorted(kinds, key=lambda item: item[0])):
+        dirty = _DIRT[number // 5 % len(_DIRT)] if number % 5 == 4 else ()
+        perturb = 0.0 if kind == "nothing" and number % 3 == 0 else 0.5
+        yield Case(kind, missing, seed + number, dirty, perturb)
