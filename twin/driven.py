@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.fft import irfft, rfft, rfftfreq
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
@@ -22,6 +23,7 @@ from twin import planar
 from twin.evidence import Group
 from twin.fit import Prepared
 from twin.model import Model, Motion, Start, initial_state, reported
+from twin.observe import HubMotion
 from twin.planar import STUCK
 from twin.recording import Recording
 
@@ -41,6 +43,7 @@ _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque 
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
 _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
+_EXTENSION = 1.0  # s by which a residual is continued on either side before it is whitened
 _KEPT = 12  # simulations of a recording that are remembered
 _LAST = 0.06  # s left out at the end: a sensor that is late says nothing of them
 _SETTLING = 0.5  # s left out at the start of a rig that was already moving
@@ -60,6 +63,7 @@ class View:
       noise: name -> standard deviation of what is compared, after the filter.
       onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
       band: corner of the low-pass on the motion of the hub [Hz].
+      whitening: channel -> gain over frequency of `whitened`; empty where the hub is clamped.
       moves: what the link did in the last simulations, by what it depends on.
     """
 
@@ -74,6 +78,7 @@ class View:
     noise: dict[str, float]
     onsets: tuple[tuple[int, int], ...]
     band: float = MOTION_BANDS[0]
+    whitening: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
 
@@ -121,7 +126,7 @@ def look(prepared: Prepared, model: Model) -> View:
             time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()
         )
     band = motion_band(recording, prepared.noise["hub_angle"], time)
-    reading, read = _filtered(recording, "hub_angle", time, band)
+    reading, read = _filtered(at_rest(recording, prepared.hub), "hub_angle", time, band)
     spline = CubicSpline(time, reading)
     rate, acceleration = spline(time, 1), spline(time, 2)
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
@@ -135,11 +140,23 @@ def look(prepared: Prepared, model: Model) -> View:
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = _well_defined(ends, stuck, model.drive(recording).at(time))
     view = View(time, reading, rate, acceleration, direction, sliding, measured, known, {}, onsets, band)
+    view = replace(view, whitening=_whitening(prepared, view, model))
     return replace(view, noise=_propagated(prepared, view, model))
 
 
-def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
-    """Name -> (m) measured minus simulated in noise units; `hub_torque` is the unmodelled torque on the hub."""
+def at_rest(recording: Recording, hub: HubMotion) -> Recording:
+    """The recording with its hub angle held where it surely rests: there all its changes are noise."""
+    held = np.where(hub.observed == STUCK, hub.reading, recording["hub_angle"])
+    return recording.replace(channels={**recording.channels, "hub_angle": held})
+
+
+def residual(
+    view: View, prepared: Prepared, model: Model, start: Start, white: bool = True
+) -> dict[str, np.ndarray]:
+    """Name -> (m) measured minus simulated in noise units; `hub_torque` is the unmodelled torque on the hub.
+
+    Where they are `white`, strains have passed the filter of `whitened`.
+    """
     motion, required = move(view, prepared, model, start)
     asked = Recording("", view.time, {c: np.zeros(len(view.time)) for c in view.measured})
     parts = {}
@@ -153,13 +170,60 @@ def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict
         if prepared.recording.start == "unknown" and channel != "motor_torque":
             # Without a rest at the start the zero of a bridge is not known.
             missing = missing - np.median(missing[view.known[channel]])
-        parts[channel] = np.where(view.known[channel], missing / view.noise[channel], 0.0)
+        missing = np.where(view.known[channel], missing, 0.0)
+        parts[channel] = whitened(missing, view, channel) if white else missing / view.noise[channel]
     if prepared.hub is not None:
         drive_of = _delivered(view, prepared, model)
         missing = unmodelled(view, model, motion, required, drive_of)
         parts["hub_torque"] = np.where(view.sliding, missing / view.noise["hub_torque"], 0.0)
         parts["break_away"] = _break_aways(view, model, motion, required, drive_of)
     return parts
+
+
+def whitened(values: np.ndarray, view: View, channel: str) -> np.ndarray:
+    """A residual (..., m) in noise units whose noise has the same size at every frequency up to `BAND`.
+
+    The noise of the hub angle shakes the modelled link, which rings at its clamped modes for seconds: there a
+    residual means little. Before and behind the recording it is continued as its odd extension.
+    """
+    share = view.whitening.get(channel)
+    if share is None:
+        return values / view.noise[channel]
+    pad = min(values.shape[-1] - 1, _pad(view))
+    before = 2 * values[..., :1] - values[..., pad:0:-1]
+    behind = 2 * values[..., -1:] - values[..., -2 : -pad - 2 : -1]
+    extended = np.concatenate([before, values, behind], axis=-1)
+    white = irfft(rfft(extended) * share, extended.shape[-1])
+    return white[..., pad : pad + values.shape[-1]]
+
+
+def _pad(view: View) -> int:
+    return int(_EXTENSION / GRID)
+
+
+def _whitening(prepared: Prepared, view: View, model: Model) -> dict[str, np.ndarray]:
+    """Channel -> gain over frequency that makes the noise of its residual white, unit variance behind the filter."""
+    count = len(view.time)
+    f = rfftfreq(count + 2 * min(count - 1, _pad(view)), GRID)
+    period = _raw_period(prepared.recording)
+    hub = 2 * prepared.noise["hub_angle"] ** 2 * period * passed(f, GRID, view.band) ** 2
+    wide = float(np.trapezoid(passed(f, GRID) ** 2, f))
+    omega = 2 * np.pi * f
+    frequencies, shapes = model.chain.modes("clamped")
+    ratios = model.chain.damping_ratios("clamped")
+    pushes = model.chain.mass_matrix()[0, 1:] @ shapes[1:]
+    found = {}
+    for channel, row in model.curvature_rows.items():
+        if channel not in view.measured:
+            continue
+        seen = model.sensors[channel].half_thickness * (row @ shapes[1:]) * pushes
+        response = sum(
+            size * omega**2 / (w**2 - omega**2 + 2j * z * w * omega)
+            for size, w, z in zip(seen, frequencies, ratios, strict=True)
+        )
+        own = 2 * prepared.noise[channel] ** 2 * period
+        found[channel] = 1 / np.sqrt((own + np.abs(response) ** 2 * hub) * wide)
+    return found
 
 
 def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:

@@ -507,6 +507,32 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     )
 
 
+def left_out(bench: Workbench, found: Fit) -> np.ndarray:
+    """Loss of each recording (r) under the parameters that the other recordings want.
+
+    One Gauss-Newton step without the recording, from the fit to all of them: its residual is what that step leaves.
+    """
+    weights = row_weights(bench, found.residual)
+    prior = _prior_precision(found.unknowns)
+    away = np.array([v - u.start for u, v in zip(found.unknowns, found.values, strict=True)])
+    low, high = np.array([u.bounds for u in found.unknowns]).T
+    rows_of = {i: np.zeros(len(weights), dtype=bool) for i in range(len(bench.prepared))}
+    for group in bench.groups:
+        rows_of[group.recording][group.rows] = True
+    losses = np.zeros(len(bench.prepared))
+    for i, rows in rows_of.items():
+        J = found.jacobian[~rows]
+        weighted = weights[~rows][:, None] * J
+        normal = J.T @ weighted + np.diag(prior)
+        gradient = weighted.T @ found.residual[~rows] + prior * away
+        move = _bounded_move(normal, gradient, low - found.values, high - found.values)
+        after = np.where(rows, found.residual + found.jacobian @ move * bench.weight, 0.0)
+        for group, size, count in zip(bench.groups, bench.sizes(after), bench.count, strict=True):
+            if group.recording == i:
+                losses[i] += count * float(evidence.loss(size))
+    return losses
+
+
 def _bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The move (p) within bounds that minimises gradient' m + m' normal m / 2."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))

@@ -56,7 +56,9 @@ def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: st
 def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Group) -> Unexplained:
     i = group.recording
     view, keep = data.views[i], bench.weight[group.rows] > 0
-    values = fit.residual[group.rows] * view.noise[group.channel]
+    prepared, start = data.prepared[i], fit.starts[i]
+    plain = driven.residual(view, prepared, fit.model, start, white=False)[group.channel]
+    values = plain * view.noise[group.channel]
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     return Unexplained(
         values[keep],

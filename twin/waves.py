@@ -208,7 +208,7 @@ def _responses(
         if channel in view.noise:
             # What the sensor's error lets the hub seem to do was never there.
             sign = -1.0 if channel == "hub_torque" else 1.0
-            found[channel] = sign * driven.low_passed(response, driven.GRID) / view.noise[channel]
+            found[channel] = driven.whitened(sign * driven.low_passed(response, driven.GRID), view, channel)
     return found
 
 
