@@ -19,7 +19,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 
-from twin import planar
+from twin import evidence, planar
 from twin.evidence import Group
 from twin.fit import Prepared
 from twin.model import Model, Motion, Start, initial_state, reported
@@ -30,6 +30,8 @@ from twin.recording import Recording
 BAND = 25.0
 """Corner of the low-pass [Hz]: above the second free mode of a rig like this, below the noise of its rates."""
 GRID = 0.002  # s, uniform grid on which the signals are filtered
+BLOCK = 1.5
+"""Length of the stretches over each of which the size of the misfit is taken as one [s]."""
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 """Corners of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it, but a poor
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
@@ -452,18 +454,19 @@ class DrivenData:
         self.prepared = tuple(prepared)
         self.views = tuple(look(p, model) for p in self.prepared)
         self.groups, self.weight = self._layout()
+        self.blocks = evidence.blocks(self.groups, self.weight, int(BLOCK / GRID))
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """See `residual`."""
         return residual(self.views[i], self.prepared[i], model, start)
 
     def counts(self) -> np.ndarray:
-        """Number of independent samples of each group (g): the filter leaves two a hertz and second."""
+        """Number of independent samples of each block (g): the filter leaves two a hertz and second."""
         per_sample = min(1.0, 2 * BAND * GRID)
         return np.array(
             [
                 self.weight[g.rows].sum() * (1.0 if g.channel == "break_away" else per_sample)
-                for g in self.groups
+                for g in self.blocks
             ]
         )
 

@@ -165,13 +165,14 @@ class Data(Protocol):
 
     prepared: tuple[Prepared, ...]
     groups: tuple[Group, ...]
+    blocks: tuple[Group, ...]
     weight: np.ndarray
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """Channel -> residual (m) of recording i in noise units, 0 where unknown."""
 
     def counts(self) -> np.ndarray:
-        """Number of pieces of evidence in each group (g)."""
+        """Number of pieces of evidence in each block (g)."""
 
 
 class Workbench:
@@ -180,7 +181,7 @@ class Workbench:
     def __init__(self, data: Data, pool: ThreadPoolExecutor):
         self.data = data
         self.pool = pool
-        self.prepared, self.groups, self.weight = data.prepared, data.groups, data.weight
+        self.prepared, self.groups, self.weight = data.prepared, data.blocks, data.weight
         self.count = data.counts()
         self.defect = np.zeros(len(self.weight))
         self.simulations = 0
@@ -203,7 +204,7 @@ class Workbench:
         self.simulations += len(tasks)
         results = [np.zeros(len(self.weight)) for _ in jobs]
         for (index, i, _, _), parts in zip(tasks, self.pool.map(self._task, tasks), strict=True):
-            for group in self.groups:
+            for group in self.data.groups:
                 if group.recording == i:
                     rows = group.rows
                     part = np.clip(np.nan_to_num(parts[group.channel], nan=1e6), -1e6, 1e6)
@@ -231,6 +232,7 @@ class GuidedData:
     def __init__(self, prepared: Sequence[Prepared]):
         self.prepared = tuple(prepared)
         self.groups, self.weight = _layout(self.prepared)
+        self.blocks = self.groups
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """See `whitened`."""
@@ -461,11 +463,10 @@ def _cost(
 
 def row_weights(bench: Workbench, r: np.ndarray) -> np.ndarray:
     """Weight of each residual (n) where every group is weighted by its own size."""
-    weights = np.zeros(len(r))
-    for group, size, n in zip(bench.groups, bench.sizes(r), bench.count, strict=True):
-        total = max(bench.weight[group.rows].sum(), 1)
-        weights[group.rows] = n / total / max(1.0, size) ** 2
-    return weights * bench.weight
+    starts = [g.rows.start for g in bench.groups]
+    total = np.maximum(np.add.reduceat(bench.weight, starts), 1)
+    of_group = bench.count / total / np.maximum(1.0, bench.sizes(r)) ** 2
+    return np.repeat(of_group, [g.rows.stop - g.rows.start for g in bench.groups]) * bench.weight
 
 
 def _normal(bench: Workbench, unknowns: Sequence[Unknown], r: np.ndarray, J: np.ndarray) -> np.ndarray:
@@ -505,32 +506,6 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     return float(
         bench.count @ (evidence.loss(bench.sizes(base.residual)) - evidence.loss(bench.sizes(after)))
     )
-
-
-def left_out(bench: Workbench, found: Fit) -> np.ndarray:
-    """Loss of each recording (r) under the parameters that the other recordings want.
-
-    One Gauss-Newton step without the recording, from the fit to all of them: its residual is what that step leaves.
-    """
-    weights = row_weights(bench, found.residual)
-    prior = _prior_precision(found.unknowns)
-    away = np.array([v - u.start for u, v in zip(found.unknowns, found.values, strict=True)])
-    low, high = np.array([u.bounds for u in found.unknowns]).T
-    rows_of = {i: np.zeros(len(weights), dtype=bool) for i in range(len(bench.prepared))}
-    for group in bench.groups:
-        rows_of[group.recording][group.rows] = True
-    losses = np.zeros(len(bench.prepared))
-    for i, rows in rows_of.items():
-        J = found.jacobian[~rows]
-        weighted = weights[~rows][:, None] * J
-        normal = J.T @ weighted + np.diag(prior)
-        gradient = weighted.T @ found.residual[~rows] + prior * away
-        move = _bounded_move(normal, gradient, low - found.values, high - found.values)
-        after = np.where(rows, found.residual + found.jacobian @ move * bench.weight, 0.0)
-        for group, size, count in zip(bench.groups, bench.sizes(after), bench.count, strict=True):
-            if group.recording == i:
-                losses[i] += count * float(evidence.loss(size))
-    return losses
 
 
 def _bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

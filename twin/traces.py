@@ -41,7 +41,7 @@ class Unexplained:
 
 def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: str) -> Unexplained:
     """Residuals of a channel under a fit, with the variables on which they may depend."""
-    parts = [_in_recording(bench, data, fit, group) for group in bench.groups if group.channel == channel]
+    parts = [_in_recording(bench, data, fit, group) for group in data.groups if group.channel == channel]
     if not parts:
         return Unexplained(np.zeros(0), {}, np.zeros(0), np.zeros(0))
     shared = set.intersection(*(set(part.variables) for part in parts))

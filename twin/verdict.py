@@ -11,7 +11,7 @@ from twin.fit import Fit, Workbench
 from twin.search import Candidate
 
 LEAST_SHARE = (
-    0.15  # of the misfit that an effect must explain: less is within what the model itself gets wrong
+    0.05  # of the misfit that an effect must explain: less is within what the model itself gets wrong
 )
 LEAST_SCORE = 30.0  # gain in log likelihood, after the price of its parameters
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
@@ -58,9 +58,9 @@ def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
 
 def unexplained(bench: Workbench, fit: Fit) -> tuple[str, ...]:
     """Channels whose residual stays far above the noise in several recordings, the worst first."""
-    sizes = bench.sizes(fit.residual)
+    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight)
     worst: dict[str, list[float]] = {}
-    for group, size in zip(bench.groups, sizes, strict=True):
+    for group, size in zip(bench.data.groups, sizes, strict=True):
         if size > LARGE_MISFIT and group.channel != "break_away":
             worst.setdefault(group.channel, []).append(float(size))
     repeated = {

@@ -72,7 +72,7 @@ def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarra
     parts = scan.columns(np.array([peak.order]))
     found = np.zeros((len(base.residual), len(next(iter(parts.values())))))
     for index, columns in parts.items():
-        found[bench.groups[index].rows] = columns[:, 0].T
+        found[bench.data.groups[index].rows] = columns[:, 0].T
     return found
 
 
@@ -99,7 +99,7 @@ class _Scan:
     @staticmethod
     def of(bench: Workbench, base: Fit, effect: Effect) -> _Scan | None:
         acts, data = _wave(effect).acts, cast(driven.DrivenData, bench.data)
-        seen = [(k, g) for k, g in enumerate(bench.groups) if g.channel not in ("break_away", "motor_torque")]
+        seen = [(k, g) for k, g in enumerate(data.groups) if g.channel not in ("break_away", "motor_torque")]
         free = {i for i, p in enumerate(data.prepared) if p.hub is not None}
         groups = [
             (k, g)
@@ -137,7 +137,7 @@ class _Scan:
         k, count, p = len(next(iter(found.values()))), len(orders), J.shape[1]
         squares, mixed, slope = np.zeros((count, k, k)), np.zeros((k, count, p)), np.zeros((k, count))
         for index, columns in found.items():
-            rows = self.bench.groups[index].rows
+            rows = self.bench.data.groups[index].rows
             weighted = columns * w[rows]
             squares += np.einsum("kom,lom->okl", weighted, columns)
             mixed += weighted @ J[rows]
