@@ -566,9 +566,9 @@ def _jacobian(
             J[:, j] = fixed[u.owner, u.name]
             continue
         low, high = u.bounds
-        h = steps[j] if x[j] + steps[j] <= high else -steps[j]
+        up, down = high - x[j], x[j] - low
         moved = x.copy()
-        moved[j] = np.clip(x[j] + h, low, high)
+        moved[j] += min(steps[j], up) if up >= min(steps[j], down) else -min(steps[j], down)
         columns.append((j, moved[j] - x[j]))
         jobs.append((placed(model, unknowns, moved), placed_starts(starts, unknowns, moved), u.recording))
     for (j, h), moved_r in zip(columns, bench.residuals(jobs), strict=True):
