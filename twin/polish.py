@@ -12,7 +12,7 @@ from twin import breakaway, chain, fit, search
 from twin.fit import Fit, GuidedData, Prepared, Unknown, Workbench
 from twin.model import Model, Start
 
-_ROUNDS = 3
+_ITERATIONS = 4
 _SEGMENTS, _STEP = 6, 1e-3
 _SPANS = (0.06, 0.005)  # a break-away that is off by 0.1 % can decide the rest of a run
 _LEVELS = ("static_friction", "static_positive", "static_negative")
@@ -52,17 +52,14 @@ def polish(
 def _polished(bench: Workbench, best: Fit) -> Fit:
     shape = chain.fit_shape(best.model.rig, _SEGMENTS)
     model, starts, unknowns = best.model.replace(shape=shape, step=_STEP), best.starts, best.unknowns
-    x, result = best.values, best
+    x = best.values
     # Two views of the break-away torque: of the search, and read at the instants at which rests end.
-    views = [x, _read_levels(bench, result, x)]
+    views = [x, _read_levels(bench, best, x)]
     x = views[int(np.argmin(fit.costs(bench, model, starts, unknowns, views)))]
-    for number in range(_ROUNDS):
-        placed = fit.placed(model, unknowns, x)
-        bench.refine(placed, search.fine(placed), starts)
-        if number:
-            x = _scanned(bench, model, starts, unknowns, x)
-        result = fit.minimise(bench, model, starts, unknowns, x, None, 6)
-        x, starts = result.values, result.starts
+    placed = fit.placed(model, unknowns, x)
+    bench.refine(placed, search.fine(placed), starts)
+    x = _scanned(bench, model, starts, unknowns, x)
+    result = fit.minimise(bench, model, starts, unknowns, x, None, _ITERATIONS)
     # A rig that the chain follows only roughly may lead the whole runs astray: then the search knew better.
     before = fit.costs(bench, model, best.starts, unknowns, [best.values])[0]
     if not result.cost < before:
