@@ -56,7 +56,7 @@ def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) ->
     motion = integrate(held, prepared.recording, start, guided(held, prepared, tight=True))
     time = prepared.recording.time
     drive = held.drive(prepared.recording).at(time)
-    needed = planar.holding_torque(held.plant, time, motion.angles, motion.rates, drive)
+    needed = planar.holding_torque(held.plant, time, *motion.state(), drive)
     period = float(np.median(np.diff(time)))
     lag = max(1, int(round(_SPAN / period)))
     found = []

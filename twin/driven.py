@@ -246,7 +246,7 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
             view.moves.pop(old, None)
         view.moves[name] = known
     angles, rates, required = known
-    return Motion(view.time, angles, rates, hub.direction), required
+    return Motion.of(view.time, angles, rates, hub.direction, len(phi)), required
 
 
 @dataclass(frozen=True)

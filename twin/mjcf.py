@@ -95,7 +95,10 @@ def dynamics_spec(
       compact: the same motion in fewer operations: bodies without a joint merged into their parents, losses
         as a triangular factor instead of one tendon per mode.
     """
-    if not np.allclose(plant.inertia, chain.inertia, rtol=1e-9, atol=0):
+    links = len(chain.lengths)
+    inertia = plant.inertia[:links, :links].copy()
+    inertia[0, 0] += plant.inertia[links:, links:].sum()
+    if not np.allclose(inertia, chain.inertia, rtol=1e-9, atol=0):
         raise ValueError("plant and chain have different inertias; build the plant from this chain")
     spec = mujoco.MjSpec()
     spec.modelname = "flexible link"
@@ -108,6 +111,8 @@ def dynamics_spec(
     _add_bodies(spec, chain, plant, rig, locked)
     spec.compiler.fusestatic = compact
     _add_losses(spec, _triangle(plant.damping) if compact else _dyads(chain, plant.damping))
+    if len(plant.lengths) > links:
+        _add_torsion(spec, plant)
     if not locked:
         _add_hub_mechanisms(spec, plant)
     if plant.tip_drag_linear != 0:
@@ -138,7 +143,8 @@ def _add_bodies(
     body = spec.worldbody.add_body(name="hub")
     if not locked:
         body.add_joint(name="hub", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-    _set_inertia(body, _HUB_MASS, 0.0, rig["hub_inertia"])
+    on_hub = float(plant.inertia[-1, -1]) if len(plant.lengths) > len(chain.lengths) else 0.0
+    _set_inertia(body, _HUB_MASS, 0.0, rig["hub_inertia"] - on_hub)
     for i, (length, mass) in enumerate(zip(chain.lengths, chain.masses, strict=True)):
         start = chain.lengths[i - 1] if i > 1 else chain.lengths[0] if i == 1 else 0.0
         body = body.add_body(name=f"link_{i}", pos=[start, 0, 0])
@@ -149,6 +155,14 @@ def _add_bodies(
     tip = body.add_body(name="payload", pos=[chain.lengths[-1], 0, 0])
     tip.add_site(name="tip", size=[0.003, 0.003, 0.003], group=4)
     _set_inertia(tip, rig["tip_mass"], 0.0, rig["tip_inertia"])
+
+
+def _add_torsion(spec: mujoco.MjSpec, plant: Plant) -> None:
+    """A disc on a spring on the hub, on its axis: behind the link, so that its joint is the last one."""
+    disc = spec.body("hub").add_body(name="torsion")
+    joint = disc.add_joint(name="torsion", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    joint.stiffness[0], joint.damping[0] = plant.torsion_stiffness, plant.torsion_damping
+    _set_inertia(disc, 1e-3, 0.0, float(plant.inertia[-1, -1]))
 
 
 def _set_inertia(body: mujoco.MjsBody, mass: float, centre: float, about_z: float) -> None:

@@ -13,7 +13,7 @@ from scipy.optimize import root
 
 from twin import chain, planar
 from twin.chain import Chain, ChainShape
-from twin.effects import REGISTRY, Drive
+from twin.effects import REGISTRY, TORSION, Drive
 from twin.parameters import Rig
 from twin.recording import MEASURED, Recording, Sensor
 
@@ -30,12 +30,24 @@ class Motion:
       angles: (m, n + 1) absolute angles of the segments [rad].
       rates: (m, n + 1) [rad/s].
       modes: (m) 0 where the hub sticks, +1 or -1 where it slides.
+      extra, extra_rates: (m, k) of coordinates that an effect adds: the absolute angle of a torsional mode.
     """
 
     time: np.ndarray
     angles: np.ndarray
     rates: np.ndarray
     modes: np.ndarray
+    extra: np.ndarray
+    extra_rates: np.ndarray
+
+    @staticmethod
+    def of(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, modes: np.ndarray, links: int) -> Motion:
+        """Splits the coordinates of a plant (m, n + 1 + k) into those of the link (n + 1) and the others."""
+        return Motion(time, angles[:, :links], rates[:, :links], modes, angles[:, links:], rates[:, links:])
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angles and rates of all coordinates (m, n + 1 + k), as the plant has them."""
+        return np.hstack([self.angles, self.extra]), np.hstack([self.rates, self.extra_rates])
 
 
 @dataclass(frozen=True)
@@ -160,10 +172,11 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
     step = min(model.step, model.chain.largest_step())
+    phi, omega = planar.extended(plant, phi), planar.extended(plant, omega)
     motion = planar.simulate(
         plant, times, torques, recording.time, phi, omega, mode, recording.clamped, step, *flags
     )
-    return Motion(recording.time, *motion)
+    return Motion.of(recording.time, *motion, len(model.chain.lengths))
 
 
 def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.ndarray, np.ndarray]:
@@ -205,7 +218,9 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
 def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
     """What the sensors report of a motion, at the samples and in the channels of the recording."""
     true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
-    channels = model.report(motion.time, true)
+    if motion.extra.shape[1]:
+        true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
+    channels = {name: v for name, v in model.report(motion.time, true).items() if name != TORSION}
     commanded = {"torque_command": recording["torque_command"]} if "torque_command" in recording else {}
     return Recording(
         recording.name, motion.time, {**commanded, **channels}, recording.clamped, recording.loop

@@ -50,11 +50,12 @@ class MujocoChain:
           chain: the segments.
           plant: what acts on them; its inertia must be that of the chain.
         """
-        self._plant, self._size, self._largest_step = plant, len(chain.lengths), chain.largest_step()
+        self._plant, self._size, self._largest_step = plant, len(plant.lengths), chain.largest_step()
+        self._torsion = len(plant.lengths) > len(chain.lengths)
         self._sliding = _Model(rig, chain, plant, locked=False)
         self._locked = _Model(rig, chain, plant, locked=True)
         self._time = 0.0
-        self.reset(np.zeros(len(chain.lengths)))
+        self.reset(np.zeros(self._size))
 
     # State
 
@@ -76,12 +77,12 @@ class MujocoChain:
     @property
     def angles(self) -> np.ndarray:
         """Absolute angles of the segments (n + 1) [rad]."""
-        return np.cumsum(self.joints)
+        return self._absolute(self.joints)
 
     @property
     def rates(self) -> np.ndarray:
         """Absolute rates of the segments (n + 1) [rad/s]."""
-        return np.cumsum(self._put_state(np.empty(self._size), np.empty(self._size))[1])
+        return self._absolute(self._put_state(np.empty(self._size), np.empty(self._size))[1])
 
     def reset(
         self,
@@ -108,11 +109,12 @@ class MujocoChain:
         self._since = self._time
         self._remaining, self._change = math.nan, 0.0
         self._hub = float(phi[0])
+        qpos, qvel = self._relative(phi), self._relative(rates)
         if self._is_locked:
-            self._locked.set_state(np.diff(phi), np.diff(rates))
+            self._locked.set_state(qpos[1:], qvel[1:])
             self._locked.turn(self._hub)
         else:
-            self._sliding.set_state(np.diff(phi, prepend=0.0), np.diff(rates, prepend=0.0))
+            self._sliding.set_state(qpos, qvel)
 
     # Motion
 
@@ -152,7 +154,7 @@ class MujocoChain:
         start = float(out_time[0])
         self.reset(phi0, omega0, mode0, start, clamped)
         instants, torques = _from(start, command_time, command)
-        if len(command_time) and command_time[0] < start - 1e-9:
+        if instants and instants[0] < start - 1e-9:
             self._u = self._u_before = torques[0]
         angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
         modes = np.empty(len(out_time))
@@ -168,9 +170,23 @@ class MujocoChain:
                     self._advance(end - self._time, h_largest)
                 self._put_state(angles[row], rates[row])
                 modes[row] = self._mode
-        return np.cumsum(angles, axis=1), np.cumsum(rates, axis=1), modes
+        return self._absolute(angles), self._absolute(rates), modes
 
     # Inside
+
+    def _absolute(self, joints: np.ndarray) -> np.ndarray:
+        """Angles of the segments, and of a torsional mode behind them, from those of the joints (..., n + 1)."""
+        angles = np.cumsum(joints, axis=-1)
+        if self._torsion:
+            angles[..., -1] = joints[..., 0] + joints[..., -1]
+        return angles
+
+    def _relative(self, angles: np.ndarray) -> np.ndarray:
+        """Joint angles (n + 1) from absolute ones."""
+        joints = np.diff(angles, prepend=0.0)
+        if self._torsion:
+            joints[-1] = angles[-1] - angles[0]
+        return joints
 
     @property
     def _is_locked(self) -> bool:
@@ -345,6 +361,7 @@ class _Model:
         self._drag = self.model.actuator("drag_x").id if plant.tip_drag_quadratic != 0 else -1
         self._gravity = complex(plant.gravity_x, plant.gravity_y)
         self._held, self._mode, self.needed = 0.0, 0, 0.0
+        self._first = 0 if locked else 1
 
     def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Sets joint angles [rad] and rates [rad/s]."""
@@ -405,10 +422,11 @@ class _Model:
     def soften(self) -> None:
         """Takes away what a hinge's moment lacks: k q s kappa^2 / (kappa^2 + kappa_0^2)."""
         p, bends = self._plant, len(self._plant.stiffness)
-        angle = self.qpos[-bends:]
+        hinges = slice(self._first, self._first + bends)
+        angle = self.qpos[hinges]
         squared = (p.curvature_per_angle * angle) ** 2
         share = p.softening * squared / (squared + p.softening_curvature**2)
-        self._applied[-bends:] = p.stiffness * angle * share
+        self._applied[hinges] = p.stiffness * angle * share
 
     def drag_tip(self) -> None:
         """Force -c |v| v on the payload, v as the drag's transmission sees it."""

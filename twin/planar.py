@@ -35,7 +35,7 @@ TIME_TOLERANCE = 1e-7
 class Plant(NamedTuple):
     """Everything the equations of motion read, SI units. Neutral values switch a mechanism off.
 
-    Arrays are for n hinges and n + 1 segments.
+    Arrays are for n hinges and n + 1 segments, and the oscillator of a torsional mode behind them.
     """
 
     lengths: np.ndarray  # (n + 1) m
@@ -69,13 +69,42 @@ class Plant(NamedTuple):
     softening_curvature: float = 1.0
     gravity_x: float = 0.0
     gravity_y: float = 0.0
+    torsion_stiffness: float = (
+        0.0  # N m/rad, of an oscillator on the hub: then the last coordinate is its angle
+    )
+    torsion_damping: float = 0.0  # N m s/rad
+    hub_inertia: float = 0.0  # kg m^2, as declared; `inertia` has it already
+
+
+def with_torsion(plant: Plant, inertia: float, stiffness: float, damping: float) -> Plant:
+    """A plant with an oscillator on the hub, whose inertia [kg m^2] is taken from the hub's.
+
+    Its absolute angle is one more coordinate, behind those of the segments.
+    """
+    size = len(plant.lengths)
+    extended = np.zeros((size + 1, size + 1))
+    extended[:size, :size] = plant.inertia
+    extended[0, 0] -= inertia
+    extended[size, size] = inertia
+    return plant._replace(
+        lengths=np.r_[plant.lengths, 0.0],
+        inertia=extended,
+        first_moment=np.r_[plant.first_moment, 0.0],
+        torsion_stiffness=stiffness,
+        torsion_damping=damping,
+    )
+
+
+def extended(plant: Plant, state: np.ndarray) -> np.ndarray:
+    """A state (n + 1) of the link as one of the plant: extra coordinates move with the hub."""
+    return np.r_[state, np.full(len(plant.lengths) - len(state), state[0])]
 
 
 def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
     """The plant of a rig with its declared friction and no other mechanism."""
     coulomb = rig.get("coulomb_friction", 0.0)
     static = max(rig.get("static_friction", 0.0), coulomb)
-    return Plant(
+    plant = Plant(
         chain.lengths,
         np.ascontiguousarray(chain.inertia),
         chain.stiffness,
@@ -84,6 +113,7 @@ def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
         chain.stiffness / rig["bending_stiffness"],
         *(float(level) for level in (static, static, coulomb, coulomb)),
     )
+    return plant._replace(hub_inertia=float(rig["hub_inertia"]))
 
 
 @_inlined
@@ -162,16 +192,22 @@ def _generalised_forces(plant, phi, omega, force, mass, sin, cos):
         force[i] -= total
         mass[i, i] = plant.inertia[i, i]
     # Hinge moments: stiffness (softening with curvature) and modal damping.
-    for i in range(1, m):
+    links = plant.stiffness.size + 1
+    for i in range(1, links):
         angle = phi[i] - phi[i - 1]
         moment = plant.stiffness[i - 1] * angle
         if plant.softening != 0.0:
             kappa2 = (plant.curvature_per_angle[i - 1] * angle) ** 2
             moment *= 1 - plant.softening * kappa2 / (kappa2 + plant.softening_curvature**2)
-        for j in range(1, m):
+        for j in range(1, links):
             moment += plant.damping[i - 1, j - 1] * (omega[j] - omega[j - 1])
         force[i] -= moment
         force[i - 1] += moment
+    if links < m:
+        moment = plant.torsion_stiffness * (phi[m - 1] - phi[0])
+        moment += plant.torsion_damping * (omega[m - 1] - omega[0])
+        force[m - 1] -= moment
+        force[0] += moment
     if plant.tip_drag_linear != 0.0 or plant.tip_drag_quadratic != 0.0:
         vx = vy = 0.0
         for i in range(m):

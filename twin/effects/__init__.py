@@ -5,7 +5,7 @@ from twin.effects.actuator_lag import ActuatorLag
 from twin.effects.air_drag import AirDrag
 from twin.effects.air_pad_drag import AirPadDrag
 from twin.effects.asymmetric_friction import AsymmetricFriction
-from twin.effects.base import Drive, Effect, EffectParameter
+from twin.effects.base import TORSION, Drive, Effect, EffectParameter
 from twin.effects.cable_torsion import CableTorsion
 from twin.effects.cogging import Cogging
 from twin.effects.gravity_tilt import GravityTilt
@@ -22,6 +22,7 @@ from twin.effects.strain_gain import StrainGain
 from twin.effects.stribeck_friction import StribeckFriction
 from twin.effects.torque_bias import TorqueBias
 from twin.effects.torque_gain import TorqueGain
+from twin.effects.torsional_mode import TorsionalMode
 from twin.effects.viscous_friction import ViscousFriction
 
 REGISTRY: dict[str, Effect] = {
@@ -42,6 +43,7 @@ REGISTRY: dict[str, Effect] = {
         PayloadMass(),
         StiffnessLoss(),
         SofteningStiffness(),
+        TorsionalMode(),
         AirDrag(),
         AirPadDrag(),
         HubSensorGain(),
@@ -52,4 +54,4 @@ REGISTRY: dict[str, Effect] = {
     )
 }
 
-__all__ = ["REGISTRY", "Drive", "Effect", "EffectParameter"]
+__all__ = ["REGISTRY", "TORSION", "Drive", "Effect", "EffectParameter"]

@@ -13,6 +13,9 @@ from twin.effects.wave import Wave
 from twin.parameters import Rig
 from twin.planar import Plant
 
+TORSION = "torsion"
+"""Name under which `Effect.sensing` finds the angle of a torsional mode against the hub [rad]."""
+
 
 @dataclass(frozen=True)
 class EffectParameter:

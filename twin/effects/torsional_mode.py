@@ -1,0 +1,42 @@
+"""A lightly damped extra mode on the hub, such as a link that twists: Bossi et al. 2009, Fig. 4, has one near 28 Hz."""
+
+import numpy as np
+
+from twin import planar
+from twin.effects.base import TORSION, Effect, EffectParameter
+
+_SEEN = {"strain_base": "strain_base", "strain_mid": "strain_mid"}
+
+
+class TorsionalMode(Effect):
+    """J psi'' + c psi' + k psi = -J theta'' with J a share of the hub's inertia; bridges read strain psi on top."""
+
+    name = "torsional-mode"
+    parameters = (
+        EffectParameter("frequency", "Hz", 28.0, (4.0, 80.0), 0.05),
+        EffectParameter("damping_ratio", "1", 0.02, (5e-4, 0.4), 2e-3),
+        EffectParameter("inertia_share", "1", 0.0, (0.0, 0.85), 0.01),
+        *(EffectParameter(name, "1/rad", 0.0, (-1.0, 1.0), 1e-4, ch) for ch, name in _SEEN.items()),
+    )
+    along = ("frequency", "damping_ratio")
+
+    def starts(self, rig):
+        rest = {"damping_ratio": 0.03, "inertia_share": 0.02, "strain_base": 0.0, "strain_mid": 0.0}
+        return tuple({"frequency": f, **rest} for f in np.geomspace(12.0, 45.0, 8))
+
+    def plant(self, plant, p):
+        if p["inertia_share"] <= 0:
+            return plant
+        # The hub's own inertia: what is left of its diagonal is that of the first segment.
+        inertia = p["inertia_share"] * plant.hub_inertia
+        omega = 2 * np.pi * p["frequency"]
+        return planar.with_torsion(
+            plant, inertia, inertia * omega**2, 2 * p["damping_ratio"] * omega * inertia
+        )
+
+    def sensing(self, time, channels, p):
+        if TORSION not in channels:
+            return channels
+        twist = channels[TORSION]
+        read = {ch: channels[ch] + p[name] * twist for ch, name in _SEEN.items() if ch in channels}
+        return {**channels, **read}
