@@ -241,7 +241,8 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
         if prepared.recording.start == "unknown":
             omega = omega - omega[0] + hub.rate[0]
         step = min(model.step, model.chain.largest_step())
-        known = planar.driven(model.plant, view.time, hub.angle, hub.rate, hub.acceleration, phi, omega, step)
+        first = planar.extended(model.plant, phi), planar.extended(model.plant, omega)
+        known = planar.driven(model.plant, view.time, hub.angle, hub.rate, hub.acceleration, *first, step)
         for old in list(view.moves)[: max(0, len(view.moves) - _KEPT + 1)]:
             view.moves.pop(old, None)
         view.moves[name] = known

@@ -229,10 +229,8 @@ def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> dict[str, 
 def at_peak(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> dict[str, float]:
     """The best of a wave's peaks."""
     effect = REGISTRY[name]
-    points = [
-        {p.name: float(np.clip(top.start(effect)[p.name], *p.bounds)) for p in effect.parameters}
-        for top in tops
-    ]
+    found = [effect.at_order(top.order, top.coefficients) for top in tops]
+    points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in found]
     jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
     return points[int(np.argmin([_plain_cost(bench, r) for r in bench.residuals(jobs)]))]
 

@@ -15,7 +15,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from twin import driven, fit
 from twin.effects.base import Effect
-from twin.effects.wave import Wave
+from twin.effects.wave import RESONANCE_DAMPING, Wave
 from twin.fit import Fit, Workbench
 from twin.model import Model, Motion
 
@@ -23,8 +23,8 @@ _PEAKS = 3
 _AT_ONCE = 16  # orders of one piece of work
 _MODES = 3
 _FINEST = 0.05  # smallest step of an order
-_HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0}
-_LOWEST = {"torque": 0.5, "friction": 0.5, "reading": 0.5, "time": 0.1}
+_HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0}
+_LOWEST = {"torque": 0.5, "friction": 0.5, "reading": 0.5, "time": 0.1, "resonance": 5.0}
 
 Columns = dict[int, np.ndarray]
 """Index of a group -> (k, orders, rows) slopes of its residual."""
@@ -35,19 +35,14 @@ class Peak:
     """A place in the spectrum.
 
     Attributes:
-      order: of the wave, per radian; of a wave in time its frequency [Hz].
-      amplitude, phase: by regression.
+      order: of the wave, per radian; of a wave in time or a resonance its frequency [Hz].
+      coefficients: (k) by regression.
       gain: drop of half the weighted squares.
     """
 
     order: float
-    amplitude: float
-    phase: float
+    coefficients: tuple[float, ...]
     gain: float
-
-    def start(self, effect: Effect) -> dict[str, float]:
-        """The effect's parameters there."""
-        return {"amplitude": self.amplitude, _wave(effect).order: self.order, "phase": self.phase}
 
 
 def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
@@ -61,7 +56,7 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     inner = np.r_[-np.inf, gains, -np.inf]
     tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
     best = tops[np.argsort(-gains[tops])[:_PEAKS]]
-    return tuple(found[k] for k in best if found[k].amplitude > 0)
+    return tuple(found[k] for k in best if found[k].gain > 0)
 
 
 def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
@@ -104,7 +99,7 @@ class _Scan:
         groups = [
             (k, g)
             for k, g in seen
-            if g.recording in free and (acts == "reading" or g.channel == "hub_torque")
+            if g.recording in free and (acts in ("reading", "resonance") or g.channel == "hub_torque")
         ]
         if not groups:
             return None
@@ -162,9 +157,7 @@ def _regression(
     pull = slope - mixed @ inverse @ gradient
     scale = np.sqrt(np.maximum(np.diag(left), 1e-300))
     move = -np.linalg.lstsq(left / np.outer(scale, scale), pull / scale, rcond=1e-6)[0] / scale
-    return Peak(
-        order, float(np.hypot(*move[:2])), float(np.arctan2(move[1], move[0])), float(-0.5 * pull @ move)
-    )
+    return Peak(order, tuple(move.tolist()), float(-0.5 * pull @ move))
 
 
 def _wave(effect: Effect) -> Wave:
@@ -175,6 +168,8 @@ def _wave(effect: Effect) -> Wave:
 
 def _grid(acts: str, motions: Sequence[Motion]) -> np.ndarray:
     """Orders close enough that no peak falls between two."""
+    if acts == "resonance":
+        return np.arange(_LOWEST[acts], _HIGHEST[acts], 0.25)
     if acts == "time":
         step = 0.35 / max(m.time[-1] - m.time[0] for m in motions)
         return np.arange(_LOWEST[acts], _HIGHEST[acts], step)
@@ -184,7 +179,13 @@ def _grid(acts: str, motions: Sequence[Motion]) -> np.ndarray:
 
 
 def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
-    """Sine and cosine (k, o, m) of the orders, as they act; of a level of friction its mean as well."""
+    """Sine and cosine (k, o, m) of the orders, as they act; of a level of friction its mean as well.
+
+    Of a resonance, the angle (1, o, m) against the hub.
+    """
+    if acts == "resonance":
+        push = -np.gradient(motion.rates[:, 0], motion.time)
+        return np.stack([[lfilter(*_sampled(2 * np.pi * f, RESONANCE_DAMPING), push) for f in orders]])
     x = 2 * np.pi * motion.time if acts == "time" else motion.angles[:, 0]
     angle = orders[:, None] * x
     waves = np.stack([np.sin(angle), np.cos(angle)])
@@ -200,6 +201,8 @@ def _responses(
     if acts == "time":
         share = driven.passed(orders, driven.GRID)[:, None]
         return {"hub_torque": -share * waves / view.noise["hub_torque"]}
+    if acts == "resonance":
+        return _resonances(waves[0], view, model)
     if acts != "reading":
         return {"hub_torque": -driven.low_passed(waves, driven.GRID) / view.noise["hub_torque"]}
     error = driven.low_passed(waves, driven.GRID, view.band)
@@ -209,6 +212,22 @@ def _responses(
             # What the sensor's error lets the hub seem to do was never there.
             sign = -1.0 if channel == "hub_torque" else 1.0
             found[channel] = driven.whitened(sign * driven.low_passed(response, driven.GRID), view, channel)
+    return found
+
+
+def _resonances(angles: np.ndarray, view: driven.View, model: Model) -> dict[str, np.ndarray]:
+    """Channel -> (3, o, m): what a share of the hub's inertia that swings (o, m) takes, and what the bridges see."""
+    found = {}
+    seen = ("hub_torque", "strain_base", "strain_mid")
+    for channel in {"hub_torque", *model.curvature_rows} & {"hub_torque", *view.measured}:
+        columns = np.zeros((len(seen), *angles.shape))
+        if channel == "hub_torque":
+            swing = model.plant.hub_inertia * _second(angles)
+            columns[0] = driven.low_passed(swing, driven.GRID) / view.noise["hub_torque"]
+        else:
+            filtered = driven.low_passed(angles, driven.GRID)
+            columns[seen.index(channel)] = -driven.whitened(filtered, view, channel)
+        found[channel] = columns
     return found
 
 

@@ -141,6 +141,16 @@ class Effect:
         neutral = self.neutral(rig)
         return ({p.name: p.turned(p.turned(neutral[p.name]) + p.step) for p in self.parameters},)
 
+    def at_order(self, order: float, coefficients: tuple[float, ...]) -> dict[str, float]:
+        """Parameters of a wave of this order whose sine and cosine have these coefficients."""
+        assert self.wave is not None
+        sine, cosine = coefficients[:2]
+        return {
+            "amplitude": math.hypot(sine, cosine),
+            self.wave.order: order,
+            "phase": math.atan2(cosine, sine),
+        }
+
     def rig(self, rig: Rig, p: Mapping[str, float]) -> Rig:
         """Changes parameters of the rig itself."""
         return rig

@@ -4,6 +4,7 @@ import numpy as np
 
 from twin import planar
 from twin.effects.base import TORSION, Effect, EffectParameter
+from twin.effects.wave import RESONANCE_DAMPING, Wave
 
 _SEEN = {"strain_base": "strain_base", "strain_mid": "strain_mid"}
 
@@ -20,9 +21,12 @@ class TorsionalMode(Effect):
     )
     along = ("frequency", "damping_ratio")
 
-    def starts(self, rig):
-        rest = {"damping_ratio": 0.03, "inertia_share": 0.02, "strain_base": 0.0, "strain_mid": 0.0}
-        return tuple({"frequency": f, **rest} for f in np.geomspace(12.0, 45.0, 8))
+    wave = Wave("resonance", "frequency")
+
+    def at_order(self, order, coefficients):
+        share, *seen = coefficients
+        start = {"frequency": order, "damping_ratio": RESONANCE_DAMPING, "inertia_share": max(share, 1e-3)}
+        return {**start, **dict(zip(_SEEN.values(), seen, strict=True))}
 
     def plant(self, plant, p):
         if p["inertia_share"] <= 0:

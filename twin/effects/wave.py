@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
+RESONANCE_DAMPING = 0.02
+"""Damping ratio with which a resonance is looked for."""
+
 
 @dataclass(frozen=True)
 class Wave:
@@ -10,9 +13,9 @@ class Wave:
 
     Attributes:
       acts: as a "torque" of the hub angle, as a level of "friction" over it, as a "time" signal on the hub's
-        torque, or on the "reading" of the hub angle.
+        torque, or on the "reading" of the hub angle; a "resonance" answers to the hub's acceleration.
       order: name of the parameter that is the order, or the frequency [Hz].
     """
 
-    acts: Literal["torque", "friction", "time", "reading"]
+    acts: Literal["torque", "friction", "time", "reading", "resonance"]
     order: str
