@@ -32,6 +32,9 @@ _CONTENDERS, _CLOSE = (
 )  # candidates that are fitted to the end, and the share of the best score they need
 
 
+_ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
+
+
 @dataclass(frozen=True)
 class Found:
     """What the search came to, before any held-out recording is looked at."""
@@ -190,7 +193,18 @@ def settled(
     contenders = [c for c in ranked[:_CONTENDERS] if c.score > _CLOSE * best]
     progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
-    return sorted([refined(bench, base, c) for c in contenders] + rest, key=lambda c: -c.score)
+    return simplest_first([refined(bench, base, c) for c in contenders] + rest)
+
+
+def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates by score, but of those that are about as good as the best the one of fewest parameters first.
+
+    What a model gets wrong itself grows with what there is to explain, and any parameter more can follow it.
+    """
+    ranked = sorted(candidates, key=lambda c: -c.score)
+    alike = [c for c in ranked if c.score > ranked[0].score - max(5.0, _ABOUT * ranked[0].score)]
+    simplest = min(alike, key=lambda c: len(c.fit.unknowns))
+    return [simplest, *(c for c in ranked if c is not simplest)]
 
 
 def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
