@@ -46,6 +46,7 @@ PLANTED = {
         "strain_base": 4e-3,
         "strain_mid": 3e-3,
     },
+    "root-compliance": {"stiffness": 6.0},
     "air-pad-drag": {"viscous": 0.05},
     "hub-sensor-nonlinearity": {"amplitude": 0.02, "order": 3.0, "phase": 0.3},
     "strain-drift": {"rate_base": 4e-5, "rate_mid": -2e-5},

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_simpson, simpson
@@ -33,6 +33,7 @@ _MASS_DEPARTURE = 1.0
 _FREQUENCY_WEIGHT = 60.0
 _STATIC_WEIGHT = 15.0
 _MOMENT_WEIGHT = 10.0
+_CONDENSED = 0.25  # part of a hinge's compliance up to which a clamp that gives may take away from it
 _AMPLITUDE_WEIGHT = (0.6, 0.15, 0.03)  # first free, first clamped, second free mode
 
 
@@ -68,6 +69,8 @@ class Chain:
       inertia: (n + 1 x n + 1) [kg m^2], c_ij of the kinetic energy
         1/2 sum c_ij cos(phi_i - phi_j) phi_i' phi_j'.
       first_moment: (n + 1) masses times lever along each segment [kg m].
+      bending: (n) part of a hinge's angle that is the link's own bending: the rest is a clamp that gives.
+      rigid: the chain on a rigid clamp, where the clamp of this one gives.
     """
 
     shape: ChainShape
@@ -77,6 +80,8 @@ class Chain:
     damping: np.ndarray
     inertia: np.ndarray
     first_moment: np.ndarray
+    bending: np.ndarray
+    rigid: Chain | None = None
 
     @property
     def hinges(self) -> np.ndarray:
@@ -124,7 +129,46 @@ def build(
     stiffness = rig["bending_stiffness"] / rig["length"] * shape.stiffnesses
     inertia, first_moment = _inertia(lengths, masses, rig["hub_inertia"], rig["tip_mass"], rig["tip_inertia"])
     damping = _modal_damping(inertia, stiffness, rig["damping_ratio"])
-    return Chain(shape, lengths, masses, stiffness, damping, inertia, first_moment)
+    return Chain(shape, lengths, masses, stiffness, damping, inertia, first_moment, np.ones(len(stiffness)))
+
+
+def with_root(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
+    """Returns a chain whose clamp gives: a spring of `stiffness` [N m/rad] between hub and link.
+
+    A soft clamp is a hinge on the hub's axis, the first of n + 1. The frequency of a stiff one is far above those
+    of the link and would only shorten the step: its compliance is extrapolated from the first three hinges, such
+    that every moment that is quadratic along the link turns the link by as much. A clamp that gives loses nothing.
+    """
+    compliance = 1 / stiffness
+    weights = _extrapolation(links.hinges[:3])
+    shares = np.zeros(len(links.stiffness))
+    shares[: len(weights)] = compliance * weights * links.stiffness[: len(weights)]
+    if np.all(shares > -_CONDENSED):
+        bending = 1 / (1 + shares)
+        damping = links.damping * np.outer(bending, bending)
+        return replace(
+            links, stiffness=links.stiffness * bending, damping=damping, bending=bending, rigid=links
+        )
+    inertia = np.zeros((len(links.lengths) + 1,) * 2)
+    inertia[1:, 1:] = links.inertia
+    inertia[1, 1] -= hub_inertia
+    inertia[0, 0] = hub_inertia
+    return replace(
+        links,
+        lengths=np.r_[0.0, links.lengths],
+        masses=np.r_[0.0, links.masses],
+        stiffness=np.r_[stiffness, links.stiffness],
+        damping=np.pad(links.damping, ((1, 0), (1, 0))),
+        inertia=inertia,
+        first_moment=np.r_[0.0, links.first_moment],
+        bending=np.r_[0.0, np.ones(len(links.stiffness))],
+        rigid=links,
+    )
+
+
+def _extrapolation(x: np.ndarray) -> np.ndarray:
+    """Weights (k) with which values at x (k) give the value of their polynomial at 0 (Lagrange)."""
+    return np.array([np.prod(np.delete(x, i) / (np.delete(x, i) - x[i])) for i in range(len(x))])
 
 
 def fit_shape(rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS) -> ChainShape:
@@ -170,8 +214,11 @@ def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarra
     """Returns the row (n) that turns hinge angles into the link's curvature w'' at x [1/m per rad].
 
     The row reproduces the exact curvature of the first three free and clamped modes and of a static tip force
-    and tip moment as well as a least-squares fit of least norm allows.
+    and tip moment as well as a least-squares fit of least norm allows. What a clamp gives is no curvature.
     """
+    if chain.rigid is not None:
+        row = curvature_row(chain.rigid, rig, x)
+        return chain.bending * np.r_[np.zeros(len(chain.bending) - len(row)), row]
     bends: list[np.ndarray] = []
     curvatures: list[float] = []
     weights: list[float] = []

@@ -191,7 +191,9 @@ def _triangle(damping: np.ndarray) -> _Dyads:
     """D = L L^T, from the root outwards."""
     if not np.any(damping):
         return []
-    factor = np.linalg.cholesky(damping)
+    lossy = np.flatnonzero(np.diag(damping))
+    factor = np.zeros((len(damping), len(lossy)))
+    factor[lossy] = np.linalg.cholesky(damping[np.ix_(lossy, lossy)])
     return [(column, 1.0) for column in factor.T]
 
 
@@ -208,7 +210,9 @@ def _dyads(chain: Chain, damping: np.ndarray) -> _Dyads:
         values, momenta = np.linalg.eigh(damping)
     scale = np.abs(momenta).max(axis=0)
     return [
-        (momenta[:, i] / scale[i], values[i] * scale[i] ** 2) for i in range(len(values)) if values[i] > 0
+        (momenta[:, i] / scale[i], values[i] * scale[i] ** 2)
+        for i in range(len(values))
+        if values[i] > 1e-12 * values.max()
     ]
 
 
@@ -307,6 +311,8 @@ def _add_looks(spec: mujoco.MjSpec, rig: Mapping[str, float], chain: Chain, gaug
     _add_motor_and_fork(spec)
     for i, length in enumerate(chain.lengths):
         link = spec.body(f"link_{i}")
+        if length == 0:  # the hub's own, where the clamp gives
+            continue
         _box(link, "kevlar", (length / 2, 0, 0), (length / 2, _HALF_THICKNESS, _HALF_HEIGHT))
         if i > 0:  # closes the gap that opens where two segments meet at an angle
             _cylinder(link, "kevlar", (0, 0, 0), _HALF_THICKNESS, _HALF_HEIGHT)

@@ -110,8 +110,11 @@ class Model:
 
     @functools.cached_property
     def chain(self) -> Chain:
-        """The chain of `rig`."""
-        return chain.build(self.rig, shape=self.shape)
+        """The chain of `rig` with what the effects change in it."""
+        links = chain.build(self.rig, shape=self.shape)
+        for name, p in self.effects.items():
+            links = REGISTRY[name].links(links, self.rig, p)
+        return links
 
     @functools.cached_property
     def curvature_rows(self) -> dict[str, np.ndarray]:
@@ -182,7 +185,7 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
 def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.ndarray, np.ndarray]:
     """Absolute angles and rates (n + 1) at the first sample."""
     links = model.chain
-    angles, rates = np.zeros(links.shape.segments), np.zeros(links.shape.segments)
+    angles, rates = np.zeros(len(links.stiffness)), np.zeros(len(links.stiffness))
     if recording.initial_tip_deflection:
         angles = held_by_tip_force(links, recording.initial_tip_deflection)
     elif any(start.bend) or any(start.bend_rate):

@@ -110,7 +110,7 @@ def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
         chain.stiffness,
         np.ascontiguousarray(chain.damping),
         np.ascontiguousarray(chain.first_moment),
-        chain.stiffness / rig["bending_stiffness"],
+        np.where(chain.bending > 0, chain.stiffness / rig["bending_stiffness"], 0.0),
         *(float(level) for level in (static, static, coulomb, coulomb)),
     )
     return plant._replace(hub_inertia=float(rig["hub_inertia"]))

@@ -14,6 +14,7 @@ from twin.effects.hub_sensor_nonlinearity import HubSensorNonlinearity
 from twin.effects.payload_mass import PayloadMass
 from twin.effects.periodic_disturbance import PeriodicDisturbance
 from twin.effects.position_dependent_friction import PositionDependentFriction
+from twin.effects.root_compliance import RootCompliance
 from twin.effects.sensor_delay import SensorDelay
 from twin.effects.softening_stiffness import SofteningStiffness
 from twin.effects.stiffness_loss import StiffnessLoss
@@ -44,6 +45,7 @@ REGISTRY: dict[str, Effect] = {
         StiffnessLoss(),
         SofteningStiffness(),
         TorsionalMode(),
+        RootCompliance(),
         AirDrag(),
         AirPadDrag(),
         HubSensorGain(),

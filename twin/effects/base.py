@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin.chain import Chain
 from twin.effects.wave import Wave
 from twin.parameters import Rig
 from twin.planar import Plant
@@ -154,6 +155,10 @@ class Effect:
     def rig(self, rig: Rig, p: Mapping[str, float]) -> Rig:
         """Changes parameters of the rig itself."""
         return rig
+
+    def links(self, links: Chain, rig: Rig, p: Mapping[str, float]) -> Chain:
+        """Changes the chain of the rig."""
+        return links
 
     def plant(self, plant: Plant, p: Mapping[str, float]) -> Plant:
         """Switches on a mechanism of the equations of motion."""

@@ -1,0 +1,18 @@
+"""A clamp between hub and link that gives."""
+
+import math
+
+from twin import chain
+from twin.effects.base import Effect, EffectParameter
+
+
+class RootCompliance(Effect):
+    """A spring between hub and link that takes the root's bending moment: M = stiffness * angle, without losses."""
+
+    name = "root-compliance"
+    parameters = (EffectParameter("stiffness", "N*m/rad", math.inf, (2.0, math.inf), 1e-3, inverse=True),)
+
+    def links(self, links, rig, p):
+        if p["stiffness"] == math.inf:
+            return links
+        return chain.with_root(links, rig["hub_inertia"], p["stiffness"])
