@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from twin import chain, driven, evidence, fit, observe, polish, search, verdict
 from twin.campaign import Campaign
@@ -64,7 +65,7 @@ def diagnose(campaign: Campaign, progress: Progress = silent, workers: int | Non
       workers: number of threads; by default one a processor.
     """
     began = time.perf_counter()
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+    with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         found = find(campaign, pool, progress)
         followed = not verdict.unexplained(found.bench, found.best)
         if followed:
@@ -75,6 +76,8 @@ def diagnose(campaign: Campaign, progress: Progress = silent, workers: int | Non
     return conclude(campaign, found, polished, predictions, time.perf_counter() - began)
 
 
+# Recordings are simulated side by side: threads of linear algebra beside them double the time.
+@threadpool_limits.wrap(limits=1)
 def find(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Found:
     """Searches the fit recordings for effects that the model lacks."""
     noise = noises(campaign)

@@ -18,7 +18,7 @@ FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _SCAN = 25  # values of a break-away torque that are tried about the one that was read from the recordings
 _MULTIPLES = (1.0, 20.0)
 _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
-_FITTED = 6  # effects that are fitted, of those that promise most
+_FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
 _STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
@@ -120,16 +120,17 @@ def explore(
     }
     promise = {name: promised(bench, base, name, tops.get(name, ())) for name in names}
     best_first = sorted(names, key=lambda name: -promise[name])
+    count = int(np.clip(sum(score > 0 for score in promise.values()), _ANYWAY, _FITTED))
     found = []
     for rank, name in enumerate(best_first):
-        if rank < _FITTED:
+        if rank < count:
             progress(f"trying {name}")
             found.append(quick(bench, base, name, tops.get(name, ())))
         else:
             found.append(Candidate((*base.model.effects, name), base, promise[name]))
     # A slope promises no more than what a fit delivers.
-    least = min((c.score for c in found[:_FITTED]), default=0.0)
-    found[_FITTED:] = [replace(c, score=min(c.score, least)) for c in found[_FITTED:]]
+    least = min((c.score for c in found[:count]), default=0.0)
+    found[count:] = [replace(c, score=min(c.score, least)) for c in found[count:]]
     return sorted(found, key=lambda c: -c.score)
 
 

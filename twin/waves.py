@@ -6,6 +6,7 @@ the declared parameters free to give way; where the gain peaks, a fit can start.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import cast
@@ -134,7 +135,7 @@ class _Scan:
         for index, columns in found.items():
             rows = self.bench.data.groups[index].rows
             weighted = columns * w[rows]
-            squares += np.einsum("kom,lom->okl", weighted, columns)
+            squares += weighted.transpose(1, 0, 2) @ columns.transpose(1, 2, 0)
             mixed += weighted @ J[rows]
             slope += weighted @ r[rows]
         inverse = np.linalg.pinv(self.information, hermitian=True)
@@ -255,6 +256,7 @@ def _under_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
     return {"hub_torque": torque, **strains}
 
 
+@functools.lru_cache(maxsize=1024)
 def _sampled(omega: float, zeta: float) -> tuple[np.ndarray, np.ndarray]:
     """1/(s^2 + 2 zeta omega s + omega^2) on the grid, its input linear in between."""
     system = (np.array([1.0]), np.array([1.0, 2 * zeta * omega, omega**2]))
