@@ -67,6 +67,7 @@ SIZES: Mapping[str, Mapping[str, Size]] = {
     "torque-bias": {"bias": Size(1e-3, 6e-3, "either")},
     "actuator-lag": {"time_constant": Size(2e-3, 2e-2)},
     "actuator-delay": {"delay": Size(3e-3, 2e-2)},
+    "backlash": {"gap": Size(3e-3, 3e-2), "motor_inertia_share": Size(0.2, 0.6)},
     "gravity-tilt": {"tilt": Size(3e-3, 3e-2), "direction": _PHASE},
     "periodic-disturbance": {
         "frequency": Size(0.6, 15.0),

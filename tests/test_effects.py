@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from twin import chain
+from twin import chain, planar
 from twin.effects import REGISTRY
-from twin.model import Model, Start, integrate, simulate
+from twin.model import Model, Start, initial_state, integrate, simulate
 from twin.mujoco_chain import MujocoChain
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
@@ -46,6 +46,7 @@ PLANTED = {
         "strain_base": 4e-3,
         "strain_mid": 3e-3,
     },
+    "backlash": {"gap": 0.02, "motor_inertia_share": 0.4},
     "root-compliance": {"stiffness": 6.0},
     "air-pad-drag": {"viscous": 0.05},
     "hub-sensor-nonlinearity": {"amplitude": 0.02, "order": 3.0, "phase": 0.3},
@@ -97,7 +98,7 @@ def test_mujoco_moves_the_same(name):
     compiled = integrate(augmented, recording, Start(hub_angle=0.1))
     drive = augmented.drive(recording)
     engine = MujocoChain(augmented.rig, augmented.chain, augmented.plant)
-    phi = np.full(len(augmented.plant.lengths), 0.1)
+    phi = planar.extended(augmented.plant, initial_state(augmented, recording, Start(hub_angle=0.1))[0])
     times, torques = np.r_[-1e3, drive.time], np.r_[drive.before, drive.torque]
     angles, _, _ = engine.simulate(times, torques, recording.time, phi, 0 * phi, 0, False, 5e-4)
     # Sticks and slips are located to 1e-7 s by either engine, in their own way.

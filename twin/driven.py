@@ -235,14 +235,16 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
     """
     hub = hub_motion(view, model)
     phi, omega = initial_state(model, prepared.recording, start)
-    key = (*(_print(v) for v in link_of(model.plant)), hub.angle.tobytes(), phi.tobytes(), omega.tobytes())
+    # What a motor with play does is for `_delivered` to say.
+    plant = planar.without_motor(model.plant)
+    key = (*(_print(v) for v in link_of(plant)), hub.angle.tobytes(), phi.tobytes(), omega.tobytes())
     name = hash((key, model.step))
     if (known := view.moves.get(name)) is None:
         if prepared.recording.start == "unknown":
             omega = omega - omega[0] + hub.rate[0]
         step = min(model.step, model.chain.largest_step())
-        first = planar.extended(model.plant, phi), planar.extended(model.plant, omega)
-        known = planar.driven(model.plant, view.time, hub.angle, hub.rate, hub.acceleration, *first, step)
+        first = planar.extended(plant, phi), planar.extended(plant, omega)
+        known = planar.driven(plant, view.time, hub.angle, hub.rate, hub.acceleration, *first, step)
         for old in list(view.moves)[: max(0, len(view.moves) - _KEPT + 1)]:
             view.moves.pop(old, None)
         view.moves[name] = known
@@ -341,11 +343,15 @@ def _well_defined(
 
 
 def _delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
-    """Delivered torque (m) on the grid, filtered [N m]."""
+    """Torque (m) that reaches the hub, on the grid, filtered [N m]: what the drive delivers, or a play passes on."""
     drive = model.drive(prepared.recording)
     # Held values are averaged over a grid step, centred: their edges lie between the grid's instants.
     edges = np.r_[view.time - GRID / 2, view.time[-1] + GRID / 2]
-    return low_passed(np.diff(drive.impulse(edges)) / GRID, GRID)
+    torque = np.diff(drive.impulse(edges)) / GRID
+    if model.plant.gap > 0:
+        hub = hub_motion(view, model)
+        torque = planar.transmitted(model.plant, view.time, hub.acceleration, hub.angle, torque)
+    return low_passed(torque, GRID)
 
 
 def _read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:

@@ -7,6 +7,9 @@ along x. What the numbers of a `Chain` become:
     hinge       joint `bend_i` with stiffness; the hub's is called `hub`
     damping     D = sum_i d_i p_i p_i^T: fixed tendon `loss_i` of length p_i . q with damping d_i, each a mode
     strain      fixed tendon `strain_base` of length half_thickness * w''(x), a row times the hinge angles
+    torsion     body `torsion` on a spring on the hub's axis
+    backlash    body `rotor` with a joint of its own that the motor turns; the fixed tendon `play`, rotor less hub,
+                is limited to the gap
     friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the
                 break-away level stands in `custom/numeric` and is applied by `twin.mujoco_chain`
 
@@ -58,8 +61,9 @@ def build_spec(
       scene: add table, light and camera.
       gauges: strain bridges off the link's end are left out.
     """
-    spec = dynamics_spec(chain, plant if plant is not None else planar.declared_plant(rig, chain), rig)
-    _add_motor(spec, rig)
+    plant = planar.declared_plant(rig, chain) if plant is None else plant
+    spec = dynamics_spec(chain, plant, rig)
+    _add_motor(spec, rig, driven_joint(plant))
     _add_sensors(spec, rig, chain, gauges)
     _add_looks(spec, rig, chain, gauges)
     return _in_scene(spec) if scene else spec
@@ -111,8 +115,15 @@ def dynamics_spec(
     _add_bodies(spec, chain, plant, rig, locked)
     spec.compiler.fusestatic = compact
     _add_losses(spec, _triangle(plant.damping) if compact else _dyads(chain, plant.damping))
-    if len(plant.lengths) > links:
-        _add_torsion(spec, plant)
+    if plant.torsion_stiffness > 0:
+        _add_torsion(spec, plant, float(plant.inertia[links, links]))
+    if plant.gap > 0:
+        _add_rotor(spec, plant)
+        if not locked:
+            _add_play(spec, plant)
+    if plant.cogging_amplitude != 0 and (plant.gap > 0 or not locked):
+        wave = (plant.cogging_amplitude, plant.cogging_order, plant.cogging_phase)
+        _add_wave(spec, driven_joint(plant), "cogging", *wave)
     if not locked:
         _add_hub_mechanisms(spec, plant)
     if plant.tip_drag_linear != 0:
@@ -143,7 +154,8 @@ def _add_bodies(
     body = spec.worldbody.add_body(name="hub")
     if not locked:
         body.add_joint(name="hub", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-    on_hub = float(plant.inertia[-1, -1]) if len(plant.lengths) > len(chain.lengths) else 0.0
+    links = len(chain.lengths)
+    on_hub = float(np.trace(plant.inertia[links:, links:]))
     _set_inertia(body, _HUB_MASS, 0.0, rig["hub_inertia"] - on_hub)
     for i, (length, mass) in enumerate(zip(chain.lengths, chain.masses, strict=True)):
         start = chain.lengths[i - 1] if i > 1 else chain.lengths[0] if i == 1 else 0.0
@@ -157,12 +169,35 @@ def _add_bodies(
     _set_inertia(tip, rig["tip_mass"], 0.0, rig["tip_inertia"])
 
 
-def _add_torsion(spec: mujoco.MjSpec, plant: Plant) -> None:
+def _add_torsion(spec: mujoco.MjSpec, plant: Plant, inertia: float) -> None:
     """A disc on a spring on the hub, on its axis: behind the link, so that its joint is the last one."""
     disc = spec.body("hub").add_body(name="torsion")
     joint = disc.add_joint(name="torsion", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
     joint.stiffness[0], joint.damping[0] = plant.torsion_stiffness, plant.torsion_damping
-    _set_inertia(disc, 1e-3, 0.0, float(plant.inertia[-1, -1]))
+    _set_inertia(disc, 1e-3, 0.0, inertia)
+
+
+def _add_rotor(spec: mujoco.MjSpec, plant: Plant) -> None:
+    """The motor of a backlash, on the hub's axis: behind all others, so that its joint is the last one."""
+    rotor = spec.worldbody.add_body(name="rotor")
+    rotor.add_joint(name="rotor", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    _set_inertia(rotor, 1e-3, 0.0, plant.motor_inertia)
+
+
+def _add_play(spec: mujoco.MjSpec, plant: Plant) -> None:
+    """Flanks as limits of a tendon: stiffness and damping of a constraint are per unit of the inertia it moves."""
+    play = spec.add_tendon(name="play", group=5)
+    play.wrap_joint("rotor", 1.0)
+    play.wrap_joint("hub", -1.0)
+    play.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+    play.range = [-plant.gap / 2, plant.gap / 2]
+    together = 1 / (1 / plant.motor_inertia + 1 / plant.inertia[0, 0])
+    play.solref_limit = [-planar.CONTACT_STIFFNESS / together, -planar.contact_damping(plant) / together]
+
+
+def driven_joint(plant: Plant) -> str:
+    """Name of the joint that the motor turns: the hub's, or its own where there is a play between them."""
+    return "rotor" if plant.gap > 0 else "hub"
 
 
 def _set_inertia(body: mujoco.MjsBody, mass: float, centre: float, about_z: float) -> None:
@@ -226,17 +261,21 @@ def _add_hub_mechanisms(spec: mujoco.MjSpec, plant: Plant) -> None:
     spec.add_numeric(name="static_friction", data=[static], size=1)
     spec.add_numeric(name="coulomb_friction", data=[hub.frictionloss], size=1)
     if plant.bias != 0:
-        bias = _hub_actuator(spec, "bias")
+        bias = _actuator(spec, "hub", "bias")
         bias.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         bias.gainprm[0], bias.biasprm[0] = 0.0, plant.bias
-    if plant.cogging_amplitude != 0:
-        wave = (plant.cogging_amplitude, plant.cogging_order, plant.cogging_phase)
-        add_hub_wave(spec, "cogging", *wave)
 
 
 def add_hub_wave(spec: mujoco.MjSpec, name: str, amplitude: float, order: float, phase: float) -> None:
-    """Torque amplitude * sin(order * theta + phase) [N m] on the hub: the cogging of MuJoCo's motor."""
-    actuator = _hub_actuator(spec, name)
+    """Torque amplitude * sin(order * theta + phase) [N m] on the hub."""
+    _add_wave(spec, "hub", name, amplitude, order, phase)
+
+
+def _add_wave(
+    spec: mujoco.MjSpec, joint: str, name: str, amplitude: float, order: float, phase: float
+) -> None:
+    """A torque that repeats with a joint's angle: the cogging of MuJoCo's motor."""
+    actuator = _actuator(spec, joint, name)
     # A motor without a winding to speak of: its torque constant may not be 0.
     actuator.set_to_dcmotor(motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[amplitude, order, phase])
 
@@ -251,15 +290,15 @@ def add_tip_drag(spec: mujoco.MjSpec, drag: float) -> None:
         actuator.biasprm[2] = -drag
 
 
-def _hub_actuator(spec: mujoco.MjSpec, name: str) -> mujoco.MjsActuator:
-    return spec.add_actuator(name=name, target="hub", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+def _actuator(spec: mujoco.MjSpec, joint: str, name: str) -> mujoco.MjsActuator:
+    return spec.add_actuator(name=name, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
 
 
 # Motor and sensors
 
 
-def _add_motor(spec: mujoco.MjSpec, rig: Mapping[str, float]) -> None:
-    motor = _hub_actuator(spec, "motor")
+def _add_motor(spec: mujoco.MjSpec, rig: Mapping[str, float], joint: str) -> None:
+    motor = _actuator(spec, joint, "motor")
     limit = rig.get("torque_limit", math.inf)
     if math.isfinite(limit):
         motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE

@@ -30,7 +30,8 @@ class Motion:
       angles: (m, n + 1) absolute angles of the segments [rad].
       rates: (m, n + 1) [rad/s].
       modes: (m) 0 where the hub sticks, +1 or -1 where it slides.
-      extra, extra_rates: (m, k) of coordinates that an effect adds: the absolute angle of a torsional mode.
+      extra, extra_rates: (m, k) of coordinates that effects add: absolute angles of a torsional mode, of a motor
+        with play.
     """
 
     time: np.ndarray
@@ -174,7 +175,7 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
     torques = np.r_[drive.before, drive.torque]
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
-    step = min(model.step, model.chain.largest_step())
+    step = min(model.step, model.chain.largest_step(), planar.largest_step(plant))
     phi, omega = planar.extended(plant, phi), planar.extended(plant, omega)
     motion = planar.simulate(
         plant, times, torques, recording.time, phi, omega, mode, recording.clamped, step, *flags
@@ -221,7 +222,7 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
 def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
     """What the sensors report of a motion, at the samples and in the channels of the recording."""
     true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
-    if motion.extra.shape[1]:
+    if model.plant.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
     channels = {name: v for name, v in model.report(motion.time, true).items() if name != TORSION}
     commanded = {"torque_command": recording["torque_command"]} if "torque_command" in recording else {}

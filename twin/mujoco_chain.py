@@ -25,7 +25,7 @@ from contextlib import contextmanager
 import mujoco
 import numpy as np
 
-from twin import mjcf
+from twin import mjcf, planar
 from twin.chain import Chain
 from twin.planar import TIME_TOLERANCE, Plant
 
@@ -50,8 +50,8 @@ class MujocoChain:
           chain: the segments.
           plant: what acts on them; its inertia must be that of the chain.
         """
-        self._plant, self._size, self._largest_step = plant, len(plant.lengths), chain.largest_step()
-        self._torsion = len(plant.lengths) > len(chain.lengths)
+        self._plant, self._size, self._links = plant, len(plant.lengths), len(chain.lengths)
+        self._largest_step = chain.largest_step()
         self._sliding = _Model(rig, chain, plant, locked=False)
         self._locked = _Model(rig, chain, plant, locked=True)
         self._time = 0.0
@@ -175,17 +175,19 @@ class MujocoChain:
     # Inside
 
     def _absolute(self, joints: np.ndarray) -> np.ndarray:
-        """Angles of the segments, and of a torsional mode behind them, from those of the joints (..., n + 1)."""
-        angles = np.cumsum(joints, axis=-1)
-        if self._torsion:
-            angles[..., -1] = joints[..., 0] + joints[..., -1]
+        """Angles of the segments, and of extra coordinates behind them, from those of the joints (..., n + 1)."""
+        angles = np.array(joints)
+        np.cumsum(joints[..., : self._links], axis=-1, out=angles[..., : self._links])
+        if self._plant.torsion_stiffness > 0:
+            angles[..., self._links] += joints[..., 0]
         return angles
 
     def _relative(self, angles: np.ndarray) -> np.ndarray:
         """Joint angles (n + 1) from absolute ones."""
-        joints = np.diff(angles, prepend=0.0)
-        if self._torsion:
-            joints[-1] = angles[-1] - angles[0]
+        joints = np.array(angles, dtype=float)
+        joints[: self._links] = np.diff(angles[: self._links], prepend=0.0)
+        if self._plant.torsion_stiffness > 0:
+            joints[self._links] -= angles[0]
         return joints
 
     @property
@@ -214,13 +216,17 @@ class MujocoChain:
 
     def _advance(self, span: float, h_max: float) -> None:
         end = self._time + span
+        h_max = min(h_max, planar.largest_step(self._plant))
+        # A contact in a play is over within a few steps: every one is looked at.
+        unwatched = 0.0 if self._plant.gap > 0 else _UNWATCHED
         while (left := end - self._time) > _NO_TIME:
             steps = max(1, math.ceil(left / h_max - 1e-9))
             if self._clamped:
+                self._locked.push(self._u, 0)
                 self._locked.step(self._time, left / steps, steps)
                 break
             h = left / steps
-            self._move(h, min(steps, int(_UNWATCHED / h)))
+            self._move(h, min(steps, int(unwatched / h)))
         self._time = end
 
     def _move(self, h: float, steps: int) -> None:
@@ -234,8 +240,7 @@ class MujocoChain:
             return
         model, start, mode = self._locked if self._mode == 0 else self._sliding, self._time, self._mode
         model.save()
-        if mode != 0:
-            model.push(self._u, mode)
+        model.push(self._u, mode)
 
         def remaining(length: float, count: int = 1) -> float:
             model.step(start, length / count, count)
@@ -249,8 +254,7 @@ class MujocoChain:
                 self._remaining = after
                 return
             model.restore()
-            if mode != 0:
-                model.push(self._u, mode)
+            model.push(self._u, mode)
 
         after = remaining(h)
         self._change, self._remaining = steps * abs(after - before), after
@@ -323,7 +327,7 @@ class MujocoChain:
     def _extra_force(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
         """Returns a control callback that adds what varies within a step and MJCF cannot say, if anything."""
         p, sliding, locked = self._plant, self._sliding, self._locked
-        hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0
+        hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0 or p.gap > 0
         soft, drag = p.softening != 0, p.tip_drag_quadratic != 0
         if not (hub or soft or drag):
             return None
@@ -331,8 +335,8 @@ class MujocoChain:
 
         def force(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             which = sliding if model.nv == joints else locked
-            if hub and which is sliding:
-                which.vary_hub_torque(data.time, self._delivered(data.time) - self._u)
+            if hub:
+                which.vary_torque(data.time, self._delivered(data.time) - self._u)
             if soft:
                 which.soften()
             if drag:
@@ -360,7 +364,8 @@ class _Model:
         self._wave = self.model.actuator("friction").id if self._waves else -1
         self._drag = self.model.actuator("drag_x").id if plant.tip_drag_quadratic != 0 else -1
         self._gravity = complex(plant.gravity_x, plant.gravity_y)
-        self._held, self._mode, self.needed = 0.0, 0, 0.0
+        self._held, self._drive, self._mode, self.needed = 0.0, 0.0, 0, 0.0
+        self._angle = 0.0  # of a locked hub
         self._first = 0 if locked else 1
 
     def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
@@ -369,6 +374,7 @@ class _Model:
 
     def turn(self, theta: float) -> None:
         """Locks the hub at an angle [rad]: in the hub's frame, gravity turns the other way."""
+        self._angle = theta
         seen = self._gravity * cmath.exp(-1j * theta)
         self.model.opt.gravity[:2] = seen.real, seen.imag
 
@@ -390,10 +396,19 @@ class _Model:
         p = self._plant
         raised = p.friction_amplitude / 2
         level = p.coulomb_positive if mode > 0 else p.coulomb_negative
-        self._held, self._mode = torque - mode * (level + raised), mode
-        self._applied[0] = self._held
+        self._held, self._drive, self._mode = -mode * (level + raised), torque, mode
+        self._apply(self._held, torque)
         if self._waves:
             self.model.actuator_biasprm[self._wave, 0] = -mode * raised
+
+    def _apply(self, on_hub: float, drive: float) -> None:
+        """Applies torques [N m] to the hub, if it can turn, and to what the motor turns."""
+        if self._plant.gap > 0:
+            self._applied[-1] = drive
+        else:
+            on_hub += drive
+        if self._first:
+            self._applied[0] = on_hub
 
     def torque_to_hold(self, time: float) -> float:
         """Torque against the hub [N m] that would take its acceleration away."""
@@ -405,9 +420,9 @@ class _Model:
 
     # Mechanisms that MJCF cannot say, at the state of a stage
 
-    def vary_hub_torque(self, time: float, lagging: float) -> None:
-        """Adds to the held torque what the lag keeps back [N m], the disturbance and Stribeck's excess."""
-        p, torque = self._plant, self._held + lagging
+    def vary_torque(self, time: float, lagging: float) -> None:
+        """Adds what the lag keeps back [N m], the disturbance, Stribeck's excess and the contact in a play."""
+        p, torque, drive = self._plant, self._held, self._drive + lagging
         if p.disturbance_amplitude != 0:
             angle = 2 * math.pi * p.disturbance_frequency * time + p.disturbance_phase
             torque += p.disturbance_amplitude * math.sin(angle)
@@ -417,7 +432,21 @@ class _Model:
                 p.static_positive - p.coulomb_positive if forward else p.static_negative - p.coulomb_negative
             )
             torque -= self._mode * excess * math.exp(-((self.qvel[0] / p.stribeck_velocity) ** 2))
-        self._applied[0] = torque
+        if p.gap > 0:
+            contact = self._contact()
+            torque, drive = torque + contact, drive - contact
+        self._apply(torque, drive)
+
+    def _contact(self) -> float:
+        """Torque [N m] from the motor to the hub, as `planar.contact_torque`."""
+        angle, rate = (self.qpos[0], self.qvel[0]) if self._first else (self._angle, 0.0)
+        play = self.qpos[-1] - angle
+        beyond = abs(play) - self._plant.gap / 2
+        if beyond <= 0:
+            return 0.0
+        pressing = math.copysign(1.0, play) * (self.qvel[-1] - rate)
+        push = planar.CONTACT_STIFFNESS * beyond + planar.contact_damping(self._plant) * pressing
+        return math.copysign(max(push, 0.0), play)
 
     def soften(self) -> None:
         """Takes away what a hinge's moment lacks: k q s kappa^2 / (kappa^2 + kappa_0^2)."""

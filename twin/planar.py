@@ -11,6 +11,10 @@ c_ij of `Chain.inertia` (Lagrange, planar open chain)
 and the hinge moments act between neighbours. Friction acts on the hub only. Sliding, it is the Coulomb level
 against the motion; where the hub's rate crosses zero it sticks if the torque that holds it is below the static
 level, and slides again where that torque exceeds it. Both instants are located by bisection.
+
+Extra coordinates stand behind the segments where an effect asks for them: the absolute angle of an oscillator on
+the hub (a torsional mode), then that of a motor with play between it and the hub. The flanks of the play are
+springs with a damper that push and never pull; their numbers are assumed.
 """
 
 from __future__ import annotations
@@ -31,11 +35,18 @@ _inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always"
 TIME_TOLERANCE = 1e-7
 """Width of the interval in which a stick or slip is located [s]."""
 
+CONTACT_STIFFNESS = 1000.0
+"""Of the flanks of a backlash [N m/rad]: the largest torque of a motor like this turns them by 0.01 degrees."""
+CONTACT_LOSS = 0.2
+"""Damping ratio of the motor's inertia on a flank: it comes back with half of its speed, as steel on steel."""
+CONTACT_STEP = 1e-4
+"""Largest step with which the motor is followed through a contact of some 2 ms [s]."""
+
 
 class Plant(NamedTuple):
     """Everything the equations of motion read, SI units. Neutral values switch a mechanism off.
 
-    Arrays are for n hinges and n + 1 segments, and the oscillator of a torsional mode behind them.
+    Arrays are for n hinges and n + 1 segments, and behind these the extra coordinates.
     """
 
     lengths: np.ndarray  # (n + 1) m
@@ -69,30 +80,54 @@ class Plant(NamedTuple):
     softening_curvature: float = 1.0
     gravity_x: float = 0.0
     gravity_y: float = 0.0
-    torsion_stiffness: float = (
-        0.0  # N m/rad, of an oscillator on the hub: then the last coordinate is its angle
-    )
+    torsion_stiffness: float = 0.0  # N m/rad, of an oscillator on the hub
     torsion_damping: float = 0.0  # N m s/rad
+    gap: float = 0.0  # rad, whole play between motor and hub
+    motor_inertia: float = 0.0  # kg m^2, of a motor with play; `inertia` has it already
     hub_inertia: float = 0.0  # kg m^2, as declared; `inertia` has it already
 
 
 def with_torsion(plant: Plant, inertia: float, stiffness: float, damping: float) -> Plant:
-    """A plant with an oscillator on the hub, whose inertia [kg m^2] is taken from the hub's.
+    """A plant with an oscillator on the hub, whose inertia [kg m^2] is taken from the hub's."""
+    # It stands before the motor, which keeps the last place.
+    place = len(plant.lengths) - (1 if plant.gap > 0 else 0)
+    return _with_extra(plant, inertia, place)._replace(torsion_stiffness=stiffness, torsion_damping=damping)
 
-    Its absolute angle is one more coordinate, behind those of the segments.
-    """
-    size = len(plant.lengths)
-    extended = np.zeros((size + 1, size + 1))
-    extended[:size, :size] = plant.inertia
-    extended[0, 0] -= inertia
-    extended[size, size] = inertia
+
+def with_backlash(plant: Plant, gap: float, motor_inertia: float) -> Plant:
+    """A plant whose motor, with its part of the hub's inertia [kg m^2], has a play `gap` [rad] against the hub."""
+    behind = _with_extra(plant, motor_inertia, len(plant.lengths))
+    return behind._replace(gap=gap, motor_inertia=motor_inertia)
+
+
+def without_motor(plant: Plant) -> Plant:
+    """What is behind the play: the same plant where it has none, else the hub without the motor."""
+    if plant.gap <= 0:
+        return plant
     return plant._replace(
-        lengths=np.r_[plant.lengths, 0.0],
-        inertia=extended,
-        first_moment=np.r_[plant.first_moment, 0.0],
-        torsion_stiffness=stiffness,
-        torsion_damping=damping,
+        lengths=plant.lengths[:-1],
+        inertia=np.ascontiguousarray(plant.inertia[:-1, :-1]),
+        first_moment=plant.first_moment[:-1],
+        gap=0.0,
+        cogging_amplitude=0.0,
     )
+
+
+def _with_extra(plant: Plant, inertia: float, place: int) -> Plant:
+    """A plant with one more coordinate on the hub's axis, its inertia [kg m^2] taken from the hub's."""
+    matrix = np.insert(np.insert(plant.inertia, place, 0.0, axis=0), place, 0.0, axis=1)
+    matrix[0, 0] -= inertia
+    matrix[place, place] = inertia
+    return plant._replace(
+        lengths=np.insert(plant.lengths, place, 0.0),
+        inertia=np.ascontiguousarray(matrix),
+        first_moment=np.insert(plant.first_moment, place, 0.0),
+    )
+
+
+def largest_step(plant: Plant) -> float:
+    """Longest step [s] that the extra coordinates allow."""
+    return CONTACT_STEP if plant.gap > 0 else np.inf
 
 
 def extended(plant: Plant, state: np.ndarray) -> np.ndarray:
@@ -143,11 +178,36 @@ def sliding_level(plant, theta, omega, direction):
 
 
 @_inlined
+def _cogging(plant, angle):
+    """Torque [N m] of the motor's magnets at its angle."""
+    return plant.cogging_amplitude * np.sin(plant.cogging_order * angle + plant.cogging_phase)
+
+
+@_inlined
+def contact_damping(plant):
+    """Of a flank of the play [N m s/rad]."""
+    return 2 * CONTACT_LOSS * np.sqrt(CONTACT_STIFFNESS * plant.motor_inertia)
+
+
+@_inlined
+def contact_torque(plant, play, rate):
+    """Torque [N m] from the motor to the hub at their relative angle [rad] and rate [rad/s]."""
+    beyond = abs(play) - 0.5 * plant.gap
+    if beyond <= 0.0:
+        return 0.0
+    side = 1.0 if play > 0.0 else -1.0
+    return side * max(CONTACT_STIFFNESS * beyond + contact_damping(plant) * side * rate, 0.0)
+
+
+@_inlined
 def hub_torque(plant, t, theta, omega):
-    """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link."""
+    """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link.
+
+    The magnets' is among them unless there is a play between motor and hub.
+    """
     torque = plant.bias - plant.viscous * omega - plant.cable_stiffness * (theta - plant.cable_rest_angle)
-    if plant.cogging_amplitude != 0.0:
-        torque += plant.cogging_amplitude * np.sin(plant.cogging_order * theta + plant.cogging_phase)
+    if plant.cogging_amplitude != 0.0 and plant.gap == 0.0:
+        torque += _cogging(plant, theta)
     if plant.disturbance_amplitude != 0.0:
         angle = 2 * np.pi * plant.disturbance_frequency * t + plant.disturbance_phase
         torque += plant.disturbance_amplitude * np.sin(angle)
@@ -203,9 +263,13 @@ def _generalised_forces(plant, phi, omega, force, mass, sin, cos):
             moment += plant.damping[i - 1, j - 1] * (omega[j] - omega[j - 1])
         force[i] -= moment
         force[i - 1] += moment
-    if links < m:
-        moment = plant.torsion_stiffness * (phi[m - 1] - phi[0])
-        moment += plant.torsion_damping * (omega[m - 1] - omega[0])
+    if plant.torsion_stiffness > 0.0:
+        moment = plant.torsion_stiffness * (phi[links] - phi[0])
+        moment += plant.torsion_damping * (omega[links] - omega[0])
+        force[links] -= moment
+        force[0] += moment
+    if plant.gap > 0.0:
+        moment = contact_torque(plant, phi[m - 1] - phi[0], omega[m - 1] - omega[0])
         force[m - 1] -= moment
         force[0] += moment
     if plant.tip_drag_linear != 0.0 or plant.tip_drag_quadratic != 0.0:
@@ -257,9 +321,12 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch)
     """Fills `acc` (n + 1); returns the torque [N m] that friction must bear to hold a locked hub."""
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, phi, omega, acc, mass, scratch[0], scratch[1])
+    m = phi.size
+    if plant.gap > 0.0:
+        acc[m - 1] += drive + _cogging(plant, phi[m - 1])
+        drive = 0.0
     torque = drive + hub_torque(plant, t, phi[0], omega[0])
     if locked:
-        m = phi.size
         for j in range(1, m):
             row[j] = mass[j, 0]
         needed = acc[0] + torque
@@ -623,4 +690,58 @@ def _hub_laws(plant, time, angle, rate, direction):
         torque[k] = hub_torque(plant, time[k], angle[k], rate[k])
         if direction[k] != 0:
             torque[k] -= direction[k] * sliding_level(plant, angle[k], rate[k], direction[k])
+    return torque
+
+
+def transmitted(
+    plant: Plant, time: np.ndarray, acceleration: np.ndarray, angle: np.ndarray, drive: np.ndarray
+) -> np.ndarray:
+    """Torque [N m] through the play on a hub that moves as prescribed, its mean over a grid step about each instant.
+
+    The motor starts in the middle of the play, at rest against the hub.
+
+    Args:
+      plant: the `Plant`, with a play.
+      time: (m) instants [s], evenly spaced.
+      acceleration, angle: (m) of the hub [rad/s^2], [rad].
+      drive: (m) delivered torque [N m], each held from half a step before its instant to half a step behind it.
+    """
+    acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
+    return _transmitted(plant, float(time[1] - time[0]), acceleration, angle, drive)
+
+
+@_inlined
+def _play_acceleration(plant, play, rate, drive, angle, alpha):
+    """Relative acceleration [rad/s^2] of the motor against the hub, and the torque between them [N m]."""
+    torque = contact_torque(plant, play, rate)
+    return (drive + _cogging(plant, angle + play) - torque) / plant.motor_inertia - alpha, torque
+
+
+@_compiled
+def _transmitted(plant, span, acceleration, angle, drive):
+    count = int(np.ceil(span / CONTACT_STEP))
+    h = span / count
+    play = rate = 0.0
+    torque = np.empty(drive.size)
+    last = drive.size - 1
+    for k in range(drive.size):
+        total = 0.0
+        for step in range(count):
+            # The hub's motion, linear between its instants, in the middle of this step.
+            x = k - 0.5 + (step + 0.5) / count
+            i = min(max(int(np.floor(x)), 0), max(last - 1, 0))
+            part = min(max(x - i, 0.0), 1.0)
+            alpha = acceleration[i] + part * (acceleration[min(i + 1, last)] - acceleration[i])
+            theta = angle[i] + part * (angle[min(i + 1, last)] - angle[i])
+            a1, t1 = _play_acceleration(plant, play, rate, drive[k], theta, alpha)
+            v2 = rate + 0.5 * h * a1
+            a2, t2 = _play_acceleration(plant, play + 0.5 * h * rate, v2, drive[k], theta, alpha)
+            v3 = rate + 0.5 * h * a2
+            a3, t3 = _play_acceleration(plant, play + 0.5 * h * v2, v3, drive[k], theta, alpha)
+            v4 = rate + h * a3
+            a4, t4 = _play_acceleration(plant, play + h * v3, v4, drive[k], theta, alpha)
+            play += h / 6 * (rate + 2 * v2 + 2 * v3 + v4)
+            rate += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+            total += (t1 + 2 * t2 + 2 * t3 + t4) / 6
+        torque[k] = total / count
     return torque

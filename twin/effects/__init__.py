@@ -5,6 +5,7 @@ from twin.effects.actuator_lag import ActuatorLag
 from twin.effects.air_drag import AirDrag
 from twin.effects.air_pad_drag import AirPadDrag
 from twin.effects.asymmetric_friction import AsymmetricFriction
+from twin.effects.backlash import Backlash
 from twin.effects.base import TORSION, Drive, Effect, EffectParameter
 from twin.effects.cable_torsion import CableTorsion
 from twin.effects.cogging import Cogging
@@ -39,6 +40,7 @@ REGISTRY: dict[str, Effect] = {
         TorqueBias(),
         ActuatorLag(),
         ActuatorDelay(),
+        Backlash(),
         GravityTilt(),
         PeriodicDisturbance(),
         PayloadMass(),
