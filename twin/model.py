@@ -194,9 +194,25 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
         levers = links.lengths.sum() - links.hinges
         shapes = shapes / (levers @ shapes)
         angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
+    elif recording.start == "rest":
+        angles = hanging(model, start.hub_angle)
     phi = start.hub_angle + np.r_[0.0, np.cumsum(angles)]
     omega = start.hub_rate + np.r_[0.0, np.cumsum(rates)]
     return phi, omega
+
+
+def hanging(model: Model, hub_angle: float) -> np.ndarray:
+    """Hinge angles (n) of a link at rest under what gravity acts in the plane."""
+    plant, size = model.plant, len(model.chain.stiffness)
+    bends = np.zeros(size)
+    if plant.gravity_x == 0 and plant.gravity_y == 0:
+        return bends
+    moments = plant.first_moment[: size + 1]
+    for _ in range(30):
+        phi = hub_angle + np.r_[0.0, np.cumsum(bends)]
+        pull = moments * (plant.gravity_y * np.cos(phi) - plant.gravity_x * np.sin(phi))
+        bends = np.cumsum(pull[::-1])[::-1][1:] / plant.stiffness
+    return bends
 
 
 def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
