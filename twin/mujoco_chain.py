@@ -360,7 +360,7 @@ class _Model:
         self.data, self._options = mujoco.MjData(self.model), self.model.opt
         self.qpos, self.qvel, self._applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
         self._saved = self.qpos.copy(), self.qvel.copy()
-        self._plant = plant
+        self._plant, self._curvature = plant, plant.curvature_per_angle
         self._wave = self.model.actuator("friction").id if self._waves else -1
         self._drag = self.model.actuator("drag_x").id if plant.tip_drag_quadratic != 0 else -1
         self._gravity = complex(plant.gravity_x, plant.gravity_y)
@@ -453,7 +453,7 @@ class _Model:
         p, bends = self._plant, len(self._plant.stiffness)
         hinges = slice(self._first, self._first + bends)
         angle = self.qpos[hinges]
-        squared = (p.curvature_per_angle * angle) ** 2
+        squared = (self._curvature * angle) ** 2
         share = p.softening * squared / (squared + p.softening_curvature**2)
         self._applied[hinges] = p.stiffness * angle * share
 

@@ -54,7 +54,7 @@ class Plant(NamedTuple):
     stiffness: np.ndarray  # (n) N m/rad
     damping: np.ndarray  # (n, n) N m s/rad, on the hinge rates
     first_moment: np.ndarray  # (n + 1) kg m, sum of mass times lever along segment i
-    curvature_per_angle: np.ndarray  # (n) 1/m per rad, curvature that a hinge angle stands for
+    flexibility: float  # 1/(N m^2), curvature of the link per bending moment
     static_positive: float = 0.0
     static_negative: float = 0.0
     coulomb_positive: float = 0.0
@@ -85,6 +85,11 @@ class Plant(NamedTuple):
     gap: float = 0.0  # rad, whole play between motor and hub
     motor_inertia: float = 0.0  # kg m^2, of a motor with play; `inertia` has it already
     hub_inertia: float = 0.0  # kg m^2, as declared; `inertia` has it already
+
+    @property
+    def curvature_per_angle(self) -> np.ndarray:
+        """Curvature that a hinge angle stands for (n) [1/m per rad]: none at a clamp that gives, on the hub's axis."""
+        return np.where(self.lengths[: len(self.stiffness)] > 0, self.flexibility * self.stiffness, 0.0)
 
 
 def with_torsion(plant: Plant, inertia: float, stiffness: float, damping: float) -> Plant:
@@ -145,7 +150,7 @@ def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
         chain.stiffness,
         np.ascontiguousarray(chain.damping),
         np.ascontiguousarray(chain.first_moment),
-        np.where(chain.bending > 0, chain.stiffness / rig["bending_stiffness"], 0.0),
+        1 / float(rig["bending_stiffness"]),
         *(float(level) for level in (static, static, coulomb, coulomb)),
     )
     return plant._replace(hub_inertia=float(rig["hub_inertia"]))
@@ -257,7 +262,7 @@ def _generalised_forces(plant, phi, omega, force, mass, sin, cos):
         angle = phi[i] - phi[i - 1]
         moment = plant.stiffness[i - 1] * angle
         if plant.softening != 0.0:
-            kappa2 = (plant.curvature_per_angle[i - 1] * angle) ** 2
+            kappa2 = (plant.flexibility * moment) ** 2 if plant.lengths[i - 1] > 0 else 0.0
             moment *= 1 - plant.softening * kappa2 / (kappa2 + plant.softening_curvature**2)
         for j in range(1, links):
             moment += plant.damping[i - 1, j - 1] * (omega[j] - omega[j - 1])
