@@ -77,6 +77,11 @@ SIZES: Mapping[str, Mapping[str, Size]] = {
     "payload-mass": {"tip_mass": Size(0.04, 0.15, "off", 0.155)},
     "stiffness-loss": {"bending_stiffness": Size(0.07, 0.2, "less", 0.24957)},
     "softening-stiffness": {"softening": Size(0.08, 0.35), "curvature": Size(0.5, 1.5)},
+    "torsional-mode": {
+        "frequency": Size(20.0, 35.0),
+        "damping_ratio": Size(5e-3, 5e-2),
+        "inertia_share": Size(0.05, 0.3),
+    },
     "root-compliance": {"stiffness": Size(5.0, 60.0)},
     "air-drag": {"coefficient": Size(0.02, 0.2)},
     "air-pad-drag": {"viscous": Size(5e-3, 5e-2)},
