@@ -101,3 +101,15 @@ def test_odd_names_end_no_comment_and_no_attribute(explained):
 def test_endless_torque_is_not_limited(explained):
     endless = replace(explained, fitted=explained.fitted.replace(torque_limit=np.inf))
     assert delivered(endless, 5.0) == pytest.approx(5.0)
+
+
+def test_bridges_see_the_twist(explained):
+    seen = {"strain_base": 4e-3, "strain_mid": -2e-3}
+    found = to_mjcf(with_effect(explained, "torsional-mode", **seen), synthetic.SENSORS)
+    model = mujoco.MjModel.from_xml_string(found.xml)
+    data = mujoco.MjData(model)
+    data.joint("torsion").qpos = 0.01
+    mujoco.mj_forward(model, data)
+    for channel, coefficient in seen.items():
+        assert data.sensor(channel).data[0] == pytest.approx(0.01 * coefficient)
+    assert "torsional-mode" not in found.left_out

@@ -17,6 +17,7 @@ import numpy as np
 from twin import chain, mjcf
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY, Drive, Effect
+from twin.effects.torsional_mode import SEEN, TorsionalMode
 from twin.model import Effects, Model
 from twin.recording import Sensor
 
@@ -49,7 +50,9 @@ def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjc
     spec = mjcf.build_spec(model.rig, model.chain, plant, gauges=gauges)
     spec.modelname = _plain(diagnosis.fitted.name)
     _write_drive(spec, drive)
-    left_out = (*mjcf.not_native(plant), *(name for name in effects if _senses(REGISTRY[name])))
+    if plant.torsion_stiffness > 0:
+        _write_twist(spec, effects[TorsionalMode.name])
+    left_out = (*mjcf.not_native(plant), *(name for name in effects if _misreads(name)))
     xml = f"{_comment(diagnosis, left_out)}\n{spec.to_xml().rstrip()}\n"
     return AugmentedMjcf(xml, left_out)
 
@@ -87,9 +90,17 @@ def _write_drive(spec: mujoco.MjSpec, drive: _DriveLaw) -> None:
         motor.nsample = math.ceil(drive.delay / spec.option.timestep) + 1
 
 
-def _senses(effect: Effect) -> bool:
-    """Whether an effect shapes what sensors report: a sensor in MJCF reads the truth."""
-    return type(effect).sensing is not Effect.sensing
+def _write_twist(spec: mujoco.MjSpec, p: Mapping[str, float]) -> None:
+    """What the bridges see of a torsional mode: its joint in the tendon that each reads."""
+    for channel, name in SEEN.items():
+        tendon = spec.tendon(channel)
+        if tendon is not None:
+            tendon.wrap_joint("torsion", p[name])
+
+
+def _misreads(name: str) -> bool:
+    """Whether an effect shapes what sensors report, where those in MJCF read the truth."""
+    return type(REGISTRY[name]).sensing is not Effect.sensing and name != TorsionalMode.name
 
 
 def _comment(diagnosis: Diagnosis, left_out: tuple[str, ...]) -> str:

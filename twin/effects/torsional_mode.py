@@ -6,7 +6,8 @@ from twin import planar
 from twin.effects.base import TORSION, Effect, EffectParameter
 from twin.effects.wave import RESONANCE_DAMPING, Wave
 
-_SEEN = {"strain_base": "strain_base", "strain_mid": "strain_mid"}
+SEEN = {"strain_base": "strain_base", "strain_mid": "strain_mid"}
+"""Channel -> parameter with which it sees the twist."""
 
 
 class TorsionalMode(Effect):
@@ -17,7 +18,7 @@ class TorsionalMode(Effect):
         EffectParameter("frequency", "Hz", 28.0, (4.0, 80.0), 0.05),
         EffectParameter("damping_ratio", "1", 0.02, (5e-4, 0.4), 2e-3),
         EffectParameter("inertia_share", "1", 0.0, (0.0, 0.85), 0.01),
-        *(EffectParameter(name, "1/rad", 0.0, (-1.0, 1.0), 1e-4, ch) for ch, name in _SEEN.items()),
+        *(EffectParameter(name, "1/rad", 0.0, (-1.0, 1.0), 1e-4, ch) for ch, name in SEEN.items()),
     )
     along = ("frequency", "damping_ratio")
 
@@ -26,7 +27,7 @@ class TorsionalMode(Effect):
     def at_order(self, order, coefficients):
         share, *seen = coefficients
         start = {"frequency": order, "damping_ratio": RESONANCE_DAMPING, "inertia_share": max(share, 1e-3)}
-        return {**start, **dict(zip(_SEEN.values(), seen, strict=True))}
+        return {**start, **dict(zip(SEEN.values(), seen, strict=True))}
 
     def plant(self, plant, p):
         if p["inertia_share"] <= 0:
@@ -42,5 +43,5 @@ class TorsionalMode(Effect):
         if TORSION not in channels:
             return channels
         twist = channels[TORSION]
-        read = {ch: channels[ch] + p[name] * twist for ch, name in _SEEN.items() if ch in channels}
+        read = {ch: channels[ch] + p[name] * twist for ch, name in SEEN.items() if ch in channels}
         return {**channels, **read}
