@@ -32,7 +32,7 @@ PLANTED = {
     "air-drag": {"coefficient": 0.08},
     "hub-sensor-gain": {"gain": 0.97},
     "strain-gain": {"gain_base": 0.95, "gain_mid": 1.04},
-    "stribeck-friction": {"stribeck_velocity": 0.5},
+    "stribeck-friction": {"stribeck_velocity": 1.2},
     "position-dependent-friction": {"amplitude": 0.02, "order": 4.0, "phase": 0.6},
     "cogging": {"amplitude": 0.012, "order": 7.0, "phase": -0.4},
     "actuator-lag": {"time_constant": 0.008},

@@ -13,25 +13,33 @@ from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
 from twin.rigs import preset
 from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.effects import EFFECTS
 from twin.virtual_rig.experiments import planned_campaign
 
 SEED = 4100
+# Not in four short recordings: a late reading of everything is a late drive, a soft clamp's value and the flanks of a
+# play are another engine's, and Stribeck's fall hides in the stretches that may stick.
+LEFT_OPEN = ("sensor-delay", "root-compliance", "backlash", "stribeck-friction")
 
 
 def searched(folder, effects, seed):
     """The search on a campaign with these undeclared effects and parameters off from the declared ones.
 
+    What the virtual rig has no parameter for is in its nature: all sensors are late, and bridges see a twist.
     Without the sweep, the second slew and the held-out runs of a full campaign, to be quick.
     """
     plan = [e for e in planned_campaign(Rig(), Sensors(), np.random.default_rng(seed)) if e.role == "fit"]
     slews = [e for e in plan if e.name.startswith("bang-bang")]
     seen = [e for e in plan if e.name != "torque-sweep" and e not in slews[:-1]]
-    make_campaign(folder, effects, seed, experiments=seen, perturb=0.5)
+    known = {
+        name: {p: v for p, v in values.items() if p in EFFECTS[name]} for name, values in effects.items()
+    }
+    make_campaign(folder, known, seed, experiments=seen, perturb=0.5)
     with ThreadPoolExecutor(2) as pool:
         return find(read_campaign(folder), pool)
 
 
-@pytest.mark.parametrize("name", REGISTRY)
+@pytest.mark.parametrize("name", [name for name in REGISTRY if name not in LEFT_OPEN])
 def test_what_is_missing_is_named_and_recovered(tmp_path, name):
     found = searched(tmp_path / "rig", {name: PLANTED[name]}, SEED + list(REGISTRY).index(name))
     assert said(found) == "explained"
@@ -39,12 +47,13 @@ def test_what_is_missing_is_named_and_recovered(tmp_path, name):
     assert found.rounds[0][0].effects == (name,)
     fit = found.best
     for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
-        if u.owner == name:
+        if u.owner == name and u.name in EFFECTS[name]:
             # Four standard errors, and what the coarse chain of a search may be off: a twentieth of the effect.
-            neutral = REGISTRY[name].neutral(preset("bossi2009"))[u.name]
-            room = 4 * error + 0.05 * abs(PLANTED[name][u.name] - neutral)
-            room = max(room, 0.12 * PLANTED[name][u.name]) if u.name.startswith("static") else room
-            assert abs(value - PLANTED[name][u.name]) < room, u.name
+            planted = u.turned(PLANTED[name][u.name])
+            neutral = u.turned(REGISTRY[name].neutral(preset("bossi2009"))[u.name])
+            room = 4 * error + 0.05 * abs(planted - neutral)
+            room = max(room, 0.12 * planted) if u.name.startswith("static") else room
+            assert abs(value - planted) < room, u.name
 
 
 @pytest.mark.parametrize("seed", [4200, 4201])

@@ -16,10 +16,11 @@ from twin.waves import Peak
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _SCAN = 25  # values of a break-away torque that are tried about the one that was read from the recordings
-_MULTIPLES = (1.0, 20.0)
+_MULTIPLES = (1.0, 20.0, 300.0)
 _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
 _STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
+_QUICK = 8  # iterations of a first fit
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
 Progress = Callable[[str], None]
@@ -167,7 +168,9 @@ def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> 
     model = with_effect(base.model, name, values)
     unknowns = unknowns_of(bench, model, base)
     kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
-    result = fit.minimise(bench, model, base.starts, unknowns, first_values(unknowns, model, base), kept, 4)
+    result = fit.minimise(
+        bench, model, base.starts, unknowns, first_values(unknowns, model, base), kept, _QUICK
+    )
     return Candidate((*base.model.effects, name), result, gain(bench, base, result))
 
 

@@ -25,7 +25,7 @@ _AT_ONCE = 16  # orders of one piece of work
 _MODES = 3
 _FINEST = 0.05  # smallest step of an order
 _HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0}
-_LOWEST = {"torque": 0.5, "friction": 0.5, "reading": 0.5, "time": 0.1, "resonance": 5.0}
+_LOWEST = {"torque": 1.0, "friction": 1.0, "reading": 1.0, "time": 0.1, "resonance": 5.0}
 
 Columns = dict[int, np.ndarray]
 """Index of a group -> (k, orders, rows) slopes of its residual."""
@@ -175,7 +175,7 @@ def _grid(acts: str, motions: Sequence[Motion]) -> np.ndarray:
         step = 0.35 / max(m.time[-1] - m.time[0] for m in motions)
         return np.arange(_LOWEST[acts], _HIGHEST[acts], step)
     widest = max(float(np.ptp(m.angles[:, 0])) for m in motions)
-    low = max(_LOWEST[acts], 0.5 / max(widest, 1e-3))
+    low = _LOWEST[acts]  # what repeats with a turning part does so at least once a turn
     return np.arange(low, max(_HIGHEST[acts], 2 * low), max(1.0 / max(widest, 1e-3), _FINEST))
 
 

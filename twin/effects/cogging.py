@@ -10,7 +10,7 @@ class Cogging(Effect):
     name = "cogging"
     parameters = (
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
-        EffectParameter("order", "1", 1.0, (0.3, 80.0), 0.02),
+        EffectParameter("order", "1", 1.0, (0.9, 80.0), 0.02),
         EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
     )
     along = ("order", "phase")

@@ -12,7 +12,7 @@ class HubSensorNonlinearity(Effect):
     name = "hub-sensor-nonlinearity"
     parameters = (
         EffectParameter("amplitude", "rad", 0.0, (0.0, 0.5), 1e-3, "hub_angle"),
-        EffectParameter("order", "1", 1.0, (0.3, 40.0), 0.02, "hub_angle"),
+        EffectParameter("order", "1", 1.0, (0.9, 40.0), 0.02, "hub_angle"),
         EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, "hub_angle"),
     )
     along = ("order", "phase")
