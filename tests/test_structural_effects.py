@@ -18,11 +18,11 @@ GAUGES = {
 NOISE = {"hub_angle": QUIET.hub_noise, "strain_base": QUIET.strain_noise, "strain_mid": QUIET.strain_noise}
 SEEN = dict(zip(("strain_base", "strain_mid"), sensors.TORSION_STRAIN, strict=True))
 
-# Effect, parameters, and how far apart the two may be in noise levels (rms): the plain chain is 0.2 off, a condensed
-# clamp leaves out what it does to the highest modes, and each contact in a play makes more of what went before.
+# Effect, parameters, and how far apart the two may be in noise levels (rms): the plain chain is 0.2 off, and
+# each contact in a play makes more of what went before.
 CASES = {
     "soft clamp": ("root-compliance", {"stiffness": 8.0}, 0.3),
-    "stiff clamp": ("root-compliance", {"stiffness": 50.0}, 1.0),
+    "stiff clamp": ("root-compliance", {"stiffness": 50.0}, 0.4),
     "torsional mode": (
         "torsional-mode",
         {"frequency": 26.0, "damping_ratio": 0.02, "inertia_share": 0.15},

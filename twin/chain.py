@@ -260,6 +260,19 @@ def _inertia(
     return inertia, masses @ levers + tip_mass * lengths
 
 
+def curvature_rate_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarray | None:
+    """Returns the row (n) from hinge rates to the curvature at x [s/m per rad]; None where there is none.
+
+    Of hinges that share their moment with a clamp, M = k b + D b' = (q - b) / c with b the link's part of the angle q
+    and c the clamp's: the losses make b lag behind its share S of q, b = S q - (1 - S) / k D S q'.
+    """
+    links = chain.rigid
+    if links is None or len(links.stiffness) != len(chain.stiffness):
+        return None
+    lagging = ((1 - chain.bending) / links.stiffness)[:, None] * links.damping * chain.bending
+    return -curvature_row(links, rig, x) @ lagging
+
+
 def _relative(inertia: np.ndarray) -> np.ndarray:
     """Mass matrix in relative coordinates from one in absolute ones: phi = T [hub, hinges], T lower ones."""
     outboard = np.cumsum(inertia[::-1], axis=0)[::-1]

@@ -124,6 +124,15 @@ class Model:
         return {name: chain.curvature_row(self.chain, self.rig, s.position) for name, s in gauges.items()}
 
     @functools.cached_property
+    def curvature_rate_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row (n) from hinge rates to the curvature at its gauge [s/m per rad], where there is one."""
+        rows = {
+            name: chain.curvature_rate_row(self.chain, self.rig, self.sensors[name].position)
+            for name in self.curvature_rows
+        }
+        return {name: row for name, row in rows.items() if row is not None}
+
+    @functools.cached_property
     def plant(self) -> planar.Plant:
         """What the equations of motion read."""
         plant = planar.declared_plant(self.rig, self.chain)
@@ -256,7 +265,10 @@ def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> n
             return motion.angles[:, 0]
         case "strain_base" | "strain_mid":
             sensor = model.sensors[channel]
-            return sensor.half_thickness * (hinges @ model.curvature_rows[channel])
+            curvature = hinges @ model.curvature_rows[channel]
+            if channel in model.curvature_rate_rows:
+                curvature += np.diff(motion.rates, axis=1) @ model.curvature_rate_rows[channel]
+            return sensor.half_thickness * curvature
         case "tip_deflection":
             return np.sin(relative) @ links.lengths
         case "tip_acceleration":
