@@ -88,6 +88,16 @@ def test_mjcf_has_the_same_modes(stiffness):
     np.testing.assert_allclose(np.sqrt(squares[1:]), links.modes("free")[0], rtol=1e-8)
 
 
+def test_file_of_a_soft_clamp_is_stable():
+    links = compliant(4.0, build(RIG))
+    model = mjcf.build_spec(RIG, links, planar.declared_plant(RIG, links)).compile()
+    data = mujoco.MjData(model)
+    data.actuator("motor").ctrl = 0.1
+    mujoco.mj_step(model, data, 2000)
+    assert model.opt.timestep < mjcf.TIMESTEP
+    assert np.abs(data.qvel).max() < 20
+
+
 @pytest.mark.parametrize("stiffness", [SOFT, STIFF])
 def test_runs_at_its_largest_step(stiffness):
     links = compliant(stiffness)

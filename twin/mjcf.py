@@ -107,7 +107,7 @@ def dynamics_spec(
     spec = mujoco.MjSpec()
     spec.modelname = "flexible link"
     spec.compiler.degree = False
-    spec.option.timestep = TIMESTEP
+    spec.option.timestep = _timestep(chain, plant)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     spec.option.noslip_iterations = 3  # without it frictionloss creeps
     # Nothing in the plane depends on the vertical component.
@@ -129,6 +129,12 @@ def dynamics_spec(
     if plant.tip_drag_linear != 0:
         add_tip_drag(spec, plant.tip_drag_linear)
     return spec
+
+
+def _timestep(chain: Chain, plant: Plant) -> float:
+    """A round time step [s] with which the chain is stable and a contact in a play is followed."""
+    limit = min(chain.largest_step(), planar.largest_step(plant))
+    return TIMESTEP if limit >= TIMESTEP else 1e-5 * math.floor(limit / 1e-5 + 1e-6)
 
 
 def write_models(folder: Path) -> tuple[Path, ...]:
