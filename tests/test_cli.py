@@ -16,6 +16,7 @@ import pytest
 import synthetic_diagnosis as synthetic
 
 from twin import cli
+from twin.commands import shared
 from twin.deliver import ANSWER, FILES, default_folder, deliver
 from twin.json_file import to_text
 
@@ -239,11 +240,11 @@ def test_interrupt_is_130_in_one_line(tmp_path, campaign):
 
 
 def test_progress_speaks_to_a_terminal_only(capsys, monkeypatch):
-    with cli.progress() as report:
+    with shared.progress() as report:
         report("calibrating [bold]")
     assert capsys.readouterr() == ("", "")
     monkeypatch.setenv("FORCE_COLOR", "1")
-    with cli.progress() as report:
+    with shared.progress() as report:
         report("calibrating [bold]")
     output, error = capsys.readouterr()
     assert output == ""

@@ -70,6 +70,11 @@ class MujocoChain:
         return self._mode
 
     @property
+    def torque(self) -> float:
+        """Torque of the motor now [N m], behind its lag."""
+        return self._delivered(self._time)
+
+    @property
     def joints(self) -> np.ndarray:
         """Joint angles, hub and hinges (n + 1) [rad]: the qpos of `mjcf.build_spec`'s model."""
         return self._put_state(np.empty(self._size), np.empty(self._size))[0]

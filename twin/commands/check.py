@@ -1,0 +1,58 @@
+"""`twin check`: the chain held against the analytical model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from twin.commands.shared import JsonFile, RigOption, console, load_rig, progress
+from twin.errors import InputError
+from twin.json_file import write_json
+
+if TYPE_CHECKING:
+    from twin.check import Check
+
+
+def check(
+    rig: RigOption = "bossi2009",
+    segments: Annotated[int, typer.Option(help="Number of segments of the chain.")] = 8,
+    json_file: JsonFile = None,
+) -> None:
+    """Hold the chain against the analytical model; exit code 1 where it is off."""
+    declared, effects = load_rig(rig)
+    if effects:
+        raise InputError(
+            f"{rig}: has the effects {', '.join(effects)}; expected a rig without effects to check"
+        )
+    with progress() as report:
+        from twin import check as chain_check
+
+        result = chain_check.check(declared, segments, report)
+    if json_file is not None:
+        write_json(json_file, chain_check.to_json(result))
+    _print_check(result)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _print_check(result: Check) -> None:
+    from rich.table import Table
+
+    from twin.check import text_rows
+
+    screen = console()
+    head = ("mode", "f exact", "chain", "simulated", "zeta", "chain", "simulated", "1 - MAC")
+    title = f"{result.rig}, {result.segments} segments: frequencies [Hz] and damping ratios [1]"
+    modes = Table(*head, title=title, box=None, title_justify="left", title_style="")
+    for row in text_rows(result):
+        modes.add_row(*row)
+    verdicts = Table("quantity", "error", "bound", "", "", box=None)
+    for r in result.rows:
+        verdicts.add_row(
+            r.quantity, f"{r.error:.2g}", f"{r.bound:.2g}", r.unit, "ok" if r.passed else "FAILED"
+        )
+    screen.print(modes, highlight=False)
+    screen.print()
+    screen.print(verdicts, highlight=False)
+    screen.print("passed" if result.passed else "failed")

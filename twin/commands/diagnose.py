@@ -1,0 +1,63 @@
+"""`twin demo` and `twin diagnose`: the loop on a campaign."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from twin.commands.shared import Force, JsonFile, console, progress
+from twin.json_file import write_json
+
+OutFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="FOLDER", help="Folder of the results.", show_default="<campaign>-diagnosis"
+    ),
+]
+
+
+def demo(out: OutFolder = None, json_file: JsonFile = None, force: Force = False) -> None:
+    """Diagnose the bundled campaign, recorded on a virtual rig with an effect that it does not declare."""
+    from importlib.resources import as_file, files
+
+    with as_file(files("twin") / "data" / "demo-rig") as folder:
+        _diagnose(folder, out, json_file, force)
+
+
+def diagnose(
+    campaign: Annotated[Path, typer.Argument(help="Folder with campaign.toml and the recordings.")],
+    out: OutFolder = None,
+    json_file: JsonFile = None,
+    force: Force = False,
+) -> None:
+    """Find which physical effect a model lacks; write report, rerun recording and augmented model."""
+    _diagnose(campaign, out, json_file, force)
+
+
+def _diagnose(campaign: Path, out: Path | None, json_file: Path | None, force: bool) -> None:
+    from twin import deliver
+    from twin.campaign import read_campaign
+    from twin.report import print_summary
+
+    folder = out if out is not None else deliver.default_folder(campaign)
+    deliver.check_folder(folder, force)
+    if json_file is not None:
+        deliver.check_file(json_file, folder)
+    given = read_campaign(campaign)
+    with progress() as report:
+        report("loading the equations of motion; the first time they are compiled, which takes minutes")
+        from twin.diagnose import diagnose as loop
+
+        found = loop(given, report)
+        report("writing the results")
+        delivery = deliver.deliver(found, given.sensors, folder)
+        if json_file is not None:
+            write_json(json_file, found.to_json())
+    answer = {} if json_file is None else {"JSON": json_file}
+    screen = console()
+    print_summary(found, screen, {**delivery.paths, **answer})
+    if delivery.left_out:
+        missing = ", ".join(delivery.left_out)
+        screen.print(f"{delivery.paths['MJCF'].name} leaves out: {missing}", highlight=False, markup=False)

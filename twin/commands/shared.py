@@ -1,0 +1,67 @@
+"""What several commands need: options, the screen, the progress display."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from twin.parameters import Rig
+
+_WIDTH = 110  # of tables that go into a file or a pipe
+
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Write the result here, as JSON.")
+]
+RigOption = Annotated[
+    str,
+    typer.Option(
+        "--rig", metavar="NAME|FILE", help="bossi2009, bossi2009-printed, or a parameter file (TOML)."
+    ),
+]
+Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds something else.")]
+
+
+def console() -> Console:
+    """Returns where results are printed: as wide as the terminal, or wide enough for the tables."""
+    from rich.console import Console
+
+    screen = Console()
+    return screen if screen.is_terminal else Console(width=_WIDTH)
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str], None]]:
+    """Yields a function that says what is being done, on standard error and on a terminal only."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    screen = Console(stderr=True)
+    if not screen.is_terminal:
+        yield lambda text: None
+        return
+    columns = (SpinnerColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=screen, transient=True) as display:
+        task = display.add_task("starting", total=None)
+        yield lambda text: display.update(task, description=text)
+
+
+def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
+    """Returns a published rig by its name, or the rig and the effects of a parameter file.
+
+    Raises:
+      InputError: neither a preset nor a file that can be read.
+    """
+    from twin.augmented import read_rig_file
+    from twin.rigs import PRESETS, preset
+
+    path = Path(name_or_file)
+    if name_or_file in PRESETS or not (path.suffix or path.exists()):
+        return preset(name_or_file), {}
+    return read_rig_file(path)
