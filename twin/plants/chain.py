@@ -1,15 +1,10 @@
-"""The chain as a plant: MuJoCo's, which is the reference, and the compiled equations of the same chain.
-
-MuJoCo's is a `Physics` of dm_control as well, so that the environment of `twin.environment` and a closed loop
-step the same object. Stick and slip are located inside its step.
-"""
+"""The chain as a plant: MuJoCo's, which is the reference, and the compiled equations of the same chain."""
 
 from __future__ import annotations
 
 import abc
 
 import numpy as np
-from dm_control.rl.control import Physics, PhysicsError
 
 from twin import planar
 from twin.model import Model, hanging
@@ -59,8 +54,8 @@ class _Links(abc.ABC):
         return planar.extended(self._model.plant, hub_angle + np.r_[0.0, np.cumsum(bends)])
 
 
-class ChainPlant(_Links, Physics):
-    """The chain in MuJoCo; to dm_control a `Physics` whose time step is one sample period."""
+class ChainPlant(_Links):
+    """The chain in MuJoCo, stick and slip located inside a step."""
 
     name = "chain"
 
@@ -69,46 +64,22 @@ class ChainPlant(_Links, Physics):
         super().__init__(model, period)
         self._engine = MujocoChain(model.rig, model.chain, model.plant)
         self._step = min(model.step, model.chain.largest_step())
-        self._command = 0.0
         self.reset()
 
     def reset(self, hub_angle: float = 0.0) -> None:
         """Puts the rig to rest at a hub angle [rad], time 0."""
         self._drive.reset()
-        self._command = 0.0
         self._engine.reset(self._at_rest(hub_angle), torque=self._drive.torque)
 
     def advance(self, torque: float) -> None:
         """Moves on by one period under a commanded torque [N m]."""
-        self._command = torque
-        self.step()
-
-    def step(self, n_sub_steps: int = 1) -> None:
-        """Moves on by periods under the torque of `set_control`; stick and slip are located inside."""
-        for _ in range(n_sub_steps):
-            self._drive.command(self._engine.time, self._command)
-            for torque, span in self._drive.pieces(self._engine.time, self.period):
-                self._engine.advance(torque, span, self._step)
-
-    def set_control(self, control: np.ndarray) -> None:
-        """Sets the commanded torque (1) [N m]."""
-        self._command = float(np.asarray(control).reshape(()) if np.ndim(control) == 0 else control[0])
+        self._drive.command(self._engine.time, torque)
+        for piece, span in self._drive.pieces(self._engine.time, self.period):
+            self._engine.advance(piece, span, self._step)
 
     def time(self) -> float:
         """Time since the reset [s]."""
         return self._engine.time
-
-    def timestep(self) -> float:
-        """The sample period [s]."""
-        return self.period
-
-    def after_reset(self) -> None:
-        """Nothing is derived from a state that was set."""
-
-    def check_divergence(self) -> None:
-        """Raises PhysicsError if an angle is not finite."""
-        if not np.all(np.isfinite(self.configuration)):
-            raise PhysicsError("an angle of the chain is not finite")
 
     @property
     def mode(self) -> int:
@@ -119,11 +90,6 @@ class ChainPlant(_Links, Physics):
     def configuration(self) -> np.ndarray:
         """Absolute angles of all coordinates [rad]."""
         return self._engine.angles
-
-    @property
-    def hub_rate(self) -> float:
-        """Rate of the hub [rad/s]."""
-        return float(self._engine.rates[0])
 
     def _delivered(self) -> float:
         return self._engine.torque

@@ -1,0 +1,75 @@
+"""Controllers by name: those of the paper, two that go beyond it, and those of the user's files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from twin.control.base import Controller
+from twin.control.friction import FrictionFeedForward
+from twin.control.lqi import lqi
+from twin.control.shaper import ShapedReference, extra_insensitive, zero_vibration
+from twin.control.siso import siso
+from twin.errors import InputError, nearest
+
+Factory = Callable[[Mapping[str, float], float], Controller]
+"""Makes a controller for a rig's parameters and a sample period [s]."""
+
+
+def shaped_lqi(rig: Mapping[str, float], period: float) -> Controller:
+    """The LQ regulator behind a zero-vibration shaper for the first mode with the hub held."""
+    return ShapedReference(lqi(rig, period), *zero_vibration(*_held_mode(rig)), period)
+
+
+def insensitive_lqi(rig: Mapping[str, float], period: float) -> Controller:
+    """The LQ regulator behind an extra-insensitive shaper for the same mode."""
+    return ShapedReference(lqi(rig, period), *extra_insensitive(*_held_mode(rig)), period)
+
+
+def siso_with_friction(rig: Mapping[str, float], period: float) -> Controller:
+    """The paper's compensator with a feed-forward of the Coulomb level."""
+    return FrictionFeedForward(siso(rig, period), rig["coulomb_friction"], period)
+
+
+CONTROLLERS: Mapping[str, Factory] = {
+    "siso": siso,
+    "lqi": lqi,
+    "lqi-zv": shaped_lqi,
+    "lqi-ei": insensitive_lqi,
+    "siso-friction": siso_with_friction,
+}
+
+
+def controller(name: str, rig: Mapping[str, float], period: float) -> Controller:
+    """Returns the controller called `name`, or the one that NAME of FILE.py:NAME makes.
+
+    Args:
+      name: a key of `CONTROLLERS`, or FILE.py:NAME.
+      rig: parameters that its synthesis believes in.
+      period: sample period [s].
+
+    Raises:
+      InputError: there is no such controller, or its file cannot be used.
+    """
+    if name in CONTROLLERS:
+        return CONTROLLERS[name](rig, period)
+    file, colon, attribute = name.rpartition(":")
+    if not colon or not file.endswith(".py"):
+        known = ", ".join(CONTROLLERS)
+        raise InputError(
+            f"'{name}' is not a controller; expected one of: {known}, or FILE.py:NAME{nearest(name, CONTROLLERS)}"
+        )
+    from twin.control.user import load
+
+    return load(Path(file), attribute, rig, period)
+
+
+def _held_mode(rig: Mapping[str, float]) -> tuple[float, float]:
+    """Frequency [Hz] and damping ratio of the link's first mode while the hub is held: it rests when it arrives."""
+    import math
+
+    from twin.beam import modes
+    from twin.modal import clamped_damping_ratios
+
+    frequency = float(modes(rig, 1, "clamped").frequencies[0]) / (2 * math.pi)
+    return frequency, float(clamped_damping_ratios(rig, 1)[0])

@@ -1,0 +1,62 @@
+"""Plants: what a controller acts on. `make` builds one for a rig by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from twin.errors import InputError, nearest
+from twin.plants.base import PERIOD, Plant
+
+if TYPE_CHECKING:
+    from twin.model import Model
+    from twin.parameters import Rig
+
+KINDS = ("chain", "modal", "compiled")
+"""MuJoCo's chain, the modal model, and the chain in compiled equations of motion."""
+
+Effects = Mapping[str, Mapping[str, float]]
+
+
+def make(
+    kind: str,
+    rig: Rig | None = None,
+    effects: Effects | None = None,
+    period: float = PERIOD,
+    segments: int = 8,
+) -> Plant:
+    """Returns a plant.
+
+    Args:
+      kind: one of `KINDS`.
+      rig: by default `bossi2009`.
+      effects: effects that act: name -> parameter -> value (SI).
+      period: sample period [s].
+      segments: of the chain.
+
+    Raises:
+      InputError: there is no such plant, or it cannot have these effects.
+    """
+    if kind not in KINDS:
+        raise InputError(
+            f"'{kind}' is not a plant; expected one of: {', '.join(KINDS)}{nearest(kind, KINDS)}"
+        )
+    model = _model(rig, effects, segments)
+    if kind == "modal":
+        from twin.plants.modal import ModalPlant
+
+        return ModalPlant(model, period)
+    from twin.plants.chain import ChainPlant, CompiledPlant
+
+    return ChainPlant(model, period) if kind == "chain" else CompiledPlant(model, period)
+
+
+def _model(rig: Rig | None, effects: Effects | None, segments: int) -> Model:
+    from twin import chain
+    from twin.mjcf import GAUGES
+    from twin.model import Model
+    from twin.rigs import preset
+
+    rig = rig if rig is not None else preset("bossi2009")
+    gauges = {gauge.channel: gauge for gauge in GAUGES}
+    return Model(rig, gauges, chain.fit_shape(rig, segments), effects or {})
