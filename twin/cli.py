@@ -12,6 +12,7 @@ import typer
 
 from twin.commands.check import check
 from twin.commands.diagnose import demo, diagnose
+from twin.commands.run import run
 from twin.errors import InputError
 
 app = typer.Typer(
@@ -40,7 +41,7 @@ def root() -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
 
 
-for command in (demo, diagnose, check):
+for command in (demo, diagnose, check, run):
     app.command()(command)
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from twin.errors import InputError
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -65,3 +67,18 @@ def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
     if name_or_file in PRESETS or not (path.suffix or path.exists()):
         return preset(name_or_file), {}
     return read_rig_file(path)
+
+
+def check_writable(*files: Path | None) -> None:
+    """Makes sure, before anything is computed, that files can be written.
+
+    Raises:
+      InputError: one is a folder, or would be in one that is not there.
+    """
+    for file in files:
+        if file is None:
+            continue
+        if file.is_dir():
+            raise InputError(f"cannot write {file}: it is a folder")
+        if not file.parent.is_dir():
+            raise InputError(f"cannot write {file}: there is no folder {file.parent}")

@@ -148,6 +148,10 @@ def _guarded(file: Path, function: Callable[..., Any], *given: Any, **named: Any
     except SyntaxError as error:
         raise InputError(f"{file}: line {error.lineno}: {error.msg}") from None
     except Exception as error:
-        lines = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).resolve() == file.resolve()]
+        lines = [
+            f
+            for f in traceback.extract_tb(error.__traceback__)
+            if Path(f.filename).resolve() == file.resolve()
+        ]
         where = f"line {lines[-1].lineno}: " if lines else ""
         raise InputError(f"{file}: {where}{type(error).__name__}: {error}") from None
