@@ -8,7 +8,8 @@ import pytest
 import synthetic_diagnosis as synthetic
 
 from twin.recording import Recording, Sensor
-from twin.stream import centre_line, write_rrd
+from twin.rerun_parts import centre_line
+from twin.stream import write_rrd
 
 LENGTH = 0.42
 

@@ -1,10 +1,7 @@
 """A diagnosis as a rerun recording: measured, before and after as three arms that move together.
 
 Every file of the campaign is a tab with a time of its own, the held-out ones first. The link's line is drawn
-from what the sensors say alone: hub angle, and the curvature strain / half_thickness at the gauges, linear
-between them and to zero at the tip, integrated twice along the arc:
-
-    phi(s) = theta + int_0^s kappa ds,   x(s) = int_0^s cos(phi) ds,   y(s) = int_0^s sin(phi) ds
+from what the sensors say alone.
 """
 
 from __future__ import annotations
@@ -17,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import rerun_parts as parts
 from twin.diagnosis import Diagnosis, Prediction, Trace
 from twin.recording import Recording, Sensor
 from twin.report import display
@@ -24,9 +22,6 @@ from twin.report import display
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
-
-TIMELINE = "sim_time"
-FRAME_RATE = 60.0  # Hz, of the arms; scalars keep every sample
 
 # On dark ground as on light; measured is a neutral grey, the models differ for every kind of colour vision.
 COLOURS: Mapping[str, tuple[int, int, int]] = {
@@ -39,7 +34,6 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
 
 # Plots draw entities by their names, one over the other: what is simulated over what is measured.
 _PLACES = {"measured": "measured", "before": "simulated/before", "after": "simulated/after"}
-_POINTS = 24  # of an arm's line
 _LEVER = 0.35  # of the length: where the arrow of a torque on the hub pushes
 _ARROW = 0.5  # of the length: the arrow of the largest unmodelled torque
 
@@ -72,63 +66,6 @@ def _roots(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         for file in display.by_role(diagnosis, role):
             safe = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in Path(file).stem)
             yield file, f"/{role}/{next(numbers):02}_{safe}"
-
-
-def centre_line(
-    recording: Recording, times: np.ndarray, length: float, sensors: Mapping[str, Sensor]
-) -> np.ndarray:
-    """Returns where the link is, from hub angle and strains alone.
-
-    Args:
-      recording: measured or simulated; a clamped hub is at zero where its angle was not measured.
-      times: (k) instants [s].
-      length: of the link [m].
-      sensors: channel -> sensor.
-
-    Returns:
-      (k x p x 2) x and y of p points from hub to tip [m].
-    """
-    s = np.linspace(0.0, length, _POINTS)
-    curvature = _curvature(recording, times, s, sensors)
-    theta = _at(recording, "hub_angle", times)
-    heading = theta[:, None] + _integral(curvature, s)
-    return np.stack([_integral(np.cos(heading), s), _integral(np.sin(heading), s)], axis=-1)
-
-
-def _curvature(
-    recording: Recording, times: np.ndarray, s: np.ndarray, sensors: Mapping[str, Sensor]
-) -> np.ndarray:
-    """Returns w'' (k x p) [1/m]: linear through the gauges, on to the hub, and to zero at the tip."""
-    gauges = sorted(
-        (sensor for name, sensor in sensors.items() if name in recording and sensor.half_thickness > 0),
-        key=lambda sensor: sensor.position,
-    )
-    gauges = [sensor for sensor in gauges if sensor.position < s[-1]]
-    if not gauges:
-        return np.zeros((len(times), len(s)))
-    at = np.array([*(sensor.position for sensor in gauges), s[-1]])
-    values = [_at(recording, sensor.channel, times) / sensor.half_thickness for sensor in gauges]
-    known = np.stack([*values, np.zeros(len(times))], axis=1)
-    # Which two neighbours each point lies between; before the first gauge its line goes on.
-    left = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)
-    weight = (s - at[left]) / (at[left + 1] - at[left])
-    return known[:, left] * (1 - weight) + known[:, left + 1] * weight
-
-
-def _at(recording: Recording, channel: str, times: np.ndarray) -> np.ndarray:
-    """Returns a channel at other instants, missing samples bridged; zero where there is none at all."""
-    if channel not in recording:
-        return np.zeros(len(times))
-    there = np.isfinite(recording[channel])
-    if not there.any():
-        return np.zeros(len(times))
-    return np.interp(times, recording.time[there], recording[channel][there])
-
-
-def _integral(values: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Returns the integral from the first point to each (k x p), by the trapezoidal rule."""
-    steps = 0.5 * (values[:, 1:] + values[:, :-1]) * np.diff(s)
-    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
 # What is shown of one recording
@@ -194,20 +131,16 @@ def _samples(diagnosis: Diagnosis, trace: Trace, file: str) -> tuple[np.ndarray,
 
 
 def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
-    _send_scenery(stream, entry)
+    parts.send_scenery(stream, entry.root, entry.length)
     measured = entry.prediction.measured
-    frames = np.arange(measured.time[0], measured.time[-1] + 0.5 / FRAME_RATE, 1 / FRAME_RATE)
+    frames = np.arange(measured.time[0], measured.time[-1] + 0.5 / parts.FRAME_RATE, 1 / parts.FRAME_RATE)
     for level, (model, recording) in enumerate(entry.models().items()):
-        line = centre_line(recording, frames, entry.length, entry.sensors)
+        line = parts.centre_line(recording, frames, entry.length, entry.sensors)
         # One above the other, by a little: where they coincide all can still be seen.
         height = np.full((*line.shape[:2], 1), 0.012 * entry.length * level)
-        _send_arm(
-            stream,
-            f"{entry.root}/arms/{_PLACES[model]}",
-            frames,
-            np.concatenate([line, height], axis=2),
-            model,
-        )
+        thick = (0.016 if model == "measured" else 0.009) * entry.length
+        place = f"{entry.root}/arms/{_PLACES[model]}"
+        parts.send_arm(stream, place, frames, np.concatenate([line, height], axis=2), COLOURS[model], thick)
         for name in entry.channels():
             if name in recording:
                 values = display.channel(name).factor * recording[name]
@@ -218,43 +151,11 @@ def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
     _send_torque(stream, entry, frames)
 
 
-def _send_scenery(stream: rr.RecordingStream, entry: _Shown) -> None:
-    """Logs the hub, and a circle that the tip of a straight link draws."""
-    import rerun as rr
-
-    stream.log(entry.root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    radius = 0.035 * entry.length
-    hub = rr.Cylinders3D(lengths=2 * radius, radii=radius, colors=(110, 116, 124), fill_mode="solid")
-    stream.log(f"{entry.root}/arms/hub", hub, static=True)
-    angles = np.linspace(-np.pi, np.pi, 181)
-    circle = entry.length * np.stack([np.cos(angles), np.sin(angles), 0 * angles - 0.03], axis=1)
-    reach = rr.LineStrips3D([circle], colors=(110, 116, 124, 120), radii=0.002 * entry.length)
-    stream.log(f"{entry.root}/arms/reach", reach, static=True)
-
-
-def _send_arm(
-    stream: rr.RecordingStream, entity: str, frames: np.ndarray, line: np.ndarray, model: str
-) -> None:
-    import rerun as rr
-
-    length = float(np.linalg.norm(np.diff(line[0], axis=0), axis=1).sum())
-    thick = {"measured": 0.016, "before": 0.009, "after": 0.009}[model] * length
-    colour, index = COLOURS[model], rr.TimeColumn(TIMELINE, duration=frames)
-    stream.log(f"{entity}/link", rr.LineStrips3D.from_fields(colors=colour, radii=thick), static=True)
-    stream.send_columns(f"{entity}/link", [index], rr.LineStrips3D.columns(strips=list(line)))
-    stream.log(f"{entity}/payload", rr.Points3D.from_fields(colors=colour, radii=2.2 * thick), static=True)
-    stream.send_columns(f"{entity}/payload", [index], rr.Points3D.columns(positions=line[:, -1]))
-
-
 def _send_scalars(
     stream: rr.RecordingStream, entity: str, time: np.ndarray, values: np.ndarray, model: str, name: str = ""
 ) -> None:
-    import rerun as rr
-
     width = {"measured": 4.0, "command": 1.0, "unmodelled": 1.0}.get(model, 1.5)
-    stream.log(entity, rr.SeriesLines(colors=COLOURS[model], names=name or model, widths=width), static=True)
-    index = rr.TimeColumn(TIMELINE, duration=time)
-    stream.send_columns(entity, [index], rr.Scalars.columns(scalars=values))
+    parts.send_scalars(stream, entity, time, values, COLOURS[model], name or model, width)
 
 
 def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) -> None:
@@ -280,12 +181,12 @@ def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) 
     style = rr.Arrows3D.from_fields(colors=COLOURS["unmodelled"], radii=0.012 * entry.length)
     stream.log(entity, style, static=True)
     columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
-    stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=frames)], columns)
+    stream.send_columns(entity, [rr.TimeColumn(parts.TIMELINE, duration=frames)], columns)
 
 
 def _arrows(entry: _Shown, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns origins and vectors (k x 3) of the arrow, for torques as a share (k) of the largest one."""
-    theta = _at(entry.prediction.measured, "hub_angle", frames)
+    theta = parts.sampled(entry.prediction.measured, "hub_angle", frames)
     along = np.stack([np.cos(theta), np.sin(theta), 0 * theta], axis=1)
     across = np.stack([-np.sin(theta), np.cos(theta), 0 * theta], axis=1)
     origins = _LEVER * entry.length * along + [0, 0, 0.06 * entry.length]
@@ -306,7 +207,7 @@ def _blueprint(diagnosis: Diagnosis, shown: Sequence[_Shown]) -> rrb.Blueprint:
     tabs.append(rrb.TextDocumentView(origin="/summary", name="summary"))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        rrb.TimePanel(state="collapsed", timeline=parts.TIMELINE, play_state="playing", loop_mode="all"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
@@ -317,35 +218,19 @@ def _blueprint(diagnosis: Diagnosis, shown: Sequence[_Shown]) -> rrb.Blueprint:
 def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
     import rerun.blueprint as rrb
 
-    length = entry.length
-    above = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=(0.0, -0.3 * length, 2.4 * length),
-        look_target=(0.0, 0.0, 0.0),
-        eye_up=(0.0, 0.0, 1.0),
-    )
-    arms = rrb.Spatial3DView(
-        origin=entry.root, contents="$origin/arms/**", name="arms", eye_controls=above, line_grid=False
-    )
+    arms = parts.arms_view(entry.root, entry.length)
     plots = [_plot(entry, name) for name in entry.channels()]
-    plots.append(_series(entry, "torque", "commanded torque [N m]"))
+    plots.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]"))
     found = entry.torque()
     if found:
-        plots.append(_series(entry, "unmodelled", found[0].label))
+        plots.append(parts.series_view(f"{entry.root}/unmodelled", found[0].label))
     left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
     return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)
 
 
 def _plot(entry: _Shown, channel: str) -> rrb.TimeSeriesView:
     shown = display.channel(channel)
-    return _series(entry, channel, f"{shown.label} [{shown.unit}]")
-
-
-def _series(entry: _Shown, name: str, title: str) -> rrb.TimeSeriesView:
-    import rerun.blueprint as rrb
-
-    legend = rrb.PlotLegend(visible=True, corner=rrb.Corner2D.RightTop)
-    return rrb.TimeSeriesView(origin=f"{entry.root}/{name}", name=title, plot_legend=legend)
+    return parts.series_view(f"{entry.root}/{channel}", f"{shown.label} [{shown.unit}]")
 
 
 def _story(diagnosis: Diagnosis) -> str:

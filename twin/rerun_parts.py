@@ -1,0 +1,155 @@
+"""What all rerun recordings of the rig are made of: an arm in 3D, lines over time, and the views of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.recording import Recording, Sensor
+
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+TIMELINE = "sim_time"
+FRAME_RATE = 60.0  # Hz, of the arms; scalars keep every sample
+Colour = tuple[int, int, int]
+
+_POINTS = 24  # of an arm's line
+_GREY = (110, 116, 124)
+
+
+def centre_line(
+    recording: Recording, times: np.ndarray, length: float, sensors: Mapping[str, Sensor]
+) -> np.ndarray:
+    """Returns where the link is, from hub angle and strains alone.
+
+    The curvature strain / half_thickness at the gauges, linear between them and to zero at the tip, is integrated
+    twice along the arc:
+
+        phi(s) = theta + int_0^s kappa ds,   x(s) = int_0^s cos(phi) ds,   y(s) = int_0^s sin(phi) ds
+
+    Args:
+      recording: measured or simulated; a clamped hub is at zero where its angle was not measured.
+      times: (k) instants [s].
+      length: of the link [m].
+      sensors: channel -> sensor.
+
+    Returns:
+      (k x p x 2) x and y of p points from hub to tip [m].
+    """
+    s = np.linspace(0.0, length, _POINTS)
+    curvature = _curvature(recording, times, s, sensors)
+    theta = sampled(recording, "hub_angle", times)
+    heading = theta[:, None] + _integral(curvature, s)
+    return np.stack([_integral(np.cos(heading), s), _integral(np.sin(heading), s)], axis=-1)
+
+
+def _curvature(
+    recording: Recording, times: np.ndarray, s: np.ndarray, sensors: Mapping[str, Sensor]
+) -> np.ndarray:
+    """Returns w'' (k x p) [1/m]: linear through the gauges, on to the hub, and to zero at the tip."""
+    gauges = sorted(
+        (sensor for name, sensor in sensors.items() if name in recording and sensor.half_thickness > 0),
+        key=lambda sensor: sensor.position,
+    )
+    gauges = [sensor for sensor in gauges if sensor.position < s[-1]]
+    if not gauges:
+        return np.zeros((len(times), len(s)))
+    at = np.array([*(sensor.position for sensor in gauges), s[-1]])
+    values = [sampled(recording, sensor.channel, times) / sensor.half_thickness for sensor in gauges]
+    known = np.stack([*values, np.zeros(len(times))], axis=1)
+    # Which two neighbours each point lies between; before the first gauge its line goes on.
+    left = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)
+    weight = (s - at[left]) / (at[left + 1] - at[left])
+    return known[:, left] * (1 - weight) + known[:, left + 1] * weight
+
+
+def sampled(recording: Recording, channel: str, times: np.ndarray) -> np.ndarray:
+    """Returns a channel at other instants, missing samples bridged; zero where there is none at all."""
+    if channel not in recording:
+        return np.zeros(len(times))
+    there = np.isfinite(recording[channel])
+    if not there.any():
+        return np.zeros(len(times))
+    return np.interp(times, recording.time[there], recording[channel][there])
+
+
+def _integral(values: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Returns the integral from the first point to each (k x p), by the trapezoidal rule."""
+    steps = 0.5 * (values[:, 1:] + values[:, :-1]) * np.diff(s)
+    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def send_scenery(stream: rr.RecordingStream, root: str, length: float) -> None:
+    """Logs the hub, and a circle that the tip of a straight link draws."""
+    import rerun as rr
+
+    stream.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    radius = 0.035 * length
+    hub = rr.Cylinders3D(lengths=2 * radius, radii=radius, colors=_GREY, fill_mode="solid")
+    stream.log(f"{root}/arms/hub", hub, static=True)
+    angles = np.linspace(-np.pi, np.pi, 181)
+    circle = length * np.stack([np.cos(angles), np.sin(angles), 0 * angles - 0.03], axis=1)
+    reach = rr.LineStrips3D([circle], colors=(*_GREY, 120), radii=0.002 * length)
+    stream.log(f"{root}/arms/reach", reach, static=True)
+
+
+def send_arm(
+    stream: rr.RecordingStream,
+    entity: str,
+    frames: np.ndarray,
+    line: np.ndarray,
+    colour: Colour,
+    thick: float,
+) -> None:
+    """Sends a link (k x p x 3) [m] with its payload at the instants `frames` (k) [s]; `thick` is its radius [m]."""
+    import rerun as rr
+
+    index = rr.TimeColumn(TIMELINE, duration=frames)
+    stream.log(f"{entity}/link", rr.LineStrips3D.from_fields(colors=colour, radii=thick), static=True)
+    stream.send_columns(f"{entity}/link", [index], rr.LineStrips3D.columns(strips=list(line)))
+    stream.log(f"{entity}/payload", rr.Points3D.from_fields(colors=colour, radii=2.2 * thick), static=True)
+    stream.send_columns(f"{entity}/payload", [index], rr.Points3D.columns(positions=line[:, -1]))
+
+
+def send_scalars(
+    stream: rr.RecordingStream,
+    entity: str,
+    time: np.ndarray,
+    values: np.ndarray,
+    colour: Colour,
+    name: str,
+    width: float,
+) -> None:
+    """Sends a line over time: values (m) at the instants `time` (m) [s]."""
+    import rerun as rr
+
+    stream.log(entity, rr.SeriesLines(colors=colour, names=name, widths=width), static=True)
+    index = rr.TimeColumn(TIMELINE, duration=time)
+    stream.send_columns(entity, [index], rr.Scalars.columns(scalars=values))
+
+
+def arms_view(root: str, length: float) -> rrb.Spatial3DView:
+    """Returns the view of the arms, from above."""
+    import rerun.blueprint as rrb
+
+    above = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=(0.0, -0.3 * length, 2.4 * length),
+        look_target=(0.0, 0.0, 0.0),
+        eye_up=(0.0, 0.0, 1.0),
+    )
+    return rrb.Spatial3DView(
+        origin=root, contents="$origin/arms/**", name="arms", eye_controls=above, line_grid=False
+    )
+
+
+def series_view(origin: str, title: str) -> rrb.TimeSeriesView:
+    """Returns the view of the lines below an entity."""
+    import rerun.blueprint as rrb
+
+    legend = rrb.PlotLegend(visible=True, corner=rrb.Corner2D.RightTop)
+    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=legend)
