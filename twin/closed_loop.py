@@ -18,6 +18,8 @@ from twin.plants.base import READINGS, Plant
 from twin.plants.sensors import Sensors
 from twin.recording import Recording
 
+_PIECE = 0.5  # s of a run, watched at a time
+
 
 @dataclass(frozen=True)
 class Run:
@@ -67,8 +69,9 @@ class _Log:
         values = {name: float(value) for name, value in observation.items()}
         self.rows.append((values, plant.read(), torque, dict(states), plant.mode, plant.configuration))
 
-    def run(self, plant: Plant, wall: float) -> Run:
-        values, true, torque, states, modes, configurations = zip(*self.rows, strict=True)
+    def run(self, plant: Plant, wall: float, first: int = 0) -> Run:
+        """The run from row `first` on."""
+        values, true, torque, states, modes, configurations = zip(*self.rows[first:], strict=True)
         return Run(
             plant.name,
             _column(values, "time"),
@@ -90,7 +93,7 @@ def run(
     reference: Reference,
     duration: float,
     sensors: Sensors | None = None,
-    watch: Callable[[_Log], None] | None = None,
+    watch: Callable[[Run], None] | None = None,
 ) -> Run:
     """Runs a controller on a plant from rest at zero; both are reset.
 
@@ -100,22 +103,23 @@ def run(
       reference: wanted hub angle [rad] by time [s].
       duration: of the run [s].
       sensors: what the controller's readings pass through; without, they are true.
-      watch: called now and then with what was recorded so far.
+      watch: called every half second of the run, and at its end, with the piece that is new.
 
     Raises:
       InputError: the controller of a user cannot be used.
     """
     environment = over(plant, Follow(reference, sensors), duration)
     controller.reset()
-    log, began = _Log(), time.perf_counter()
+    log, seen, began = _Log(), 0, time.perf_counter()
     step = environment.reset()
     while True:
         readings = {name: float(value) for name, value in step.observation.items()}
         wanted = readings.pop("reference")
         torque = float(controller.torque(readings, wanted))
         log.add(plant, step.observation, torque, getattr(controller, "states", {}))
-        if watch is not None:
-            watch(log)
+        if watch is not None and (step.last() or len(log.rows) - seen >= _PIECE / plant.period):
+            watch(log.run(plant, time.perf_counter() - began, seen))
+            seen = len(log.rows)
         if step.last():
             return log.run(plant, time.perf_counter() - began)
         step = environment.step(torque)

@@ -115,6 +115,21 @@ def send_arm(
     stream.send_columns(f"{entity}/payload", [index], rr.Points3D.columns(positions=line[:, -1]))
 
 
+def send_fork(
+    stream: rr.RecordingStream, entity: str, frames: np.ndarray, heading: np.ndarray, length: float
+) -> None:
+    """Sends the two cheeks of the fork that holds the link, turned by `heading` (k) [rad]."""
+    import rerun as rr
+
+    half = (0.06 * length, 0.008 * length, 0.05 * length)
+    centres = [(half[0], side * 0.03 * length, 0.0) for side in (-1, 1)]
+    cheeks = rr.Boxes3D(half_sizes=[half, half], centers=centres, colors=_GREY, fill_mode="solid")
+    stream.log(entity, cheeks, static=True)
+    turns = np.stack([0 * heading, 0 * heading, np.sin(heading / 2), np.cos(heading / 2)], axis=1)
+    index = rr.TimeColumn(TIMELINE, duration=frames)
+    stream.send_columns(entity, [index], rr.Transform3D.columns(quaternion=turns))
+
+
 def send_scalars(
     stream: rr.RecordingStream,
     entity: str,

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from twin.campaign import read_campaign
 from twin.closed_loop import Run
 from twin.errors import InputError
+from twin.mjcf import GAUGES
+from twin.recording import CHANNEL_UNITS, Recording
+from twin.rigs import preset
+from twin.run_stream import Track, of_recording
+from twin.table import read_table
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
@@ -39,3 +46,38 @@ def _rows(table: Mapping[str, np.ndarray]):
     # 9 digits: 1e-8 rad of a turn, far below any sensor.
     for row in zip(*table.values(), strict=True):
         yield [f"{value:.9g}" for value in row]
+
+
+def read_track(path: Path, length: float | None = None) -> Track:
+    """Reads what there is to see of a CSV file: of a campaign, if its folder has a campaign.toml, else of a run.
+
+    Args:
+      path: the file.
+      length: of the link [m]; None for that of the campaign's rig, or of `bossi2009`.
+
+    Raises:
+      InputError: the file, or its campaign, cannot be used.
+    """
+    if (path.parent / "campaign.toml").is_file():
+        campaign = read_campaign(path.parent)
+        recordings = {r.name: r for r in (*campaign.fit, *campaign.holdout())}
+        if path.name not in recordings:
+            raise InputError(f"{path}: its campaign has no such recording; it has {', '.join(recordings)}")
+        return of_recording(recordings[path.name], campaign.rig["length"], campaign.sensors)
+    return _run_track(path, preset("bossi2009")["length"] if length is None else length)
+
+
+def _run_track(path: Path, length: float) -> Track:
+    """A file with a column for each channel, in SI units, as `write_csv` writes it."""
+    table = read_table(path, path.name)
+    if "time" not in table.columns or "hub_angle" not in table.columns:
+        raise InputError(
+            f"{path}: has the columns {', '.join(table.header)}; expected time and hub_angle, as `twin run --csv` "
+            "writes them, or a campaign.toml beside it that says what its columns are"
+        )
+    channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
+    track = of_recording(
+        Recording(path.name, table.columns["time"], channels), length, {g.channel: g for g in GAUGES}
+    )
+    states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
+    return replace(track, modes=table.columns.get("mode"), states=states)

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from twin.commands.shared import JsonFile, RigOption, check_writable, console, load_rig, progress
+from twin.commands.shared import (
+    JsonFile,
+    RigOption,
+    check_writable,
+    console,
+    load_rig,
+    progress,
+    require_display,
+)
 from twin.json_file import write_json
-
-if TYPE_CHECKING:
-    from twin.closed_loop import Run
 
 Scenario = Annotated[
     str,
@@ -43,21 +48,40 @@ def run(
     controller: ControllerOption = None,
     rig: RigOption = "bossi2009",
     noise: Noise = None,
+    rrd_file: Annotated[
+        Path | None, typer.Option("--rrd", metavar="FILE", help="Write the run here, for the rerun viewer.")
+    ] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the run in the rerun viewer while it goes on.")
+    ] = False,
+    ghost: Annotated[
+        str,
+        typer.Option(
+            metavar="other|none|FILE.csv", help="Shown beside the run: the other plant, nothing, a recording."
+        ),
+    ] = "other",
     csv_file: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write the run here, as a recording.")
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Run one of the paper's experiments on the chain or the modal model, under any controller."""
-    check_writable(csv_file, json_file)
+    check_writable(csv_file, json_file, rrd_file)
     declared, effects = load_rig(rig)
+    if view:
+        require_display("--view")
     with progress() as report:
-        report("building the plant")
-        result, name, figures = _run(scenario, plant, controller, declared, effects, noise, report)
+        report("loading the plants")
+        from twin.experiment import Experiment, run_shown
+
+        experiment = Experiment(scenario, plant, declared, effects, controller, noise)
+        report(f"{scenario} on the {plant}")
+        result = run_shown(experiment, rrd_file, view, ghost)
+    figures = experiment.metrics(result)
     answer = {
         "scenario": scenario,
         "plant": plant,
-        "controller": name,
+        "controller": experiment.controller_name,
         "duration_s": float(result.time[-1]),
         "wall_s": result.wall,
         "metrics": figures,
@@ -69,23 +93,6 @@ def run(
     if json_file is not None:
         write_json(json_file, answer)
     _print(answer)
-
-
-def _run(scenario, plant, controller, rig, effects, noise, report) -> tuple[Run, str, dict[str, float]]:
-    from twin import closed_loop, plants, scenarios
-    from twin.control import library
-    from twin.plants.sensors import BOSSI2009, Sensors
-
-    chosen = scenarios.scenario(scenario)
-    built = plants.make(plant, rig, effects)
-    if controller is None:
-        law = chosen.own_controller(rig, built.period)
-    else:
-        law = library.controller(controller, rig, built.period)
-    report(f"{scenario} on the {plant}")
-    sensors = None if noise is None else Sensors(BOSSI2009, noise)
-    result = closed_loop.run(built, law, chosen.reference, chosen.duration, sensors)
-    return result, controller or chosen.controller, scenarios.metrics(result, chosen.from_half)
 
 
 def _print(answer: dict[str, Any]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -82,3 +84,18 @@ def check_writable(*files: Path | None) -> None:
             raise InputError(f"cannot write {file}: it is a folder")
         if not file.parent.is_dir():
             raise InputError(f"cannot write {file}: there is no folder {file.parent}")
+
+
+def require_display(what: str) -> None:
+    """Makes sure that there is a screen to show a window on.
+
+    Raises:
+      InputError: there is none.
+    """
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise InputError(
+            f"{what} needs a display, and DISPLAY and WAYLAND_DISPLAY are not set; "
+            "write a file with `twin run SCENARIO --rrd FILE` and open it elsewhere with `rerun FILE`"
+        )

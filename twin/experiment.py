@@ -1,0 +1,119 @@
+"""An experiment: a scenario on a plant under a controller, run, and shown while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from twin import closed_loop, plants, run_stream, scenarios
+from twin.closed_loop import Run
+from twin.control import library
+from twin.errors import InputError
+from twin.parameters import Rig
+from twin.plants.sensors import BOSSI2009, Sensors
+from twin.run_stream import Track
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is run.
+
+    Attributes:
+      scenario: name of a scenario.
+      plant: "chain", "modal" or "compiled".
+      rig: its parameters; the controllers are synthesised for them.
+      effects: effects that act on the plant.
+      controller: name or FILE.py:NAME; None for the scenario's own.
+      noise: seed of the sensors' noise; None for sensors that are true.
+    """
+
+    scenario: str
+    plant: str
+    rig: Rig
+    effects: Mapping[str, Mapping[str, float]]
+    controller: str | None = None
+    noise: int | None = None
+
+    @property
+    def controller_name(self) -> str:
+        """Name of the controller that acts."""
+        return self.controller or scenarios.scenario(self.scenario).controller
+
+    def run(self, watch: Callable[[Run], None] | None = None) -> Run:
+        """Runs it.
+
+        Raises:
+          InputError: there is no such scenario, plant or controller, or the user's controller fails.
+        """
+        chosen = scenarios.scenario(self.scenario)
+        plant = plants.make(self.plant, self.rig, self.effects)
+        if self.controller is None:
+            law = chosen.own_controller(self.rig, plant.period)
+        else:
+            law = library.controller(self.controller, self.rig, plant.period)
+        sensors = None if self.noise is None else Sensors(BOSSI2009, self.noise)
+        return closed_loop.run(plant, law, chosen.reference, chosen.duration, sensors, watch)
+
+    def metrics(self, run: Run) -> dict[str, float]:
+        """Figures of a run of it."""
+        return scenarios.metrics(run, scenarios.scenario(self.scenario).from_half)
+
+    def ghost(self, what: str) -> Track | None:
+        """Returns what is shown beside it: "other" plant, "none", or a CSV file of a run or of a campaign.
+
+        Raises:
+          InputError: it is none of these, or the file cannot be read.
+        """
+        if what == "none":
+            return None
+        if what == "other":
+            other = replace(self, plant="chain" if self.plant == "modal" else "modal")
+            try:
+                return run_stream.of_run(other.run(), other.plant)
+            except InputError:
+                return None  # the modal model has no such effect
+        if not what.endswith(".csv"):
+            raise InputError(f"'{what}' is no ghost; expected other, none, or a CSV file")
+        from twin.run_files import read_track
+
+        return read_track(Path(what), self.rig["length"])
+
+
+def run_shown(experiment: Experiment, rrd: Path | None, view: bool, ghost: str) -> Run:
+    """Runs an experiment and shows it: in a file, or in the viewer piece by piece while it goes on.
+
+    Args:
+      experiment: what is run.
+      rrd: file for the viewer; None for none.
+      view: show it in the viewer, which is started.
+      ghost: what is shown beside it, see `Experiment.ghost`.
+    """
+    if rrd is None and not view:
+        return experiment.run()
+    name, length = f"{experiment.scenario}, {experiment.plant}", experiment.rig["length"]
+    beside = experiment.ghost(ghost)
+    run = _run_in_viewer(experiment, beside, name) if view else experiment.run()
+    if rrd is not None:
+        track = run_stream.of_run(run, experiment.plant)
+        run_stream.write_rrd([track] if beside is None else [track, beside], length, rrd, name)
+    return run
+
+
+def _run_in_viewer(experiment: Experiment, ghost: Track | None, name: str) -> Run:
+    stream = run_stream.open_viewer(name)
+    sender: run_stream.RunStream | None = None
+
+    def show(piece: Run) -> None:
+        nonlocal sender
+        track = run_stream.of_run(piece, experiment.plant)
+        if sender is None:
+            tracks = [track] if ghost is None else [track, ghost]
+            sender = run_stream.RunStream(stream, tracks, experiment.rig["length"])
+            if ghost is not None:
+                sender.send(1, ghost)
+        sender.send(0, track)
+
+    run = experiment.run(show)
+    run_stream.close(stream)
+    return run
