@@ -11,8 +11,10 @@ import sys
 import typer
 
 from twin.commands.check import check
+from twin.commands.compare import compare
 from twin.commands.diagnose import demo, diagnose
 from twin.commands.run import run
+from twin.commands.view import view
 from twin.errors import InputError
 
 app = typer.Typer(
@@ -41,7 +43,7 @@ def root() -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
 
 
-for command in (demo, diagnose, check, run):
+for command in (demo, diagnose, check, run, compare, view):
     app.command()(command)
 
 if __name__ == "__main__":

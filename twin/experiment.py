@@ -9,6 +9,7 @@ from pathlib import Path
 from twin import closed_loop, plants, run_stream, scenarios
 from twin.closed_loop import Run
 from twin.control import library
+from twin.control.base import Controller
 from twin.errors import InputError
 from twin.parameters import Rig
 from twin.plants.sensors import BOSSI2009, Sensors
@@ -48,12 +49,15 @@ class Experiment:
         """
         chosen = scenarios.scenario(self.scenario)
         plant = plants.make(self.plant, self.rig, self.effects)
-        if self.controller is None:
-            law = chosen.own_controller(self.rig, plant.period)
-        else:
-            law = library.controller(self.controller, self.rig, plant.period)
+        law = self.law(plant.period)
         sensors = None if self.noise is None else Sensors(BOSSI2009, self.noise)
         return closed_loop.run(plant, law, chosen.reference, chosen.duration, sensors, watch)
+
+    def law(self, period: float) -> Controller:
+        """Returns the controller for a sample period [s]."""
+        if self.controller is None:
+            return scenarios.scenario(self.scenario).own_controller(self.rig, period)
+        return library.controller(self.controller, self.rig, period)
 
     def metrics(self, run: Run) -> dict[str, float]:
         """Figures of a run of it."""

@@ -41,7 +41,7 @@ def make(
         raise InputError(
             f"'{kind}' is not a plant; expected one of: {', '.join(KINDS)}{nearest(kind, KINDS)}"
         )
-    model = _model(rig, effects, segments)
+    model = model_of(rig, effects, segments)
     if kind == "modal":
         from twin.plants.modal import ModalPlant
 
@@ -51,7 +51,8 @@ def make(
     return ChainPlant(model, period) if kind == "chain" else CompiledPlant(model, period)
 
 
-def _model(rig: Rig | None, effects: Effects | None, segments: int) -> Model:
+def model_of(rig: Rig | None = None, effects: Effects | None = None, segments: int = 8) -> Model:
+    """Returns the twin of a rig with effects, its strain bridges where `models/` has them."""
     from twin import chain
     from twin.mjcf import GAUGES
     from twin.model import Model

@@ -91,6 +91,11 @@ class ChainPlant(_Links):
         """Absolute angles of all coordinates [rad]."""
         return self._engine.angles
 
+    @property
+    def joints(self) -> np.ndarray:
+        """Joint angles [rad]: the qpos of `mjcf.build_spec`'s model."""
+        return self._engine.joints
+
     def _delivered(self) -> float:
         return self._engine.torque
 

@@ -1,0 +1,26 @@
+"""`twin view`: the rig in MuJoCo's viewer, the controller running in real time."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from twin.commands.run import ControllerOption
+from twin.commands.shared import RigOption, load_rig, require_display
+
+
+def view(
+    scenario: Annotated[str, typer.Argument(help="A scenario of `twin run`.")] = "lq-step-120",
+    controller: ControllerOption = None,
+    rig: RigOption = "bossi2009",
+) -> None:
+    """Watch a controller move the chain in MuJoCo's interactive viewer, in real time."""
+    declared, effects = load_rig(rig)
+    require_display("twin view")
+    import mujoco.viewer
+
+    from twin.experiment import Experiment
+    from twin.viewer import watch
+
+    watch(Experiment(scenario, "chain", declared, effects, controller), mujoco.viewer.launch_passive)

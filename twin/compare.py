@@ -1,0 +1,80 @@
+"""Runs and recordings laid over one another: what sets each apart from the first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.run_files import read_track
+from twin.run_stream import Track, differences
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One channel of two tracks.
+
+    Attributes:
+      name: of the other track.
+      channel: name of the channel.
+      rms: root mean square of other minus first over the time that both cover, SI.
+      largest: largest magnitude of it, SI.
+      span: root mean square of the first track's channel about its mean, SI: what the difference is small against.
+    """
+
+    name: str
+    channel: str
+    rms: float
+    largest: float
+    span: float
+
+    @property
+    def relative(self) -> float:
+        """The difference as a share of the span; nan where the first does not move."""
+        return self.rms / self.span if self.span > 0 else float("nan")
+
+
+def read_tracks(paths: Sequence[Path], length: float | None) -> list[Track]:
+    """Reads files, each of a run or of a campaign; files of one name are told apart by their folder.
+
+    Raises:
+      InputError: a file cannot be used, or there are fewer than two.
+    """
+    if len(paths) < 2:
+        raise InputError(f"got {len(paths)} file; expected two or more to compare")
+    return [read_track(path, length) for path in paths]
+
+
+def compare(tracks: Sequence[Track]) -> list[Difference]:
+    """Returns the differences of every other track from the first, channel by channel.
+
+    Raises:
+      InputError: two tracks have no time or no channel in common.
+    """
+    first, found = tracks[0], []
+    for other in tracks[1:]:
+        shared = differences(first, other)
+        if not shared:
+            raise InputError(
+                f"{other.name} and {first.name} have nothing in common: "
+                f"{other.time[0]:g} to {other.time[-1]:g} s against {first.time[0]:g} to {first.time[-1]:g} s, "
+                f"{', '.join(other.channels)} against {', '.join(first.channels)}"
+            )
+        for channel, (time, values) in shared.items():
+            there = values[np.isfinite(values)]
+            if not len(there):
+                continue
+            within = first.channels[channel][np.isin(first.time, time)]
+            found.append(
+                Difference(
+                    other.name,
+                    channel,
+                    float(np.sqrt(np.mean(there**2))),
+                    float(np.abs(there).max()),
+                    float(np.nanstd(within)),
+                )
+            )
+    return found
