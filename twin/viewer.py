@@ -6,13 +6,11 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-import numpy as np
-
 from twin import closed_loop, mjcf, plants, scenarios
 from twin.experiment import Experiment
 from twin.plants.chain import ChainPlant
 
-_FRAME = 1 / 60  # s
+_FRAME_RATE = 60  # Hz
 
 
 class Window(Protocol):
@@ -62,15 +60,16 @@ def watch(
         """The controller, kept to real time; it draws on its way."""
 
         def __init__(self) -> None:
-            self._began, self._drawn = clock(), -np.inf
+            self._began, self._drawn = clock(), -1
 
         def reset(self) -> None:
             controller.reset()
-            self._began, self._drawn = clock(), -np.inf
+            self._began, self._drawn = clock(), -1
 
         def torque(self, measured, wanted) -> float:
-            if measured["time"] - self._drawn >= _FRAME:
-                self._drawn = measured["time"]
+            frame = int(measured["time"] * _FRAME_RATE)
+            if frame != self._drawn:
+                self._drawn = frame
                 if not window.is_running():
                     raise _Closed
                 data.qpos[:] = plant.joints

@@ -1,0 +1,127 @@
+"""The paper's experiments on both plants against what it published, and what logging a run costs.
+
+python benchmarks/scenarios.py [--write]     --write: into benchmarks/results/scenarios.md
+"""
+
+import argparse
+import math
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from machine import command, describe
+
+from twin import scenarios
+from twin.experiment import Experiment
+from twin.rigs import preset
+from twin.run_stream import of_run, write_rrd
+
+RESULT = Path(__file__).parent / "results" / "scenarios.md"
+RIG = preset("bossi2009")
+
+PUBLISHED = {
+    "bang-bang-20": "10.49 +- 0.25 deg (model 18.84)",
+    "bang-bang-45": "29.15 +- 0.45 deg (model 42.70)",
+    "bang-bang-60": "51.60 +- 0.44 deg (model 58.25)",
+    "bang-bang-90": "69.00 +- 0.46 deg (model 85.00)",
+    "bang-bang-120": "67.62 +- 2.01 deg (model 112.00)",
+    "sinus-0.2": "44.6 deg, 18 mm, 0.067 N m",
+    "sinus-0.4": "55 deg, 54 mm, saturates",
+    "filtered-step-120": "figure only",
+    "lq-step-120": "121.1 +- 0.3 deg",
+}
+
+
+def main() -> None:
+    """Prints the tables; writes them where asked."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    text = "\n".join(
+        [
+            "# The paper's experiments",
+            "",
+            f"`{command()}`, {describe()}",
+            "",
+            *tables(),
+        ]
+    )
+    print(text)
+    if options.write:
+        RESULT.write_text(text + "\n", encoding="utf-8")
+
+
+def tables() -> list[str]:
+    """Returns the tables as lines of markdown."""
+    lines = [
+        "Hub: angle at the end, for sinusoids the amplitude of the second half; then peak deflection and torque.",
+        "",
+        "| scenario | published | chain | modal | RMS hub, modal - chain | RMS tip deflection |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    lines += [_row(name) for name in scenarios.SCENARIOS]
+    lines += ["", *_friction_detection(), "", *_overhead()]
+    return lines
+
+
+def _row(name: str) -> str:
+    runs = {plant: Experiment(name, plant, RIG, {}).run() for plant in ("chain", "modal")}
+    half = scenarios.scenario(name).from_half
+    cells = [_figures(name, scenarios.metrics(run, half)) for run in runs.values()]
+    apart = [
+        np.sqrt(np.mean((runs["modal"].true[channel] - runs["chain"].true[channel]) ** 2))
+        / np.std(runs["chain"].true[channel])
+        for channel in ("hub_angle", "tip_deflection")
+    ]
+    shares = [f"{100 * share:.2g} %" for share in apart]
+    return f"| {name} | {PUBLISHED[name]} | {' | '.join(cells)} | {' | '.join(shares)} |"
+
+
+def _figures(name: str, m: dict[str, float]) -> str:
+    hub = (m["hub_max_deg"] - m["hub_min_deg"]) / 2 if name.startswith("sinus") else m["hub_final_deg"]
+    return f"{hub:.2f} deg, {m['peak_deflection_mm']:.1f} mm, {m['peak_torque_nm']:.3f} N m"
+
+
+def _friction_detection() -> list[str]:
+    """How far the slow sinusoid's peaks depend on the break-away level, which its stick-slip repeats."""
+    lines = [
+        "The 0.2 Hz sinusoid against the break-away level, on the modal plant:",
+        "",
+        "| break-away [N m] | hub amplitude [deg] | peak deflection [mm] | peak torque [N m] | time at rest |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for level in (0.0055, 0.04, 0.05, 0.055, 0.06, 0.065, 0.07):
+        experiment = Experiment("sinus-0.2", "modal", RIG.replace(static_friction=level), {})
+        m = experiment.metrics(experiment.run())
+        lines.append(
+            f"| {level:g} | {(m['hub_max_deg'] - m['hub_min_deg']) / 2:.2f} | {m['peak_deflection_mm']:.1f} "
+            f"| {m['peak_torque_nm']:.4f} | {100 * m['stuck_fraction']:.0f} % |"
+        )
+    return lines
+
+
+def _overhead() -> list[str]:
+    """Times a run with and without its rerun file, in turns."""
+    experiment, bare, logged = Experiment("lq-step-120", "chain", RIG, {}), [], []
+    experiment.run()
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(7):
+            began = time.perf_counter()
+            run = experiment.run()
+            bare.append(time.perf_counter() - began)
+            write_rrd([of_run(run, "chain")], RIG["length"], Path(folder) / "run.rrd", "run")
+            logged.append(time.perf_counter() - began)
+    ratio = statistics.median(b / a for a, b in zip(bare, logged, strict=True))
+    seconds = statistics.median(bare)
+    return [
+        f"`lq-step-120` on the chain: {seconds:.2f} s for 5 s of motion, built and run "
+        f"({math.floor(5 / seconds)} times real time); with its rerun file {ratio:.2f} times that."
+    ]
+
+
+if __name__ == "__main__":
+    main()
