@@ -145,7 +145,7 @@ class RunStream:
                 limit = np.full(len(piece.time), sign * piece.torque_limit)
                 self._line(f"torque/limit_{name}", piece, limit, _LIMIT, f"{name} limit", 1.0)
         if piece.modes is not None:
-            self._line("friction/mode", piece, piece.modes.astype(float), COLOURS[0], "0: sticking", 1.5)
+            self._line("friction/mode", piece, piece.modes.astype(float), COLOURS[0], "hub", 1.5)
         for place, (name, values) in enumerate(piece.states.items()):
             self._line(f"controller/{_safe(name)}", piece, values, COLOURS[place % 4], name, 1.5)
 
