@@ -13,6 +13,7 @@ import typer
 from twin.commands.check import check
 from twin.commands.compare import compare
 from twin.commands.diagnose import demo, diagnose
+from twin.commands.identify import identify
 from twin.commands.run import run
 from twin.commands.view import view
 from twin.errors import InputError
@@ -43,7 +44,7 @@ def root() -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
 
 
-for command in (demo, diagnose, check, run, compare, view):
+for command in (demo, diagnose, check, run, compare, view, identify):
     app.command()(command)
 
 if __name__ == "__main__":

@@ -1,0 +1,184 @@
+"""The identification of a rig: the procedures of the paper on a campaign, and one joint estimate started by them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from twin import beam, modal
+from twin.campaign import Campaign
+from twin.identify import break_away, decay, joint
+from twin.identify.break_away import StaticFriction
+from twin.identify.decay import Decay
+from twin.identify.joint import Joint
+from twin.identify.results import (
+    Estimate,
+    Finding,
+    Identified,
+    Mode,
+    mode_json,
+    parameter_json,
+    pooled,
+)
+from twin.parameters import Rig
+from twin.search import Progress, silent
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The answer; `to_json` gives its interface.
+
+    Attributes:
+      campaign: its name.
+      rig: as declared.
+      parameters: by name.
+      modes: seen in the recordings.
+      not_determined: parameter -> why the recordings do not say it.
+      findings: what each procedure found, or what it lacks.
+      decays: ring-downs of the clamped link.
+      static_friction: break-aways.
+      joint: the joint estimate.
+      wall_s: how long it took [s].
+    """
+
+    campaign: str
+    rig: Rig
+    parameters: Mapping[str, Identified]
+    modes: tuple[Mode, ...]
+    not_determined: Mapping[str, str]
+    findings: tuple[Finding, ...]
+    decays: tuple[Decay, ...]
+    static_friction: StaticFriction
+    joint: Joint
+    wall_s: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the answer as a dictionary of plain values."""
+        return {
+            "campaign": self.campaign,
+            "parameters": {name: parameter_json(p) for name, p in self.parameters.items()},
+            "modes": [mode_json(mode) for mode in self.modes],
+            "not_determined": dict(self.not_determined),
+            "findings": [
+                {"procedure": f.procedure, "sentences": list(f.sentences), "missing": f.missing}
+                for f in self.findings
+            ],
+            "wall_s": self.wall_s,
+        }
+
+
+def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) -> Identification:
+    """Identifies a rig from the fit recordings of a campaign.
+
+    Args:
+      campaign: the recordings; held-out ones are not looked at.
+      progress: told of every stage.
+      workers: number of threads.
+    """
+    began = time.perf_counter()
+    with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
+        found = joint.estimate(campaign, pool, progress)
+        progress("reading decays and break-aways")
+        decays = ring_downs(campaign)
+        friction = break_away.read(found.model, found.prepared, found.fit.starts)
+    methods = _methods(campaign.rig, found, decays, friction)
+    parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
+    return Identification(
+        campaign=campaign.name,
+        rig=campaign.rig,
+        parameters=parameters,
+        modes=tuple(_clamped_mode(d) for d in decays),
+        not_determined=_not_determined(found),
+        findings=(),
+        decays=decays,
+        static_friction=friction,
+        joint=found,
+        wall_s=time.perf_counter() - began,
+    )
+
+
+def ring_downs(campaign: Campaign) -> tuple[Decay, ...]:
+    """Decays of the clamped link in the fit recordings."""
+    found = []
+    for recording in campaign.fit:
+        channel = decay.link_channel(recording)
+        if recording.clamped and channel is not None:
+            found.append(decay.ring_down(recording, channel, recording.time[0], recording.time[-1]))
+    return tuple(d for d in found if d is not None)
+
+
+def _clamped_mode(found: Decay) -> Mode:
+    source = f"{found.recording}, {found.channel}"
+    return Mode("clamped", found.frequency, found.damping_ratio, "bending", source)
+
+
+def _methods(
+    rig: Rig, found: Joint, decays: tuple[Decay, ...], friction: StaticFriction
+) -> dict[str, dict[str, Estimate]]:
+    """Parameter -> procedure -> what it says by itself."""
+    joint_only = {
+        name: {"joint": Estimate(float(v), float(e))}
+        for name, v, e in zip(found.names, found.values, found.errors, strict=True)
+    }
+    if decays and "damping_ratio" in joint_only:
+        joint_only["damping_ratio"]["decay"] = _damping(rig, decays)
+    if decays and "bending_stiffness" in joint_only:
+        joint_only["bending_stiffness"]["clamped-frequency"] = _stiffness_by_frequency(rig, decays)
+    if friction.level is not None and "static_friction" in joint_only:
+        joint_only["static_friction"]["break-away"] = friction.level
+    return joint_only
+
+
+def _damping(rig: Rig, decays: tuple[Decay, ...]) -> Estimate:
+    """The damping ratio of the free modes that gives the clamped decay its own, all losses in the link's bending."""
+    clamped = pooled([d.damping_ratio for d in decays])
+    share = _clamped_share(rig)
+    return Estimate(clamped.value / share, clamped.standard_error / share)
+
+
+def _clamped_share(rig: Rig) -> float:
+    """Damping ratio of the first clamped mode over that of the free modes [1]; their ratio needs no losses."""
+    return float(modal.clamped_damping_ratios(rig.replace(damping_ratio=0.01), 1)[0]) / 0.01
+
+
+def _stiffness_by_frequency(rig: Rig, decays: tuple[Decay, ...]) -> Estimate:
+    """EI = EI' (f/f')^2 with f' of the declared rig, whose masses are as uncertain as it says."""
+    seen = pooled([d.frequency for d in decays])
+    value = rig["bending_stiffness"] * (seen.value / _first_clamped(rig)) ** 2
+    relative = [2 * seen.standard_error / seen.value]
+    for name in ("linear_density", "length", "tip_mass", "tip_inertia"):
+        sigma = joint.prior_deviation(rig, name)
+        if sigma > 0:
+            moved = _first_clamped(rig.replace("moved", **{name: rig[name] + 0.1 * sigma}))
+            relative.append(2 * (moved / _first_clamped(rig) - 1) / 0.1)
+    return Estimate(value, value * float(np.linalg.norm(relative)))
+
+
+def _first_clamped(rig: Rig) -> float:
+    return float(beam.modes(rig, 1, "clamped").frequencies[0]) / (2 * np.pi)
+
+
+def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate]) -> Identified:
+    value = methods["joint"]
+    # The calibration hardly sees the static level: what is read at the break-aways is independent of it.
+    if "break-away" in methods:
+        value = pooled([methods["joint"], methods["break-away"]])
+    parameter = rig.parameters[name]
+    said = {key: e for key, e in methods.items() if key != "joint"} | {"joint": methods["joint"]}
+    prior = joint.prior_deviation(rig, name)
+    return Identified(value.value, value.standard_error, parameter.unit, parameter.value, prior, said)
+
+
+def _not_determined(found: Joint) -> dict[str, str]:
+    """Parameters whose error is hardly smaller than what was known of them before."""
+    said = {}
+    for name, error in zip(found.names, found.errors, strict=True):
+        if error > 0.7 * joint.prior_deviation(found.fit.model.declared, name):
+            said[name] = "the recordings say no more of it than the campaign does"
+    return said

@@ -1,0 +1,135 @@
+"""What an identification says: plain values, made by `twin.identify`, read by the report, the JSON and the tests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+Boundary = Literal["clamped", "free"]
+Kind = Literal["bending", "not bending", "unknown"]
+
+TWO_SIDED_95 = 1.96
+"""Standard errors to either side of a value that make a 95 % interval, where errors are normal."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its standard error, SI units."""
+
+    value: float
+    standard_error: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval."""
+        half = TWO_SIDED_95 * self.standard_error
+        return self.value - half, self.value + half
+
+
+def disagreement(a: Estimate, b: Estimate) -> float:
+    """Distance of two independent estimates in standard errors of their difference [1]."""
+    return abs(a.value - b.value) / math.hypot(a.standard_error, b.standard_error)
+
+
+def pooled(estimates: Sequence[Estimate]) -> Estimate:
+    """The weighted mean of independent estimates; its error grows with their scatter (R. T. Birge, 1932).
+
+    Raises:
+      ValueError: there is none.
+    """
+    if not estimates:
+        raise ValueError("no estimate to pool; expected at least one")
+    values = np.array([e.value for e in estimates])
+    weights = np.array([e.standard_error for e in estimates]) ** -2.0
+    mean = float(weights @ values / weights.sum())
+    ratio = 1.0
+    if len(values) > 1:
+        ratio = max(1.0, math.sqrt(weights @ (values - mean) ** 2 / (len(values) - 1)))
+    return Estimate(mean, ratio / math.sqrt(weights.sum()))
+
+
+@dataclass(frozen=True)
+class Identified:
+    """One parameter of the rig.
+
+    Attributes:
+      value, standard_error: the joint estimate, `unit`.
+      unit: SI unit.
+      declared: what the campaign says.
+      declared_error: standard deviation of what it says; None where it says nothing.
+      methods: procedure -> what it says by itself.
+    """
+
+    value: float
+    standard_error: float
+    unit: str
+    declared: float
+    declared_error: float | None = None
+    methods: Mapping[str, Estimate] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A vibration seen in the recordings.
+
+    Attributes:
+      boundary: "clamped", or "free" where the hub can turn.
+      frequency: [Hz].
+      damping_ratio: [1].
+      kind: "bending" where it is a bending mode of this rig, "not bending" where it is none.
+      source: the recordings and the procedure.
+    """
+
+    boundary: Boundary
+    frequency: Estimate
+    damping_ratio: Estimate | None
+    kind: Kind
+    source: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one procedure found, in sentences.
+
+    Attributes:
+      procedure: "static", "decay", "break-away", "coulomb", "spectra", "inertia" or "joint".
+      title: for people.
+      sentences: what was found, and the evidence against it.
+      missing: what the recordings lack for it; None where it was possible.
+    """
+
+    procedure: str
+    title: str
+    sentences: tuple[str, ...]
+    missing: str | None = None
+
+
+def mode_json(mode: Mode) -> dict[str, Any]:
+    """The mode as plain values."""
+    damping = mode.damping_ratio
+    return {
+        "boundary": mode.boundary,
+        "frequency_hz": mode.frequency.value,
+        "frequency_standard_error": mode.frequency.standard_error,
+        "damping_ratio": None if damping is None else damping.value,
+        "damping_standard_error": None if damping is None else damping.standard_error,
+        "kind": mode.kind,
+        "source": mode.source,
+    }
+
+
+def parameter_json(found: Identified) -> dict[str, Any]:
+    """The parameter as plain values."""
+    return {
+        "value": found.value,
+        "standard_error": found.standard_error,
+        "unit": found.unit,
+        "declared": found.declared,
+        "methods": {
+            name: {"value": e.value, "standard_error": e.standard_error} for name, e in found.methods.items()
+        },
+    }
