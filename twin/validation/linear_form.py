@@ -25,7 +25,7 @@ PULSES = {
 """Pulse on each reading, SI: small, so that the torque stays far below any limit; rounding is 1e-11 of it."""
 
 _INSTANTS = np.unique(np.geomspace(1, 600, 100).astype(int)) - 1
-"""Rows and columns of the Hankel matrix that are used [samples]: dense at first for what is quick, far for what is slow."""
+"""Rows and columns of the Hankel matrix [samples]: dense at first for what is quick, far for what is slow."""
 _LENGTH = 2 * int(_INSTANTS[-1]) + 3
 _SETTLE = 20  # samples at rest before a pulse: a first reading may set an estimate
 _RANK = 1e-10  # of the largest singular value
@@ -96,7 +96,9 @@ def _check_linear(answer, pulses: np.ndarray) -> None:
     if not _alike(answer(together), whole):
         raise NoLinearFormError("answers to pulses on single readings do not add up")
     if not _alike(answer(-3 * together), -3 * whole):
-        raise NoLinearFormError("a pulse three times as large, the other way, has another answer than that times -3")
+        raise NoLinearFormError(
+            "a pulse three times as large, the other way, has another answer than that times -3"
+        )
     late = _LENGTH // 3
     if not _alike(answer(np.roll(together, late, axis=0))[late:], whole[:-late]):
         raise NoLinearFormError("a later pulse has another answer: the controller depends on time")

@@ -1,0 +1,131 @@
+"""What a controller has to achieve on every rig: figures with limits.
+
+The defaults are assumed: no source states requirements for this rig. They ask for a slew that arrives within a
+second of the paper's (Bossi et al. 2009, Fig. 9), a torque that the motor can give, a link that stays where a beam
+is linear, and the margins that textbooks ask for.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from twin.errors import InputError, nearest
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A limit on one figure.
+
+    Attributes:
+      name: of the figure, its key in files.
+      words: what it is.
+      unit: of figure and limit.
+      limit: the limit.
+      at_least: whether the figure must not be below the limit; otherwise not above.
+    """
+
+    name: str
+    words: str
+    unit: str
+    limit: float
+    at_least: bool = False
+
+    def met(self, value: float) -> bool:
+        """Whether a figure meets it; one that is not a number does not."""
+        return value >= self.limit if self.at_least else value <= self.limit
+
+    def worse(self, value: float) -> float:
+        """A figure such that larger is worse."""
+        return -value if self.at_least else value
+
+
+DEFAULTS = (
+    Requirement("overshoot", "overshoot of the hub", "% of the step", 5.0),
+    Requirement("settling_time", "time until the hub stays within 2 % of the step", "s", 3.0),
+    Requirement("steady_state_error", "mean error of the hub in the last second", "% of the step", 2.0),
+    Requirement("residual_vibration", "tip in the last second, peak to peak", "% of the length", 5.0),
+    Requirement("peak_deflection", "largest deflection of the tip", "% of the length", 25.0),
+    Requirement("peak_torque", "largest torque of the motor", "N m", 0.3),
+    Requirement("saturated_share", "time at the amplifier's limit", "% of the time", 25.0),
+    Requirement("growth_rate", "growth rate of the linear loop, negative if stable", "1/s", 0.0),
+    Requirement("gain_margin", "gain margin of the linear loop", "dB", 6.0, at_least=True),
+    Requirement("phase_margin", "phase margin of the linear loop", "deg", 30.0, at_least=True),
+    Requirement("disk_margin", "disk margin of the linear loop", "1", 0.4, at_least=True),
+)
+
+LINEAR = ("growth_rate", "gain_margin", "phase_margin", "disk_margin")
+"""Figures that only a controller with a linear form has."""
+
+BAND = 0.02
+"""Half of the band in which the hub has settled [1 of the step]."""
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """Limits, and the share of the rigs that have to keep all of them.
+
+    Attributes:
+      limits: figure -> requirement.
+      share: of the drawn rigs [1].
+    """
+
+    limits: Mapping[str, Requirement]
+    share: float = 0.95
+
+
+def defaults() -> Requirements:
+    """Returns the default requirements."""
+    return Requirements(MappingProxyType({r.name: r for r in DEFAULTS}))
+
+
+def read_requirements(path: Path) -> Requirements:
+    """Reads limits from a TOML file: `figure = limit`, `figure = false` for none, and `share`; the rest is default.
+
+    Raises:
+      InputError: the file cannot be used; the message names file and key.
+    """
+    content = _content(path)
+    known = defaults()
+    limits, share = dict(known.limits), known.share
+    for key, value in content.items():
+        if key == "share":
+            share = _number(path, key, value)
+            if not 0 < share <= 1:
+                raise InputError(f"{path.name}: share is {share:g}; expected a number above 0, at most 1")
+        elif key not in limits:
+            expected = ("share", *known.limits)
+            raise InputError(
+                f"{path.name}: '{key}' is not a requirement; expected one of: {', '.join(expected)}"
+                f"{nearest(key, expected)}"
+            )
+        elif value is False:
+            del limits[key]
+        else:
+            r = limits[key]
+            limits[key] = Requirement(r.name, r.words, r.unit, _number(path, key, value), r.at_least)
+    if not limits:
+        raise InputError(f"{path.name}: no requirement is left; expected at least one")
+    return Requirements(MappingProxyType(limits), share)
+
+
+def _number(path: Path, key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{path.name}: {key} is {value!r}; expected a number, or false for no limit")
+    return float(value)
+
+
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file; expected requirements as TOML") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path.name} is not TOML in UTF-8: {error}") from None

@@ -1,0 +1,111 @@
+"""Rigs that the uncertainty of the parameters allows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.parameters import Rig
+
+Effects = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One uncertain number.
+
+    Attributes:
+      name: of a rig parameter, or effect.parameter.
+      value: believed value, SI.
+      deviation: standard deviation, SI.
+      bounds: range that is physically possible, SI.
+      unit: SI unit.
+    """
+
+    name: str
+    value: float
+    deviation: float
+    bounds: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class DrawnRig:
+    """One rig of a fleet.
+
+    Attributes:
+      number: 0 is the rig as believed, drawn ones count from 1.
+      rig: parameters.
+      effects: effects that act.
+      deviations: name of an unknown -> distance from its believed value in standard deviations.
+    """
+
+    number: int
+    rig: Rig = field(repr=False)
+    effects: Effects = field(repr=False)
+    deviations: Mapping[str, float]
+
+
+def unknowns(rig: Rig, effects: Effects, errors: Effects | None = None) -> tuple[Unknown, ...]:
+    """Returns what is uncertain about a rig.
+
+    Args:
+      rig: with the relative uncertainty of its parameters.
+      effects: effects that act on it.
+      errors: standard errors of the effects' parameters, SI; those without one are certain.
+
+    Raises:
+      InputError: an uncertainty is infinite.
+    """
+    found = []
+    for p in rig.parameters.values():
+        if p.uncertainty:
+            found.append(Unknown(p.name, p.value, p.uncertainty * abs(p.value), p.bounds, p.unit))
+    for effect, values in (errors or {}).items():
+        found += [_of_effect(effect, name, effects[effect][name], error) for name, error in values.items()]
+    endless = [u.name for u in found if not np.isfinite(u.deviation)]
+    if endless:
+        raise InputError(
+            f"the uncertainty of {endless[0]} is infinite; expected a finite one to draw rigs from"
+        )
+    return tuple(u for u in found if u.deviation > 0)
+
+
+def draw(rig: Rig, effects: Effects, uncertain: tuple[Unknown, ...], count: int, seed: int) -> list[DrawnRig]:
+    """Returns the rig as believed and `count` drawn ones: normal, independent, cut off at the bounds.
+
+    The k-th rig of a seed is the same however many are drawn.
+    """
+    rigs = [DrawnRig(0, rig, effects, {u.name: 0.0 for u in uncertain})]
+    for number in range(1, count + 1):
+        random = np.random.default_rng([seed, number])
+        values = {u.name: _within(u, random) for u in uncertain}
+        rigs.append(_changed(number, rig, effects, uncertain, values))
+    return rigs
+
+
+def _of_effect(effect: str, name: str, value: float, error: float) -> Unknown:
+    from twin.effects import REGISTRY
+
+    parameter = next(p for p in REGISTRY[effect].parameters if p.name == name)
+    return Unknown(f"{effect}.{name}", value, error, parameter.bounds, parameter.unit)
+
+
+def _within(unknown: Unknown, random: np.random.Generator) -> float:
+    from scipy.stats import truncnorm
+
+    low, high = ((bound - unknown.value) / unknown.deviation for bound in unknown.bounds)
+    return unknown.value + unknown.deviation * float(truncnorm.rvs(low, high, random_state=random))
+
+
+def _changed(number, rig: Rig, effects: Effects, uncertain, values: Mapping[str, float]) -> DrawnRig:
+    own = {name: value for name, value in values.items() if name in rig}
+    acting = {
+        effect: {name: values.get(f"{effect}.{name}", value) for name, value in known.items()}
+        for effect, known in effects.items()
+    }
+    away = {u.name: (values[u.name] - u.value) / u.deviation for u in uncertain}
+    return DrawnRig(number, rig.replace("drawn", **own), acting, away)
