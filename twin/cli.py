@@ -15,6 +15,7 @@ from twin.commands.compare import compare
 from twin.commands.diagnose import demo, diagnose
 from twin.commands.identify import identify
 from twin.commands.run import run
+from twin.commands.validate import validate
 from twin.commands.view import view
 from twin.errors import InputError
 
@@ -44,7 +45,7 @@ def root() -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
 
 
-for command in (demo, diagnose, check, run, compare, view, identify):
+for command in (demo, diagnose, check, run, compare, view, identify, validate):
     app.command()(command)
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ import numpy as np
 
 from twin import scenarios
 from twin.errors import InputError
-from twin.parameters import Rig
 from twin.validation.fleet import Bench, Job, Outcome, run_fleet
 from twin.validation.requirements import LINEAR, Requirement, Requirements
 from twin.validation.rigs import Effects, Unknown, draw, unknowns

@@ -1,0 +1,73 @@
+"""`twin validate`: a controller on many uncertain rigs, against requirements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from twin.commands.shared import JsonFile, RigOption, check_writable, console, load_rig, progress
+from twin.json_file import write_json
+
+if TYPE_CHECKING:
+    from twin.validation.validation import Validation
+
+
+def validate(
+    controller: Annotated[
+        str,
+        typer.Argument(
+            metavar="CONTROLLER",
+            help="siso, lqi, lqi-zv, lqi-ei, siso-friction, or one of yours: FILE.py:NAME.",
+        ),
+    ],
+    rig: RigOption = "bossi2009",
+    rigs: Annotated[int, typer.Option(help="Number of rigs to draw.", min=1)] = 200,
+    scenario: Annotated[str, typer.Option(help="Scenario whose reference comes to rest.")] = "lq-step-120",
+    seed: Annotated[int, typer.Option(help="Of the draw.", min=0)] = 0,
+    requirements: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Other limits, TOML.", show_default="stated defaults")
+    ] = None,
+    json_file: JsonFile = None,
+    report_file: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="Write a page here, HTML.")
+    ] = None,
+) -> None:
+    """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
+    check_writable(json_file, report_file)
+    declared, effects = load_rig(rig)
+    from twin.validation.requirements import defaults, read_requirements
+
+    limits = defaults() if requirements is None else read_requirements(requirements)
+    with progress() as report:
+        report("loading the equations of motion")
+        from twin.validation import validation
+
+        job = validation.Job(controller, declared, scenario)
+        result = validation.validate(job, effects, {}, limits, rigs, seed, report)
+    if json_file is not None:
+        write_json(json_file, validation.to_json(result))
+    _print(result)
+    if not result.passed:
+        raise typer.Exit(1)
+
+
+def _print(result: Validation) -> None:
+    from rich.table import Table
+
+    from twin.validation import text
+
+    screen = console()
+    screen.print(text.headline(result), highlight=False, markup=False)
+    screen.print()
+    table = Table("requirement", "limit", "believed", "median", "worst", "missed", "driven by", box=None)
+    for column in table.columns[1:6]:
+        column.justify = "right"
+    for row in text.rows(result):
+        table.add_row(*row)
+    screen.print(table, highlight=False)
+    screen.print()
+    for line in (*text.worst_cases(result), *text.remarks(result)):
+        screen.print(line, highlight=False, markup=False)
+    screen.print("passed" if result.passed else "failed")

@@ -1,0 +1,84 @@
+"""A validation in words and numbers, for the screen and the page alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from twin.validation.fleet import Outcome
+from twin.validation.loop import MODES
+from twin.validation.validation import CONFIDENCE, Driver, Validation, Verdict
+
+
+def headline(result: Validation) -> str:
+    """Controller, rig, and how many rigs keep every limit."""
+    count = len(result.outcomes)
+    low, high = result.interval
+    believed = "keeps" if result.keeps(result.nominal) else "does not keep"
+    return (
+        f"{result.job.controller} on {result.job.rig.name}, {result.job.scenario}: {result.kept} of {count} rigs "
+        f"keep every limit, {100 * result.required:g} % have to.\n"
+        f"Of all such rigs {100 * low:.1f} to {100 * high:.1f} % do ({100 * CONFIDENCE:g} % confidence). "
+        f"The rig as believed {believed} them."
+    )
+
+
+def rows(result: Validation) -> Iterator[tuple[str, ...]]:
+    """Requirement, limit, figure as believed, median, worst, number of rigs that miss it, what drives it."""
+    for v in result.verdicts:
+        sign = "≥" if v.requirement.at_least else "≤"
+        unit = "" if v.requirement.unit == "1" else f" {v.requirement.unit}"
+        figures = (v.nominal, float(np.median(v.values)), v.worst_value)
+        yield (
+            v.requirement.name.replace("_", " "),
+            f"{sign} {v.requirement.limit:g}{unit}",
+            *(number(value) for value in figures),
+            str(v.failed) if v.failed else "none",
+            ", ".join(driver(d) for d in v.drivers),
+        )
+
+
+def worst_cases(result: Validation) -> Iterator[str]:
+    """For each limit that rigs miss, the worst rig and the parameters that make it so."""
+    for v in result.verdicts:
+        if v.failed:
+            name = v.requirement.name.replace("_", " ")
+            made = ", ".join(worst_parameters(result, v))
+            yield f"worst {name}: rig {v.worst.drawn.number}, {number(v.worst_value)} {v.requirement.unit}: {made}"
+
+
+def worst_parameters(result: Validation, verdict: Verdict) -> list[str]:
+    """The parameters of the worst rig that drive the figure; the farthest ones where none is known to."""
+    away = verdict.worst.drawn.deviations
+    names = [d.name for d in verdict.drivers] or sorted(away, key=lambda name: -abs(away[name]))[:3]
+    return [f"{name} {value(result, verdict.worst, name)}" for name in names]
+
+
+def value(result: Validation, outcome: Outcome, name: str) -> str:
+    """A drawn parameter and how far it is from what is believed."""
+    unknown = next(u for u in result.uncertain if u.name == name)
+    away = outcome.drawn.deviations[name]
+    unit = "" if unknown.unit == "1" else f" {unknown.unit.replace('*', ' ')}"
+    return f"{unknown.value + away * unknown.deviation:.4g}{unit} ({away:+.1f} σ)"
+
+
+def remarks(result: Validation) -> Iterator[str]:
+    """What the linear loop knows, or why there is none."""
+    if result.no_margins:
+        yield f"No margins can be given: the controller has no linear form; {result.no_margins}."
+        return
+    yield f"Margins: loop cut at the torque, {MODES} bending modes, hub sliding without Coulomb friction."
+    if result.left_out:
+        yield f"They do not know: {', '.join(result.left_out)}."
+
+
+def driver(found: Driver) -> str:
+    """A parameter and its rank correlation."""
+    return f"{found.name} {found.correlation:+.2f}"
+
+
+def number(figure: float) -> str:
+    """A figure with three digits; what never happens is "never"."""
+    return "never" if math.isinf(figure) else f"{figure:.3g}"
