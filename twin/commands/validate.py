@@ -48,6 +48,10 @@ def validate(
         result = validation.validate(job, effects, {}, limits, rigs, seed, report)
     if json_file is not None:
         write_json(json_file, validation.to_json(result))
+    if report_file is not None:
+        from twin.validation.page import write_page
+
+        write_page(result, report_file)
     _print(result)
     if not result.passed:
         raise typer.Exit(1)

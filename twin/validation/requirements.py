@@ -46,13 +46,13 @@ class Requirement:
 
 
 DEFAULTS = (
-    Requirement("overshoot", "overshoot of the hub", "% of the step", 5.0),
+    Requirement("overshoot", "overshoot of the hub, of the step", "%", 5.0),
     Requirement("settling_time", "time until the hub stays within 2 % of the step", "s", 3.0),
-    Requirement("steady_state_error", "mean error of the hub in the last second", "% of the step", 2.0),
-    Requirement("residual_vibration", "tip in the last second, peak to peak", "% of the length", 5.0),
-    Requirement("peak_deflection", "largest deflection of the tip", "% of the length", 25.0),
+    Requirement("steady_state_error", "mean error of the hub in the last second, of the step", "%", 2.0),
+    Requirement("residual_vibration", "tip in the last second, peak to peak, of the length", "%", 5.0),
+    Requirement("peak_deflection", "largest deflection of the tip, of the length", "%", 25.0),
     Requirement("peak_torque", "largest torque of the motor", "N m", 0.3),
-    Requirement("saturated_share", "time at the amplifier's limit", "% of the time", 25.0),
+    Requirement("saturated_share", "share of the time at the amplifier's limit", "%", 25.0),
     Requirement("growth_rate", "growth rate of the linear loop, negative if stable", "1/s", 0.0),
     Requirement("gain_margin", "gain margin of the linear loop", "dB", 6.0, at_least=True),
     Requirement("phase_margin", "phase margin of the linear loop", "deg", 30.0, at_least=True),

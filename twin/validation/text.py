@@ -51,9 +51,16 @@ def worst_cases(result: Validation) -> Iterator[str]:
 
 def worst_parameters(result: Validation, verdict: Verdict) -> list[str]:
     """The parameters of the worst rig that drive the figure; the farthest ones where none is known to."""
-    away = verdict.worst.drawn.deviations
-    names = [d.name for d in verdict.drivers] or sorted(away, key=lambda name: -abs(away[name]))[:3]
-    return [f"{name} {value(result, verdict.worst, name)}" for name in names]
+    if not verdict.drivers:
+        return farthest(result, verdict.worst)
+    return [f"{d.name} {value(result, verdict.worst, d.name)}" for d in verdict.drivers]
+
+
+def farthest(result: Validation, outcome: Outcome, count: int = 3) -> list[str]:
+    """The parameters of a rig that are farthest from what is believed."""
+    away = outcome.drawn.deviations
+    names = sorted(away, key=lambda name: -abs(away[name]))[:count]
+    return [f"{name} {value(result, outcome, name)}" for name in names]
 
 
 def value(result: Validation, outcome: Outcome, name: str) -> str:

@@ -1,0 +1,103 @@
+"""Plotly figures of a validation: the runs of the fleet, and how its figures lie to their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.validation import text
+from twin.validation.fleet import Outcome
+from twin.validation.validation import Validation, Verdict
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+# Okabe and Ito's palette, apart for every common kind of colour vision.
+KEPT, MISSED, BELIEVED, LIMIT = "#9aa3ab", "#d55e00", "#0072b2", "#2b2b2b"
+_SHOWN: Mapping[str, tuple[str, float]] = {
+    "hub_angle": ("hub angle [°]", float(np.degrees(1))),
+    "tip_deflection": ("tip deflection [mm]", 1e3),
+    "motor_torque": ("motor torque [N m]", 1.0),
+}
+_COLUMNS = 4
+
+
+def runs(result: Validation) -> Figure:
+    """Returns hub angle, deflection and torque of every rig over time."""
+    from plotly.subplots import make_subplots
+
+    figure = make_subplots(rows=len(_SHOWN), shared_xaxes=True, vertical_spacing=0.05)
+    kept = [o for o in result.outcomes if result.keeps(o)]
+    missed = [o for o in result.outcomes if not result.keeps(o)]
+    groups = (
+        ("keeps every limit", KEPT, 0.8, kept),
+        ("misses a limit", MISSED, 1.2, missed),
+        ("as believed", BELIEVED, 2.2, [result.nominal]),
+    )
+    for row, (channel, (label, scale)) in enumerate(_SHOWN.items(), 1):
+        for name, colour, width, outcomes in groups:
+            if outcomes:
+                x, y = _joined(outcomes, channel, scale)
+                line = {"color": colour, "width": width}
+                group = {"name": name, "legendgroup": name, "showlegend": row == 1}
+                figure.add_scatter(
+                    x=x, y=y, mode="lines", line=line, hoverinfo="skip", row=row, col=1, **group
+                )
+        figure.update_yaxes(title_text=label, row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(_SHOWN), col=1)
+    return _styled(figure, 640)
+
+
+def spreads(result: Validation) -> Figure | None:
+    """Returns a histogram of each figure that differs between rigs, with its limit; None where none does."""
+    from plotly.subplots import make_subplots
+
+    shown = [v for v in result.verdicts if _spread(v)]
+    if not shown:
+        return None
+    rows = -(-len(shown) // _COLUMNS)
+    titles = [f"{v.requirement.name.replace('_', ' ')} [{v.requirement.unit}]" for v in shown]
+    figure = make_subplots(rows=rows, cols=_COLUMNS, subplot_titles=titles, vertical_spacing=0.24 / rows**0.5)
+    for index, v in enumerate(shown):
+        place = {"row": index // _COLUMNS + 1, "col": index % _COLUMNS + 1}
+        values = v.values[np.isfinite(v.values)].round(6)
+        bar = {"color": KEPT, "line": {"width": 0}}
+        figure.add_histogram(x=values, nbinsx=30, marker=bar, showlegend=False, **place)
+        figure.add_vline(x=v.nominal, line={"color": BELIEVED, "width": 2}, **place)
+        limit = v.requirement.limit
+        # A limit far away would squeeze the histogram: it is named below the title instead.
+        if min(values) - np.ptp(values) <= limit <= max(values) + np.ptp(values):
+            figure.add_vline(x=limit, line={"color": MISSED, "width": 2, "dash": "dash"}, **place)
+    return _styled(figure, 60 + 190 * rows)
+
+
+def to_html(figure: Figure, name: str) -> str:
+    """Returns a figure as part of a page that has plotly.js already."""
+    options = {"displaylogo": False, "responsive": True}
+    return figure.to_html(full_html=False, include_plotlyjs=False, config=options, div_id=name)
+
+
+def _spread(verdict: Verdict) -> bool:
+    finite = verdict.values[np.isfinite(verdict.values)]
+    return len(finite) > 1 and text.number(finite.min()) != text.number(finite.max())
+
+
+def _joined(outcomes: Iterable[Outcome], channel: str, scale: float) -> tuple[list, list]:
+    """One line through all outcomes, with a gap after each."""
+    x, y = [], []
+    for outcome in outcomes:
+        x += [*outcome.time.round(4).tolist(), None]
+        y += [*(float(f"{value:.4g}") for value in scale * outcome.traces[channel]), None]
+    return x, y
+
+
+def _styled(figure: Figure, height: int) -> Figure:
+    font = {"family": 'system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif', "size": 13}
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    margin = {"l": 62, "r": 12, "t": 52, "b": 46}
+    figure.update_layout(
+        template="plotly_white", height=height, font=font, legend=legend, margin=margin, bargap=0.02
+    )
+    return figure.update_annotations(font_size=13)
