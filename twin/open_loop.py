@@ -17,9 +17,9 @@ from twin.beam import rigid_inertia
 from twin.model import Model, Start, simulate
 from twin.recording import Recording
 
-DURATION = 5.0
+DURATION = 4.0
 """Length of a run [s]: the hub has stuck by then."""
-_LAST = 1.0  # s over which the angle of rest is taken
+_LAST = 0.5  # s over which the angle of rest is taken
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Profile:
         on, off = [0.0, self.half + self.pause], [self.half, 2 * self.half + self.pause]
         end = max(duration, off[1] + 2 * _LAST)
         torque_from = {on[0]: self.torque, off[0]: 0.0, on[1]: -self.torque, off[1]: 0.0}
-        rest = np.linspace(end - _LAST, end, 11)
+        rest = np.linspace(end - _LAST, end, 6)
         time = np.r_[list(torque_from), rest]
         command = np.r_[list(torque_from.values()), np.zeros_like(rest)]
         return Recording(
@@ -81,7 +81,7 @@ class Family:
 def turn(model: Model, profile: Profile) -> float:
     """Returns by how much the hub's sensor has turned when the rig, at rest at first, is at rest again [rad].
 
-    The mean over the last second, should it still move.
+    The mean over the last half second, should it still move.
     """
     reading = simulate(model, profile.recording(), Start())["hub_angle"]
     return float(reading[4:].mean() - reading[0])
