@@ -21,11 +21,12 @@ from twin.parameters import Rig
 from twin.plants.chain import CompiledPlant
 from twin.validation.figures import figures
 from twin.validation.linear_form import LinearForm, NoLinearFormError, identify
-from twin.validation.loop import margins, sampled_rig
-from twin.validation.rigs import DrawnRig
+from twin.validation.loop import MODES, Margins, margins, sampled_rig
+from twin.validation.rigs import DrawnRig, Effects
 
 PROCESSES = 2
 _CHUNK = 5  # rigs that a process takes at a time
+_MODE_COUNTS = range(1, MODES + 2)
 _POINTS = 250  # of a trace
 TRACED = ("hub_angle", "tip_deflection", "motor_torque")
 
@@ -115,6 +116,14 @@ class Bench:
         kept = np.linspace(0, len(run.time) - 1, _POINTS).round().astype(int)
         traces = {name: run.true[name][kept] for name in TRACED}
         return Outcome(drawn, found, run.time[kept], traces, left_out)
+
+    def by_modes(self, rig: Rig, effects: Effects) -> dict[int, Margins]:
+        """Returns the margins on a rig by the number of bending modes; none without a linear form."""
+        if self.form is None:
+            return {}
+        model = self._believed.replace(declared=rig, effects=effects)
+        linear = {modes: sampled_rig(model, self._period, modes)[0] for modes in _MODE_COUNTS}
+        return {modes: margins(self.form, rig, self._period) for modes, rig in linear.items()}
 
 
 def run_fleet(

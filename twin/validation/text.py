@@ -46,7 +46,7 @@ def worst_cases(result: Validation) -> Iterator[str]:
         if v.failed:
             name = v.requirement.name.replace("_", " ")
             made = ", ".join(worst_parameters(result, v))
-            yield f"worst {name}: rig {v.worst.drawn.number}, {number(v.worst_value)} {v.requirement.unit}: {made}"
+            yield f"worst {name}: rig {v.worst.drawn.number}, {_with_unit(v)}: {made}"
 
 
 def worst_parameters(result: Validation, verdict: Verdict) -> list[str]:
@@ -77,6 +77,8 @@ def remarks(result: Validation) -> Iterator[str]:
         yield f"No margins can be given: the controller has no linear form; {result.no_margins}."
         return
     yield f"Margins: loop cut at the torque, {MODES} bending modes, hub sliding without Coulomb friction."
+    disks = (f"{number(m.disk)} with {modes}" for modes, m in result.by_modes.items())
+    yield f"Disk margin of the rig as believed by bending modes: {', '.join(disks)}."
     if result.left_out:
         yield f"They do not know: {', '.join(result.left_out)}."
 
@@ -89,3 +91,8 @@ def driver(found: Driver) -> str:
 def number(figure: float) -> str:
     """A figure with three digits; what never happens is "never"."""
     return "never" if math.isinf(figure) else f"{figure:.3g}"
+
+
+def _with_unit(verdict: Verdict) -> str:
+    figure, unit = verdict.worst_value, verdict.requirement.unit
+    return number(figure) if math.isinf(figure) or unit == "1" else f"{number(figure)} {unit}"

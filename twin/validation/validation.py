@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from twin import scenarios
 from twin.errors import InputError
 from twin.validation.fleet import Bench, Job, Outcome, run_fleet
+from twin.validation.loop import Margins
 from twin.validation.requirements import LINEAR, Requirement, Requirements
 from twin.validation.rigs import Effects, Unknown, draw, unknowns
 
@@ -75,6 +76,7 @@ class Validation:
       nominal: outcome of the rig as believed.
       outcomes: of the drawn rigs.
       no_margins: why the controller has no linear form; "" where it has one.
+      by_modes: margins of the rig as believed by the number of bending modes; empty without a linear form.
     """
 
     job: Job
@@ -86,6 +88,7 @@ class Validation:
     nominal: Outcome
     outcomes: tuple[Outcome, ...]
     no_margins: str
+    by_modes: Mapping[int, Margins]
 
     def keeps(self, outcome: Outcome) -> bool:
         """Whether a rig keeps every limit."""
@@ -148,12 +151,15 @@ def validate(
     if not uncertain:
         raise InputError(f"{job.rig.name}: no parameter has an uncertainty; expected one to draw rigs from")
     report("preparing the controller")
-    no_margins = Bench(job).no_form
+    bench = Bench(job)
+    no_margins, by_modes = bench.no_form, bench.by_modes(job.rig, effects)
     nominal, *outcomes = run_fleet(job, draw(job.rig, effects, uncertain, count, seed), report)
     limits = [r for r in requirements.limits.values() if not (no_margins and r.name in LINEAR)]
     verdicts = tuple(_verdict(r, nominal, outcomes) for r in limits)
     share = requirements.share
-    return Validation(job, seed, effects, uncertain, share, verdicts, nominal, tuple(outcomes), no_margins)
+    return Validation(
+        job, seed, effects, uncertain, share, verdicts, nominal, tuple(outcomes), no_margins, by_modes
+    )
 
 
 def _check_scenario(name: str) -> None:
@@ -204,6 +210,11 @@ def to_json(validation: Validation) -> dict[str, Any]:
         "required_share": validation.required,
         "margins": validation.no_margins == "",
         "no_margins_because": validation.no_margins or None,
+        "margins_by_modes": {
+            str(modes): {"growth_rate": m.growth, "gain_margin": m.gain, "phase_margin": m.phase}
+            | {"disk_margin": m.disk}
+            for modes, m in validation.by_modes.items()
+        },
         "left_out_of_margins": list(validation.left_out),
         "uncertain": {
             u.name: {"value": u.value, "standard_deviation": u.deviation, "unit": u.unit}

@@ -1,0 +1,327 @@
+"""Validation: linear forms are recovered, margins are those of python-control, fleets are judged by their figures."""
+
+import json
+import math
+import re
+import sys
+
+import control
+import numpy as np
+import pytest
+
+from twin import cli, plants
+from twin.closed_loop import Run
+from twin.control.base import LinearController
+from twin.control.library import CONTROLLERS, controller
+from twin.errors import InputError
+from twin.modal import held_response, state_space
+from twin.plants.base import READINGS
+from twin.rigs import preset
+from twin.validation.figures import figures
+from twin.validation.linear_form import NoLinearFormError, identify
+from twin.validation.loop import margins, sampled_rig
+from twin.validation.requirements import DEFAULTS, defaults, read_requirements
+from twin.validation.rigs import draw, unknowns
+
+RIG = preset("bossi2009")
+T = 2e-3
+MODEL = plants.model_of(RIG)
+MODEL_RIG = sampled_rig(MODEL, T)[0]
+
+
+class Law:
+    """A law of the hub's error [rad], the deflection [m] and the time [s]."""
+
+    def __init__(self, law):
+        self._law = law
+
+    def reset(self):
+        pass
+
+    def torque(self, measured, reference):
+        return self._law(reference - measured["hub_angle"], measured["tip_deflection"], measured["time"])
+
+
+class Spillover:
+    """Damps the first mode by the rate of the strain at mid-length, where the second mode bends the other way."""
+
+    def reset(self):
+        self._before = None
+
+    def torque(self, measured, reference):
+        now = np.array([measured["hub_angle"], measured["strain_mid"]])
+        rate = (now - (now if self._before is None else self._before)) / T
+        self._before = now
+        return float(-0.05 * now[0] - 0.02 * rate[0] + 10 * rate[1])
+
+
+@pytest.fixture(scope="module")
+def lqi():
+    return identify(controller("lqi", RIG, T), T)
+
+
+# Linear form
+
+
+def test_form_of_a_known_system_has_its_response():
+    system = control.sample_system(control.tf([5, 5], [1, 305, 1500]) * 60, T, "bilinear")
+    form = identify(LinearController(control.ss(system), 2.0), T)
+    z = np.exp(1j * np.array([0.3, 3.0, 30.0, 300.0]) * T)
+    found = [(form.C @ np.linalg.solve(x * np.eye(len(form.A)) - form.A, form.B) + form.D)[0] for x in z]
+    # From the hub angle: the error has the other sign.
+    np.testing.assert_allclose(np.array(found)[:, 0], -2.0 * system(z), rtol=1e-6)
+    assert np.abs(np.array(found)[:, 1:]).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_every_controller_of_the_library_has_a_linear_form(name):
+    form = identify(controller(name, RIG, T), T)
+    assert np.abs(form.B).max() > 0
+    # Nothing that grows; the integrator stands still.
+    assert np.abs(np.linalg.eigvals(form.A)).max() < 1 + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("law", "reason"),
+    [
+        (lambda error, tip, time: math.copysign(0.1, error), "three times|add up"),
+        (lambda error, tip, time: 1.0 * error * (1 + time), "depends on time"),
+        (lambda error, tip, time: 1e6 * error**3, "three times"),
+        (lambda error, tip, time: 1e6 * error * tip, "add up|does not respond"),
+        (lambda error, tip, time: error if abs(error) > 0.01 else 0.0, "does not respond"),
+    ],
+)
+def test_what_is_not_linear_has_no_linear_form(law, reason):
+    with pytest.raises(NoLinearFormError, match=reason):
+        identify(Law(law), T)
+
+
+def test_a_constant_torque_does_not_hide_a_linear_form():
+    form = identify(Law(lambda error, tip, time: 0.01 + 0.3 * error), T)
+    np.testing.assert_allclose(form.D, [[-0.3, 0, 0, 0, 0]], atol=1e-6)
+
+
+# Loop
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.3e-3, 2e-3, 5.3e-3])
+def test_sampled_rig_moves_as_the_continuous_one(delay):
+    rig, left_out = sampled_rig(plants.model_of(RIG, {"actuator-delay": {"delay": delay}}), T)
+    command = np.random.default_rng(0).standard_normal(60)
+    x, found = np.zeros(len(rig.A)), []
+    for u in command:
+        found.append(rig.C @ x)
+        x = rig.A @ x + rig.B[:, 0] * u
+    fine = np.arange(60 * 20) * 1e-4
+    index = np.floor((fine - delay) / T + 1e-6).astype(int)
+    late = np.where(index < 0, 0.0, command[index])
+    expected = held_response(state_space(RIG), fine, late)[::20]
+    np.testing.assert_allclose(np.array(found)[:, :2], expected, atol=1e-9 * np.abs(expected).max())
+    assert left_out == ()
+
+
+def test_motor_torque_is_what_acts_before_the_next_command():
+    lag = sampled_rig(plants.model_of(RIG, {"actuator-lag": {"time_constant": 0.01}}), T)[0]
+    place = READINGS.index("motor_torque")
+    np.testing.assert_allclose((lag.C @ lag.B)[place], 1 - math.exp(-T / 0.01))
+    assert (MODEL_RIG.C @ MODEL_RIG.B)[place] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["siso", "lqi"])
+def test_margins_are_those_of_python_control(name):
+    form = identify(controller(name, RIG, T), T)
+    found = margins(form, MODEL_RIG, T)
+    K = control.ss(form.A, form.B, form.C, form.D, T)
+    P = control.ss(MODEL_RIG.A, MODEL_RIG.B, MODEL_RIG.C, 0, T)
+    omega = np.geomspace(0.05, math.pi / T, 1500, endpoint=False)
+    disk, _, _ = control.disk_margins(-K * P, omega)
+    gains, phases, *_ = control.stability_margins(control.frd(-K * P, omega), returnall=True)
+    assert found.disk == pytest.approx(float(disk), rel=1e-6)
+    # Both interpolate between the frequencies.
+    assert found.gain == pytest.approx(np.abs(20 * np.log10(gains)).min(), rel=5e-3)
+    assert found.phase == pytest.approx(np.abs(phases).min(), rel=5e-3)
+
+
+def test_a_drive_of_twice_the_gain_takes_6_db(lqi):
+    double = sampled_rig(plants.model_of(RIG, {"torque-gain": {"gain": 2.0}}), T)[0]
+    lost = margins(lqi, MODEL_RIG, T).gain - margins(lqi, double, T).gain
+    assert lost == pytest.approx(20 * math.log10(2), abs=0.02)
+
+
+def test_a_loop_at_its_gain_margin_is_at_the_edge(lqi):
+    margin = margins(lqi, MODEL_RIG, T).gain
+    for part, stable in ((0.99, True), (1.01, False)):
+        more = sampled_rig(plants.model_of(RIG, {"torque-gain": {"gain": 10 ** (part * margin / 20)}}), T)[0]
+        assert (margins(lqi, more, T).growth < 0) == stable
+
+
+def test_a_neglected_mode_that_destabilises_is_seen():
+    form = identify(Spillover(), T)
+    one, two = (margins(form, sampled_rig(MODEL, T, modes)[0], T) for modes in (1, 2))
+    assert one.growth < 0
+    assert one.disk > 0
+    assert two.growth > 1
+    assert two.gain == two.phase == two.disk == 0.0
+
+
+# Fleet
+
+
+def test_drawn_rigs_repeat_and_follow_their_uncertainty():
+    uncertain = unknowns(
+        RIG, {"viscous-friction": {"viscous": 1e-3}}, {"viscous-friction": {"viscous": 1e-3}}
+    )
+    few, many = (draw(RIG, {"viscous-friction": {"viscous": 1e-3}}, uncertain, n, 3) for n in (5, 300))
+    assert [dict(r.rig) for r in few] == [dict(r.rig) for r in many[:6]]
+    assert dict(many[0].rig) == dict(RIG)
+    stiffness = np.array([r.rig["bending_stiffness"] for r in many[1:]]) / RIG["bending_stiffness"]
+    # 300 of them: standard errors of mean and deviation are 0.0012 and 4 %.
+    assert stiffness.mean() == pytest.approx(1.0, abs=0.005)
+    assert stiffness.std() == pytest.approx(0.02, rel=0.17)
+    assert {r.rig["torque_limit"] for r in many} == {RIG["torque_limit"]}
+    viscous = np.array([r.effects["viscous-friction"]["viscous"] for r in many])
+    assert viscous.min() >= 0  # one standard error from its bound
+    assert many[7].deviations["viscous-friction.viscous"] == pytest.approx((viscous[7] - 1e-3) / 1e-3)
+
+
+def response(angle, end=0.5, length=5.0):
+    """A run whose hub turns as `angle` (m) of the time, its tip swinging by 3 mm to each side."""
+    time = np.arange(0.0, length + T / 2, T)
+    zero = np.zeros(len(time))
+    true = {"hub_angle": angle(time), "tip_deflection": 3e-3 * np.sin(8 * time), "motor_torque": zero + 0.1}
+    torque = np.where(time < 1.0 - T / 2, 0.3, 0.0)
+    reference = np.full(len(time), end)
+    return Run("made", time, reference, torque, true, true, zero, {}, np.zeros((len(time), 2, 2)), 0.3, 0.1)
+
+
+def test_figures_are_those_of_an_oscillator():
+    zeta, omega = 0.4, 6.0
+    damped = omega * math.sqrt(1 - zeta**2)
+
+    def step(t):
+        envelope = np.exp(-zeta * omega * t)
+        return 0.5 * (1 - envelope * (np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t)))
+
+    found = figures(response(step), length=0.3)
+    assert found["overshoot"] == pytest.approx(100 * math.exp(-math.pi * zeta * omega / damped), rel=1e-3)
+    assert found["settling_time"] == pytest.approx(4 / (zeta * omega), rel=0.2)
+    assert found["steady_state_error"] < 0.01
+    assert found["residual_vibration"] == pytest.approx(2.0, rel=1e-3)
+    assert found["peak_deflection"] == pytest.approx(1.0, rel=1e-3)
+    assert found["saturated_share"] == pytest.approx(20.0, rel=1e-2)
+    assert found["peak_torque"] == 0.1
+
+
+def test_a_hub_that_stays_outside_its_band_never_settles():
+    found = figures(response(lambda t: 0.5 * 0.97 * (1 - np.exp(-5 * t))), length=0.3)
+    assert found["settling_time"] == math.inf
+    assert found["overshoot"] == 0.0
+    assert found["steady_state_error"] == pytest.approx(3.0, rel=1e-3)
+
+
+# Requirements
+
+
+def test_a_file_changes_some_limits_and_drops_others(tmp_path):
+    file = tmp_path / "limits.toml"
+    file.write_text("overshoot = 12\nphase_margin = false\nshare = 1\n")
+    found = read_requirements(file)
+    assert found.limits["overshoot"].limit == 12.0
+    assert "phase_margin" not in found.limits
+    assert found.share == 1.0
+    assert found.limits["settling_time"] == defaults().limits["settling_time"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("overshot = 1", "limits.toml: 'overshot' is not a requirement.*did you mean 'overshoot'"),
+        ("overshoot = 'x'", "limits.toml: overshoot is 'x'; expected a number"),
+        ("overshoot = nan", "overshoot is nan"),
+        ("overshoot = true", "overshoot is True"),
+        ("share = 0", "share is 0; expected a number above 0"),
+        ("share = 95", "share is 95"),
+        ("overshoot = ", "limits.toml is not TOML"),
+        ("\n".join(f"{r.name} = false" for r in DEFAULTS), "no requirement is left"),
+    ],
+)
+def test_bad_requirements_are_named(tmp_path, text, message):
+    file = tmp_path / "limits.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_requirements(file)
+
+
+def test_what_is_not_a_number_meets_nothing():
+    assert not any(r.met(math.nan) for r in DEFAULTS)
+
+
+# The command
+
+
+@pytest.fixture
+def twin(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def invoke(*arguments) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["twin", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        return (stop.value.code or 0, *capsys.readouterr())
+
+    return invoke
+
+
+def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
+    code, out, err = twin("validate", "lqi", "--rigs", 4, "--json", "v.json", "--report", "v.html")
+    assert (code, err) == (0, "")
+    assert "passed" in out
+    answer = json.loads((tmp_path / "v.json").read_text())
+    assert answer["passed"] is True
+    assert answer["kept"] == answer["rigs"] == 4
+    assert set(answer["requirements"]) == {r.name for r in DEFAULTS}
+    assert answer["requirements"]["overshoot"]["nominal"] == pytest.approx(0.96, abs=0.1)
+    page = (tmp_path / "v.html").read_text()
+    assert "lqi" in page
+    assert "<script src" not in page
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["v.html", "v.json"]
+
+
+def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path):
+    (tmp_path / "relay.py").write_text(
+        "def relay(measured, reference):\n    return 0.2 if reference > measured['hub_angle'] else -0.2\n"
+    )
+    code, out, _ = twin("validate", "relay.py:relay", "--rigs", 6, "--json", "v.json")
+    assert code == 1
+    assert "No margins can be given" in out
+    answer = json.loads((tmp_path / "v.json").read_text())
+    assert answer["margins"] is False
+    assert "phase_margin" not in answer["requirements"]
+    assert len(answer["failed_rigs"]) == 6
+
+
+def test_stricter_requirements_fail(twin, tmp_path):
+    (tmp_path / "strict.toml").write_text("settling_time = 1\n")
+    code, out, _ = twin("validate", "lqi", "--rigs", 2, "--requirements", "strict.toml")
+    assert code == 1
+    assert "worst settling time: rig" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("lqy",), "'lqy' is not a controller.*did you mean 'lqi'"),
+        (("lqi", "--scenario", "sinus-0.2"), "the reference of sinus-0.2 does not come to rest"),
+        (("lqi", "--rig", "none.toml"), "there is no such file"),
+        (("lqi", "--json", "none/v.json"), "there is no folder none"),
+        (("none.py:law",), "none.py"),
+    ],
+)
+def test_bad_input_is_one_message(twin, tmp_path, arguments, message):
+    code, out, err = twin("validate", *arguments)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("Error: ")
+    assert err.count("\n") == 1
+    assert re.search(message, err)
+    assert not list(tmp_path.iterdir())
