@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin.augmented import read_rig_file, to_toml, write_augmented
+from twin.augmented import read_rig_file, read_standard_errors, to_toml, write_augmented
 from twin.errors import InputError
 from twin.parameters import Rig
 
@@ -46,6 +46,12 @@ def test_file_names_units_and_errors(diagnosis):
     text = to_toml(diagnosis)
     assert "stiffness = 0.0101  # N*m/rad, standard error 0.00031" in text
     assert "rest_angle = 0.24  # rad, standard error 0.021" in text
+
+
+def test_standard_errors_of_effects_are_read_back(diagnosis, tmp_path):
+    [effect] = diagnosis.effects
+    path = write_augmented(diagnosis, tmp_path)
+    assert read_standard_errors(path) == {"cable-torsion": dict(effect.standard_errors)}
 
 
 def test_odd_names_survive(diagnosis, tmp_path):
@@ -99,6 +105,11 @@ def test_parameters_left_out_of_an_effect_are_neutral(tmp_path):
         (MINIMAL + "[effects.cable-torsion]\nstifness = 1\n", "unknown key effects.cable-torsion.stifness"),
         (MINIMAL + "[effects.cable-torsion]\nstiffness = 'x'\n", "stiffness is 'x'; expected a number"),
         (MINIMAL + "[effects.cable-torsion]\nstiffness = inf\n", "stiffness is inf; expected a finite"),
+        (MINIMAL + "[standard_errors.cogging]\n", "standard_errors.cogging is of no effect of the rig"),
+        (
+            MINIMAL + "[effects.torque-bias]\nbias=1e-3\n[standard_errors.torque-bias]\nbias = -1\n",
+            "standard_errors.torque-bias.bias is -1; expected a number >= 0",
+        ),
         (MINIMAL + "[efects]\n", "unknown key efects.*did you mean 'effects'"),
         (MINIMAL.replace("[parameters]", "effects = 3\n[parameters]"), "effects is 3; expected a table"),
     ],

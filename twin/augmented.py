@@ -11,6 +11,9 @@ source = "fitted to the recordings of my-rig; declared 0.24957"
 
 [effects.cable-torsion]
 stiffness = 0.0101  # N*m/rad, standard error 0.0003
+
+[standard_errors.cable-torsion]
+stiffness = 0.0003
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ from twin.parameters import Parameter, Rig
 
 FILE = "augmented-rig.toml"
 
-_KEYS = ("format", "name", "parameters", "effects")
+_KEYS = ("format", "name", "parameters", "effects", "standard_errors")
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
 
 
@@ -88,6 +91,10 @@ def _effect_lines(effect: AdoptedEffect) -> Iterator[str]:
         comment = [effect.units.get(name, "")] if effect.units.get(name, "1") != "1" else []
         comment += [f"standard error {error:.2g}"] if math.isfinite(error) else []
         yield f"{name} = {_number(value)}" + (f"  # {', '.join(comment)}" if comment else "")
+    known = {name: error for name, error in effect.standard_errors.items() if math.isfinite(error)}
+    if known:
+        yield from ("", f"[standard_errors.{effect.name}]")
+        yield from (f"{name} = {_number(error)}" for name, error in known.items())
 
 
 def _number(value: float) -> str:
@@ -125,9 +132,21 @@ def read_rig_file(path: str | PathLike[str]) -> tuple[Rig, dict[str, dict[str, f
         if not isinstance(name, str) or not name:
             raise InputError(f'name is {_found(name)}; expected name = "..." of the rig')
         rig = Rig(name, _parameters(_table(content, "parameters")))
-        return rig, _effects(_table(content, "effects"), rig)
+        effects = _effects(_table(content, "effects"), rig)
+        _standard_errors(_table(content, "standard_errors"), effects)
+        return rig, effects
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
+
+
+def read_standard_errors(path: str | PathLike[str]) -> dict[str, dict[str, float]]:
+    """Reads effect name -> parameter name -> standard error (SI) from a parameter file; {} where it has none.
+
+    Raises:
+      InputError: the file cannot be used; the message names file and field.
+    """
+    _, effects = read_rig_file(path)
+    return _standard_errors(_table(_content(Path(path)), "standard_errors"), effects)
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -214,6 +233,26 @@ def _effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, float]]
             )
         effects[name] = {**neutral, **values}
     return effects
+
+
+def _standard_errors(
+    tables: Mapping[str, Any], effects: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    errors: dict[str, dict[str, float]] = {}
+    for name, given in tables.items():
+        field = f"standard_errors.{name}"
+        if name not in effects:
+            raise InputError(
+                f"{field} is of no effect of the rig; its effects are: {', '.join(effects) or 'none'}"
+            )
+        if not isinstance(given, dict):
+            raise InputError(f"{field} is {_found(given)}; expected a table")
+        _check_keys(given, tuple(effects[name]), f"{field}.")
+        errors[name] = {key: _value(f"{field}.{key}", value) for key, value in given.items()}
+        for key, error in errors[name].items():
+            if not 0 <= error < math.inf:
+                raise InputError(f"{field}.{key} is {error:g}; expected a number >= 0")
+    return errors
 
 
 def _table(content: Mapping[str, Any], key: str) -> dict[str, Any]:

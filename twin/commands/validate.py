@@ -37,15 +37,17 @@ def validate(
     """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
     check_writable(json_file, report_file)
     declared, effects = load_rig(rig)
+    from twin.augmented import read_standard_errors
     from twin.validation.requirements import defaults, read_requirements
 
+    errors = read_standard_errors(rig) if effects else {}
     limits = defaults() if requirements is None else read_requirements(requirements)
     with progress() as report:
         report("loading the equations of motion")
         from twin.validation import validation
 
         job = validation.Job(controller, declared, scenario)
-        result = validation.validate(job, effects, {}, limits, rigs, seed, report)
+        result = validation.validate(job, effects, errors, limits, rigs, seed, report)
     if json_file is not None:
         write_json(json_file, validation.to_json(result))
     if report_file is not None:
