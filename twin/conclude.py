@@ -39,8 +39,8 @@ def conclude(
         depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
-        traces=traces.traces_of(found.bench, found.data, found.base, found.best),
-        notes=(*campaign.warnings, *found.notes, *_assumptions(campaign), *_unpredictable(predictions)),
+        traces=traces.traces_of(found.bench, found.start.data, found.base, found.best),
+        notes=(*campaign.warnings, *found.start.notes, *_assumptions(campaign), *_unpredictable(predictions)),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         wall_s=wall_s,
@@ -86,7 +86,7 @@ def variables(found: Found) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
     shares = {}
     for channel in verdict.unexplained(found.bench, found.best):
-        residual = traces.unexplained(found.bench, found.data, found.best, channel)
+        residual = traces.unexplained(found.bench, found.start.data, found.best, channel)
         if len(residual.values) > 50:
             shares[channel] = traces.dependence(residual)
     return traces.strongest(shares)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -12,43 +12,51 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import chain, driven, evidence, fit, observe, polish, search, verdict
+from twin import calibration, chance, fit, polish, search, timing, verdict
+from twin.calibration import Calibration
 from twin.campaign import Campaign
 from twin.conclude import conclude
 from twin.diagnosis import ChannelError, Diagnosis, Prediction
+from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model, simulate
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.search import Candidate, Progress, silent
 
-SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
-"""A coarse chain is enough to search on: its own error is taken out by `Workbench.refine`."""
 MOST_EFFECTS = 3
-_IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
+FALSE_ALARM_RATE = 0.01
 _LONG = 12  # iterations of a fit that is to arrive
 _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
-_CONTENDERS, _CLOSE = (
-    3,
-    0.3,
-)  # candidates that are fitted to the end, and the share of the best score they need
-
-
+_CONTENDERS = 3  # candidates that are fitted to the end
+_CLOSE = 0.3  # share of the best score that they need
 _ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
 
 
 @dataclass(frozen=True)
 class Found:
-    """What the search came to, before any held-out recording is looked at."""
+    """What the search came to, before any held-out recording is looked at.
 
-    declared: Model
-    prepared: tuple[Prepared, ...]
-    data: driven.DrivenData
-    bench: Workbench
-    base: Fit
+    Attributes:
+      start: the calibrated model from which the search started.
+      adopted: candidates that were adopted, each on top of those before it.
+      rounds: all candidates of each round, best first; the last one adopted nothing, unless the most were reached.
+      thresholds: score that each round asked for.
+    """
+
+    start: Calibration
     adopted: tuple[Candidate, ...]
     rounds: tuple[tuple[Candidate, ...], ...]
-    clock: str
-    notes: tuple[str, ...]
+    thresholds: tuple[float, ...]
+
+    @property
+    def bench(self) -> Workbench:
+        """The data."""
+        return self.start.bench
+
+    @property
+    def base(self) -> Fit:
+        """The fit without any effect."""
+        return self.start.base
 
     @property
     def best(self) -> Fit:
@@ -56,21 +64,35 @@ class Found:
         return self.adopted[-1].fit if self.adopted else self.base
 
 
-def diagnose(campaign: Campaign, progress: Progress = silent, workers: int | None = None) -> Diagnosis:
+def diagnose(
+    campaign: Campaign,
+    progress: Progress = silent,
+    workers: int | None = None,
+    false_alarm_rate: float = FALSE_ALARM_RATE,
+) -> Diagnosis:
     """Finds what a campaign's model lacks.
 
     Args:
       campaign: the recordings; held-out ones are simulated once, at the end.
       progress: told of every stage.
       workers: number of threads; by default one a processor.
+      false_alarm_rate: how often something may be found where nothing is missing, 0 to 1.
+
+    Raises:
+      InputError: the rate is not between 1/`chance.DRAWS` and 0.5.
     """
+    least = 1 / chance.DRAWS
+    if not least <= false_alarm_rate <= 0.5:
+        raise InputError(f"false-alarm rate is {false_alarm_rate:g}; expected {least:g} to 0.5")
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        found = find(campaign, pool, progress)
+        found = find(campaign, pool, progress, false_alarm_rate)
         followed = not verdict.unexplained(found.bench, found.best)
         if followed:
             progress("fitting the whole recordings")
-        polished = polish.polish(found.prepared, found.base, found.best, found.declared, pool, whole=followed)
+        polished = polish.polish(
+            found.start.prepared, found.base, found.best, found.start.declared, pool, whole=followed
+        )
         progress("simulating every recording")
         predictions = predict(campaign, found, polished, pool)
     return conclude(campaign, found, polished, predictions, time.perf_counter() - began)
@@ -78,108 +100,37 @@ def diagnose(campaign: Campaign, progress: Progress = silent, workers: int | Non
 
 # Recordings are simulated side by side: threads of linear algebra beside them double the time.
 @threadpool_limits.wrap(limits=1)
-def find(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Found:
+def find(
+    campaign: Campaign,
+    pool: ThreadPoolExecutor,
+    progress: Progress = silent,
+    false_alarm_rate: float = FALSE_ALARM_RATE,
+) -> Found:
     """Searches the fit recordings for effects that the model lacks."""
-    noise = noises(campaign)
-    model = Model(
-        campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, SEARCH_SEGMENTS), step=SEARCH_STEP
-    )
-    progress("reading the recordings")
-    sound, cuts = sound_stretches(campaign.fit, noise, model)
-    clock, prepared, notes = on_best_clock(sound, noise, model, pool)
-    notes = cuts + notes
-    data = driven.DrivenData(prepared, model)
-    bench = Workbench(data, pool)
-    progress("calibrating")
-    base = calibrated(bench, model)
+    start = calibration.calibrate(campaign, pool, progress)
+    bench = start.bench
     rounds: list[tuple[Candidate, ...]] = []
     adopted: list[Candidate] = []
-    current = base
+    thresholds: list[float] = []
+    current = start.base
     while len(adopted) < MOST_EFFECTS:
-        ranked = search.explore(bench, current, search.candidates(current.model, bench.channels()), progress)
-        if verdict.worth_adopting(bench, current, ranked):
+        explored = search.explore(
+            bench, current, search.candidates(current.model, bench.channels()), progress
+        )
+        progress("scoring what chance gives")
+        by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
+        ranked = explored.ranked
+        if verdict.worth_adopting(bench, current, ranked, by_chance):
             ranked = settled(bench, current, ranked, progress)
         rounds.append(tuple(ranked))
-        choice = verdict.worth_adopting(bench, current, ranked)
+        thresholds.append(max(by_chance, verdict.LEAST_SCORE))
+        choice = verdict.worth_adopting(bench, current, ranked, by_chance)
         if choice is None:
             break
         progress(f"adopting {choice.effects[-1]}")
         current = on_fine_chain(bench, choice.fit)
         adopted.append(replace(choice, fit=current))
-    return Found(model, prepared, data, bench, base, tuple(adopted), tuple(rounds), clock, tuple(notes))
-
-
-def noises(campaign: Campaign) -> dict[str, float]:
-    """Channel -> standard deviation of its noise: declared, or seen in the fit recordings."""
-    found = {}
-    for name, sensor in campaign.sensors.items():
-        seen = [observe.noise_of(r[name]) for r in campaign.fit if name in r]
-        declared = sensor.noise
-        found[name] = declared if declared else max(seen, default=0.0)
-    return {name: value for name, value in found.items() if value > 0 and name in CHANNEL_UNITS}
-
-
-def sound_stretches(
-    recordings: Sequence[Recording], noise: Mapping[str, float], model: Model
-) -> tuple[list[Recording], list[str]]:
-    """The recordings without the stretches in which the hub's motion cannot be followed, and what was left out."""
-    kept, notes = [], []
-    for recording in recordings:
-        peak = np.nanmax(np.abs(recording["torque_command"])) + model.declared["static_friction"]
-        strongest = _IMPOSSIBLE * peak / model.declared["hub_inertia"]
-        cut, note = observe.longest_sound_stretch(recording, noise.get("hub_angle", 0.0), float(strongest))
-        kept.append(cut)
-        notes += [note] if note else []
-    return kept, notes
-
-
-def on_best_clock(
-    recordings: Sequence[Recording], noise: Mapping[str, float], model: Model, pool: ThreadPoolExecutor
-) -> tuple[str, tuple[Prepared, ...], list[str]]:
-    """Decides on which clock a jittered card put out its commands, by which one the declared model fits best."""
-    options = {"stamped": [r.replace() for r in recordings]}
-    if any(observe.clock(r.time) is not None for r in recordings):
-        for name in ("mean", "earliest"):
-            options[name] = [on_clock(r, name) for r in recordings]
-    best, cost = "", np.inf
-    kept: tuple[Prepared, ...] = ()
-    notes: list[str] = []
-    for name, candidates in options.items():
-        pairs = [fit.prepare(r, noise) for r in candidates]
-        prepared = tuple(p for p, _ in pairs)
-        value = 0.0
-        if len(options) > 1:
-            bench = Workbench(driven.DrivenData(prepared, model), pool)
-            [r] = bench.residuals([(model, [p.start for p in prepared], None)])
-            value = float(bench.count @ evidence.loss(bench.sizes(r)))
-        if value < cost:
-            best, cost, kept = name, value, prepared
-            notes = [note for _, said in pairs for note in said]
-    if best != "stamped":
-        notes.append(
-            "Time stamps scatter about a uniform clock; commands are taken to be held on that clock."
-        )
-    return best, kept, notes
-
-
-def on_clock(recording: Recording, name: str) -> Recording:
-    """The recording with its commands held on the uniform clock about which its time stamps scatter."""
-    ticks = observe.clock(recording.time)
-    if name == "stamped" or ticks is None:
-        return recording
-    late = float(np.min(recording.time - ticks)) if name == "earliest" else 0.0
-    return recording.replace(command_time=ticks + late)
-
-
-def calibrated(bench: Workbench, model: Model) -> Fit:
-    """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way."""
-    starts = tuple(p.start for p in bench.prepared)
-    unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
-    bench.refine(model, search.fine(model), starts)
-    x = search.roughly(bench, model, starts, unknowns)
-    first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)
-    bench.refine(first.model, search.fine(first.model), first.starts)
-    return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
+    return Found(start, tuple(adopted), tuple(rounds), tuple(thresholds))
 
 
 def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
@@ -232,7 +183,7 @@ def predict(
     campaign: Campaign, found: Found, polished: polish.Polished, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
     """Every recording beside the declared, the calibrated and the augmented model, free-running."""
-    noise = noises(campaign)
+    noise = calibration.noises(campaign)
     augmented = polished.augmented.model
     models = (polished.declared, polished.calibrated.model, augmented)
     found_all: dict[str, Prediction] = {}
@@ -242,7 +193,7 @@ def predict(
     )
     for role, recordings in roles:
         for recording in recordings:
-            prepared, _ = fit.prepare(on_clock(recording, found.clock), noise)
+            prepared, _ = fit.prepare(timing.on_clock(recording, found.start.clock), noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
             errors = {c: _error(prepared, c, runs, nearby, noise[c]) for c in prepared.channels}

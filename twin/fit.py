@@ -245,6 +245,17 @@ class GuidedData:
         return np.array(spans) * np.array(known) / _CORRELATION
 
 
+class FreeData(GuidedData):
+    """Recordings beside simulations that only their first samples and their command lead."""
+
+    def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
+        """Channel -> measured minus simulated in noise units (m), 0 where missing."""
+        prepared = self.prepared[i]
+        measured = prepared.recording
+        predicted = simulate(model, measured, reading_start(model, prepared, start))
+        return {c: (measured[c] - predicted[c]) / prepared.noise[c] for c in prepared.channels}
+
+
 def guided(model: Model, prepared: Prepared, tight: bool) -> Guide | None:
     """The guide of a recording under this model's hub sensor; `tight`: rests end where the measured ones do."""
     if prepared.hub is None:
@@ -506,6 +517,18 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     return float(
         bench.count @ (evidence.loss(bench.sizes(base.residual)) - evidence.loss(bench.sizes(after)))
     )
+
+
+def slope_move(bench: Workbench, base: Fit, column: np.ndarray) -> float:
+    """Value of one unknown with this slope (n x 1) at which the linearised cost is least, the base's free."""
+    weights = row_weights(bench, base.residual)
+    information, gradient = normal_equations(bench, base)
+    J = np.hstack([base.jacobian, column])
+    normal = J.T @ (weights[:, None] * J)
+    normal[:-1, :-1] = information
+    scale = np.sqrt(np.diag(normal))
+    slope = np.r_[gradient, column[:, 0] @ (weights * base.residual)]
+    return float(-np.linalg.solve(normal / np.outer(scale, scale), slope / scale)[-1] / scale[-1])
 
 
 def _bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -15,6 +15,8 @@ from twin.model import Model, Start
 _ITERATIONS = 4
 _SEGMENTS, _STEP = 6, 1e-3
 _SPANS = (0.06, 0.005)  # a break-away that is off by 0.1 % can decide the rest of a run
+_SCAN = 25  # values of a break-away torque tried over a span
+_LIKELY = 2.0  # log likelihood below the best up to which a value is within two standard errors
 _LEVELS = ("static_friction", "static_positive", "static_negative")
 
 
@@ -58,23 +60,53 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
     x = views[int(np.argmin(fit.costs(bench, model, starts, unknowns, views)))]
     placed = fit.placed(model, unknowns, x)
     bench.refine(placed, search.fine(placed), starts)
-    x = _scanned(bench, model, starts, unknowns, x)
+    free = Workbench(fit.FreeData(bench.prepared), bench.pool)
+    x, _ = _scanned(free, model, starts, unknowns, x, _SPANS)
     result = fit.minimise(bench, model, starts, unknowns, x, None, _ITERATIONS)
     # A rig that the chain follows only roughly may lead the whole runs astray: then the search knew better.
     before = fit.costs(bench, model, best.starts, unknowns, [best.values])[0]
     if not result.cost < before:
         return _with_break_away(bench, best)
-    return _level_last(bench, _with_disagreement(result, best))
+    result = _with_disagreement(result, best)
+    x, errors = _scanned(free, result.model, result.starts, unknowns, result.values, _SPANS[1:])
+    return _with_levels(result, x, errors)
 
 
 def _scanned(
-    bench: Workbench, model: Model, starts: Sequence[Start], unknowns: Sequence[Unknown], x: np.ndarray
-) -> np.ndarray:
-    """The point (p) with its break-away torques at the best of a coarse and of a fine grid."""
-    for name in _LEVELS:
-        for span in _SPANS:
-            x = search.scanned(bench, model, starts, unknowns, x, name, span)
-    return x
+    free: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    x: np.ndarray,
+    spans: Sequence[float],
+) -> tuple[np.ndarray, dict[int, float]]:
+    """The point (p) with its break-away torques at the best of grids, the recordings simulated freely; their errors.
+
+    Whether a run that nothing guides sticks and slips as the measured one did is what a break-away torque decides:
+    it says more of it than the few instants at which the hub was seen to leave a rest.
+    """
+    errors: dict[int, float] = {}
+    for index, unknown in enumerate(unknowns):
+        if unknown.name not in _LEVELS:
+            continue
+        for span in spans:
+            values = x[index] * np.linspace(1 - span, 1 + span, _SCAN)
+            points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
+            cost = fit.costs(free, model, starts, unknowns, points)
+            x = points[int(np.argmin(cost))]
+            likely = values[cost < cost.min() + _LIKELY]
+            errors[index] = max(np.ptp(likely) / 4, values[1] - values[0])
+    return x, errors
+
+
+def _with_levels(result: Fit, x: np.ndarray, errors: Mapping[int, float]) -> Fit:
+    """The fit with break-away torques and their errors as the free runs have them."""
+    covariance = result.covariance.copy()
+    for index, error in errors.items():
+        covariance[index, :] = covariance[:, index] = 0.0
+        covariance[index, index] = error**2
+    model = fit.placed(result.model, result.unknowns, x)
+    return replace(result, model=model, values=x, covariance=covariance)
 
 
 def _with_disagreement(result: Fit, other: Fit) -> Fit:
@@ -84,14 +116,6 @@ def _with_disagreement(result: Fit, other: Fit) -> Fit:
     """
     apart = (result.values - other.values) / 2
     return replace(result, covariance=result.covariance + np.diag(apart**2))
-
-
-def _level_last(bench: Workbench, result: Fit) -> Fit:
-    """The fit with its break-away torques at the best of a last, finest grid."""
-    x = result.values
-    for name in _LEVELS:
-        x = search.scanned(bench, result.model, result.starts, result.unknowns, x, name, _SPANS[-1])
-    return replace(result, model=fit.placed(result.model, result.unknowns, x), values=x)
 
 
 def _with_break_away(bench: Workbench, base: Fit) -> Fit:

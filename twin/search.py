@@ -9,13 +9,13 @@ import numpy as np
 
 from twin import chain, evidence, fit, waves
 from twin.chain import ChainShape
-from twin.effects import REGISTRY, Effect
+from twin.chance import Slopes
+from twin.effects import REGISTRY
 from twin.fit import Fit, Unknown, Workbench
 from twin.model import Model, Start
 from twin.waves import Peak
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
-_SCAN = 25  # values of a break-away torque that are tried about the one that was read from the recordings
 _MULTIPLES = (1.0, 20.0, 300.0)
 _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
@@ -60,26 +60,6 @@ def roughly(
     return x
 
 
-def scanned(
-    bench: Workbench,
-    model: Model,
-    starts: Sequence[Start],
-    unknowns: Sequence[Unknown],
-    x: np.ndarray,
-    name: str,
-    span: float = 0.06,
-) -> np.ndarray:
-    """Moves one unknown to the best of a fine grid about its value, `span` of it to either side."""
-    names = [u.name for u in unknowns]
-    if name not in names:
-        return x
-    index = names.index(name)
-    points = [
-        np.r_[x[:index], value, x[index + 1 :]] for value in x[index] * np.linspace(1 - span, 1 + span, _SCAN)
-    ]
-    return points[int(np.argmin(fit.costs(bench, model, starts, unknowns, points)))]
-
-
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """One set of effects, fitted.
@@ -110,16 +90,28 @@ def candidates(model: Model, seen: set[str]) -> list[str]:
     return names
 
 
-def explore(
-    bench: Workbench, base: Fit, names: Iterable[str], progress: Progress = silent
-) -> list[Candidate]:
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """What one round of the search came to.
+
+    Attributes:
+      ranked: the candidates, best first.
+      slopes: what each promised to first order.
+    """
+
+    ranked: list[Candidate]
+    slopes: dict[str, Slopes]
+
+
+def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progress = silent) -> Explored:
     """Each effect added to a fitted model, best first: all by their slopes, the most promising by a fit."""
     names = list(names)
     progress("scoring the effects")
     tops = {
         name: waves.peaks(bench, base, REGISTRY[name]) for name in names if REGISTRY[name].wave is not None
     }
-    promise = {name: promised(bench, base, name, tops.get(name, ())) for name in names}
+    slopes = {name: slopes_of(bench, base, name, tops.get(name, ())) for name in names}
+    promise = {name: promised(bench, base, slopes[name]) for name in names}
     best_first = sorted(names, key=lambda name: -promise[name])
     count = int(np.clip(sum(score > 0 for score in promise.values()), _ANYWAY, _FITTED))
     found = []
@@ -132,33 +124,34 @@ def explore(
     # A slope promises no more than what a fit delivers.
     least = min((c.score for c in found[:count]), default=0.0)
     found[count:] = [replace(c, score=min(c.score, least)) for c in found[count:]]
-    return sorted(found, key=lambda c: -c.score)
+    return Explored(sorted(found, key=lambda c: -c.score), slopes)
 
 
-def promised(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> float:
+def promised(bench: Workbench, base: Fit, slopes: Slopes) -> float:
     """Gain that the slopes of an effect at neutral promise: a score test, less the price of its parameters.
 
     The effect's columns compete with the declared parameters: what these can do as well is no gain.
     """
+    if not slopes.columns.shape[1]:
+        return 0.0
+    return fit.slope_gain(bench, base, slopes.columns, slopes.replaces) - slopes.price
+
+
+def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Slopes:
+    """Slopes of an effect at neutral; of a wave, at the highest peak of its spectrum."""
     effect = REGISTRY[name]
+    paid = price(len([p for p in effect.parameters if not p.choice]), bench)
     if effect.wave is not None:
         columns = waves.slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
-        return _promise(bench, base, effect, columns)
+        return Slopes(columns, tuple(effect.replaces), paid, tops[0].rivals if tops else 1)
     neutral = effect.neutral(base.model.declared)
-    slopes = []
+    changes = []
     for ray in rays(bench, effect, neutral, base.model):
         _, change = visible(bench, base, name, neutral, ray, _STRAIGHT)
         if change is not None:
-            slopes.append(change / max(float(np.std(change)), 1e-12))
-    columns = np.column_stack(slopes) if slopes else np.zeros((len(base.residual), 0))
-    return _promise(bench, base, effect, columns)
-
-
-def _promise(bench: Workbench, base: Fit, effect: Effect, columns: np.ndarray) -> float:
-    if not columns.shape[1]:
-        return 0.0
-    paid = len([p for p in effect.parameters if not p.choice])
-    return fit.slope_gain(bench, base, columns, effect.replaces) - price(paid, bench)
+            changes.append(change / max(float(np.std(change)), 1e-12))
+    columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
+    return Slopes(columns, tuple(effect.replaces), paid)
 
 
 def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Candidate:

@@ -13,7 +13,9 @@ from twin.search import Candidate
 LEAST_SHARE = (
     0.05  # of the misfit that an effect must explain: less is within what the model itself gets wrong
 )
-LEAST_SCORE = 30.0  # gain in log likelihood, after the price of its parameters
+LEAST_SCORE = 30.0
+"""Gain in log likelihood, after the price of its parameters, that chance may not need but the chain's own error does:
+on recordings of a rig without a missing effect it gives up to 23."""
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
 LARGE_MISFIT = 4.0  # noise levels beyond which a group of residuals is not explained
 REPEATED = 2  # recordings in which a channel must stay unexplained
@@ -24,9 +26,12 @@ def misfit(bench: Workbench, residual: np.ndarray) -> np.ndarray:
     return bench.count * np.maximum(evidence.loss(bench.sizes(residual)) - 0.5, 0.0)
 
 
-def worth_adopting(bench: Workbench, base: Fit, ranked: Sequence[Candidate]) -> Candidate | None:
+def worth_adopting(
+    bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float = 0.0
+) -> Candidate | None:
     """The best candidate, if it explains a real part of the misfit, and in more than one recording.
 
+    `by_chance` is the score that chance alone gives too often; see `twin.chance`.
     A lone recording may be odd, and the chain is not the rig: an effect has to explain a fair share of what is left,
     and still do so when the recording that speaks loudest for it is left out.
     """
@@ -34,7 +39,7 @@ def worth_adopting(bench: Workbench, base: Fit, ranked: Sequence[Candidate]) -> 
         return None
     best = ranked[0]
     left = misfit(bench, base.residual).sum()
-    if best.score < LEAST_SCORE or best.score < LEAST_SHARE * left:
+    if best.score < max(LEAST_SCORE, by_chance) or best.score < LEAST_SHARE * left:
         return None
     if len(bench.prepared) > 1 and without_loudest(bench, base, best.fit) < LEAST_SCORE:
         return None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -39,11 +39,13 @@ class Peak:
       order: of the wave, per radian; of a wave in time or a resonance its frequency [Hz].
       coefficients: (k) by regression.
       gain: drop of half the weighted squares.
+      rivals: number of peaks in the spectrum, this one among them.
     """
 
     order: float
     coefficients: tuple[float, ...]
     gain: float
+    rivals: int = 1
 
 
 def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
@@ -57,7 +59,7 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     inner = np.r_[-np.inf, gains, -np.inf]
     tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
     best = tops[np.argsort(-gains[tops])[:_PEAKS]]
-    return tuple(found[k] for k in best if found[k].gain > 0)
+    return tuple(replace(found[k], rivals=len(tops)) for k in best if found[k].gain > 0)
 
 
 def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:

@@ -14,16 +14,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import chain, diagnose, driven, fit, search
+from twin import calibration, chain, driven, fit, search
 from twin.campaign import Campaign
 from twin.fit import Fit, Prepared, Workbench
-from twin.model import Model, simulate
+from twin.model import Model, Start, simulate
 from twin.parameters import Rig
 from twin.recording import Recording
 from twin.search import Progress, silent
 
 REPLICAS = 6
 """Simulated campaigns by which the estimate is checked."""
+FINEST_SEGMENTS = 20
+_STEPS = 2
+_WILD = 30.0  # noise levels; a replica may stick where the rig did not
 
 
 @dataclass(frozen=True)
@@ -74,18 +77,12 @@ class Joint:
 
 def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Joint:
     """Calibrates all declared parameters within their uncertainty, and checks the estimate."""
-    noise = diagnose.noises(campaign)
-    shape = chain.fit_shape(campaign.rig, diagnose.SEARCH_SEGMENTS)
-    model = Model(campaign.rig, campaign.sensors, shape, step=diagnose.SEARCH_STEP)
-    progress("reading the recordings")
-    sound, cuts = diagnose.sound_stretches(campaign.fit, noise, model)
-    _, prepared, notes = diagnose.on_best_clock(sound, noise, model, pool)
-    bench = Workbench(driven.DrivenData(prepared, model), pool)
-    progress("fitting all declared parameters")
-    base = diagnose.calibrated(bench, model)
+    start = calibration.calibrate(campaign, pool, progress)
+    bench = start.bench
+    base = _on_finest_chain(bench, start.base)
     progress("checking the estimate on simulated recordings")
     pulls = _pulls(bench, base, pool)
-    return _checked(base, bench, pulls, (*cuts, *notes))
+    return _checked(base, bench, pulls, start.notes)
 
 
 def prior_deviation(rig: Rig, name: str) -> float:
@@ -124,40 +121,67 @@ def _widened(linear: np.ndarray, bias: np.ndarray, spread: np.ndarray) -> np.nda
     return linear * np.outer(wider / errors, wider / errors)
 
 
+def _on_finest_chain(bench: Workbench, base: Fit) -> Fit:
+    """The fit with the chain's own error taken out to the last: it is what is left where all else is right."""
+    bench.refine(base.model, _finest(base.model), base.starts)
+    return fit.minimise(bench, base.model, base.starts, base.unknowns, base.values, iterations=4)
+
+
+def _finest(model: Model) -> Model:
+    return model.replace(shape=chain.fit_shape(model.declared, FINEST_SEGMENTS), step=search.FINE_STEP)
+
+
 def _pulls(bench: Workbench, base: Fit, pool: ThreadPoolExecutor) -> np.ndarray:
-    """Gauss-Newton steps (replicas x unknowns) that simulated recordings ask of the rig that they come from."""
-    exact = search.fine(base.model)
+    """How far (replicas x unknowns) simulated recordings pull the estimate off the rig that they come from."""
+    exact = _finest(base.model)
     starts = [fit.reading_start(exact, p, s) for p, s in zip(bench.prepared, base.starts, strict=True)]
     clean = list(
         pool.map(lambda i: simulate(exact, bench.prepared[i].recording, starts[i]), range(len(starts)))
     )
-    steps = [_step_of(bench, base, clean, np.random.default_rng([17, k])) for k in range(REPLICAS)]
-    return np.array(steps)
+    return np.array([_pull(bench, base, clean, np.random.default_rng([17, k])) for k in range(REPLICAS)])
 
 
-def _step_of(
+def _pull(
     bench: Workbench, base: Fit, clean: Sequence[Recording], generator: np.random.Generator
 ) -> np.ndarray:
-    """One Gauss-Newton step (p) on a replica, weighted as the recordings themselves are."""
-    known = [p.recording for p in bench.prepared]
+    """Where (p) a replica's fit ends less where it should: Gauss-Newton steps with the Jacobian kept."""
     noisy = [
-        _with_noise(c, k, p.noise, generator) for c, k, p in zip(clean, known, bench.prepared, strict=True)
+        _with_noise(c, p.recording, p.noise, generator) for c, p in zip(clean, bench.prepared, strict=True)
     ]
-    prepared = tuple(fit.prepare(r, p.noise)[0] for r, p in zip(noisy, bench.prepared, strict=True))
-    prepared = tuple(replace(p, start=s) for p, s in zip(prepared, base.starts, strict=True))
+    prepared = [fit.prepare(r, p.noise)[0] for r, p in zip(noisy, bench.prepared, strict=True)]
+    prepared = [replace(p, start=s) for p, s in zip(prepared, base.starts, strict=True)]
     data = driven.DrivenData(prepared, base.model)
     weights = fit.row_weights(bench, base.residual)
     information, _ = fit.normal_equations(bench, base)
-    gradient = np.zeros(len(base.values))
-    for i in range(len(prepared)):
-        parts = data.residual(base.model, i, base.starts[i])
+    solve = np.linalg.pinv(information, hermitian=True)
+    x = base.values
+    for _ in range(_STEPS):
+        residual = _against(bench, data, fit.placed(base.model, base.unknowns, x), base.starts)
+        x = x - solve @ (base.jacobian.T @ (weights * residual) + _prior_pull(base, x))
+    return x - base.values
+
+
+def _prior_pull(base: Fit, x: np.ndarray) -> np.ndarray:
+    """Gradient (p) of the priors, centred on the rig that a replica comes from."""
+    return np.array(
+        [
+            (v - b) / u.scale**2 if u.prior else 0.0
+            for u, v, b in zip(base.unknowns, x, base.values, strict=True)
+        ]
+    )
+
+
+def _against(bench: Workbench, data: driven.DrivenData, model: Model, starts: Sequence[Start]) -> np.ndarray:
+    """Residual (n) of a replica, laid out as that of the recordings."""
+    residual = np.zeros(len(bench.weight))
+    for i in range(len(data.prepared)):
+        parts = data.residual(model, i, starts[i])
         for group in bench.data.groups:
-            if group.recording != i or group.channel not in parts:
-                continue
-            rows = group.rows
-            r = np.clip(np.nan_to_num(parts[group.channel]), -30, 30) - bench.defect[rows]
-            gradient += base.jacobian[rows].T @ (weights[rows] * r)
-    return -np.linalg.pinv(information, hermitian=True) @ gradient
+            if group.recording == i and group.channel in parts:
+                rows = group.rows
+                off = np.nan_to_num(parts[group.channel]) - bench.defect[rows]
+                residual[rows] = np.clip(off, -_WILD, _WILD) * bench.weight[rows]
+    return residual
 
 
 def _with_noise(

@@ -1,0 +1,112 @@
+"""From recordings to the calibrated model: what is sound in them, when commands act, where parameters stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import chain, driven, fit, observe, search, timing
+from twin.campaign import Campaign
+from twin.fit import Fit, Prepared, Workbench
+from twin.model import Model
+from twin.recording import CHANNEL_UNITS, Recording
+from twin.search import Progress, silent
+
+SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
+"""A coarse chain is enough to search on: its own error is taken out by `Workbench.refine`."""
+_IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The declared model with its parameters moved within their uncertainty, and what it was moved on.
+
+    Attributes:
+      declared: the model as declared.
+      bench: the fit recordings, without what is odd in them.
+      base: the fit.
+      clock: when commands act.
+      notes: what was left out of the recordings or assumed of them.
+    """
+
+    declared: Model
+    bench: Workbench
+    base: Fit
+    clock: timing.Clock
+    notes: tuple[str, ...]
+
+    @property
+    def prepared(self) -> tuple[Prepared, ...]:
+        """The recordings."""
+        return self.bench.prepared
+
+    @property
+    def data(self) -> driven.DrivenData:
+        """The recordings, the link driven by the measured hub angle."""
+        assert isinstance(self.bench.data, driven.DrivenData)
+        return self.bench.data
+
+
+def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Calibration:
+    """Calibrates the declared model on the fit recordings.
+
+    Args:
+      campaign: the recordings; held-out ones are not looked at.
+      pool: threads for the simulations.
+      progress: told of every stage.
+    """
+    noise = noises(campaign)
+    shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
+    model = Model(campaign.rig, campaign.sensors, shape, step=SEARCH_STEP)
+    progress("reading the recordings")
+    sound, cuts = sound_stretches(campaign.fit, noise, model)
+    clock, prepared, notes = timing.on_best_clock(sound, noise, model, pool)
+    bench = Workbench(driven.DrivenData(prepared, model), pool)
+    progress("calibrating")
+    base = calibrated(bench, model)
+    late = timing.lateness(bench, base)
+    if late != 0.0:
+        clock = clock.later(late)
+        prepared = tuple(fit.prepare(timing.on_clock(r, clock), noise)[0] for r in sound)
+        bench = Workbench(driven.DrivenData(prepared, model), pool)
+        base = calibrated(bench, model)
+        notes = [*notes, f"Commands are taken to act {1e3 * late:+.2f} ms off their time stamps."]
+    return Calibration(model, bench, base, clock, (*cuts, *notes))
+
+
+def noises(campaign: Campaign) -> dict[str, float]:
+    """Channel -> standard deviation of its noise: declared, or seen in the fit recordings."""
+    found = {}
+    for name, sensor in campaign.sensors.items():
+        seen = [observe.noise_of(r[name]) for r in campaign.fit if name in r]
+        declared = sensor.noise
+        found[name] = declared if declared else max(seen, default=0.0)
+    return {name: value for name, value in found.items() if value > 0 and name in CHANNEL_UNITS}
+
+
+def sound_stretches(
+    recordings: Sequence[Recording], noise: Mapping[str, float], model: Model
+) -> tuple[list[Recording], list[str]]:
+    """The recordings without the stretches in which the hub's motion cannot be followed, and what was left out."""
+    kept, notes = [], []
+    for recording in recordings:
+        peak = np.nanmax(np.abs(recording["torque_command"])) + model.declared["static_friction"]
+        strongest = _IMPOSSIBLE * peak / model.declared["hub_inertia"]
+        cut, note = observe.longest_sound_stretch(recording, noise.get("hub_angle", 0.0), float(strongest))
+        kept.append(cut)
+        notes += [note] if note else []
+    return kept, notes
+
+
+def calibrated(bench: Workbench, model: Model) -> Fit:
+    """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way."""
+    starts = tuple(p.start for p in bench.prepared)
+    unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
+    bench.refine(model, search.fine(model), starts)
+    x = search.roughly(bench, model, starts, unknowns)
+    first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)
+    bench.refine(first.model, search.fine(first.model), first.starts)
+    return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
