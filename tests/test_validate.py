@@ -9,7 +9,7 @@ import control
 import numpy as np
 import pytest
 
-from twin import cli, plants
+from twin import cli, closed_loop, plants
 from twin.closed_loop import Run
 from twin.control.base import LinearController
 from twin.control.library import CONTROLLERS, controller
@@ -18,15 +18,18 @@ from twin.modal import held_response, state_space
 from twin.plants.base import READINGS
 from twin.rigs import preset
 from twin.validation.figures import figures
+from twin.validation.fleet import Bench, Job
 from twin.validation.linear_form import NoLinearFormError, identify
-from twin.validation.loop import margins, sampled_rig
+from twin.validation.linear_rig import sampled_chain, sampled_modes
+from twin.validation.loop import margins
+from twin.validation.reported import reported
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
 from twin.validation.rigs import draw, unknowns
 
 RIG = preset("bossi2009")
 T = 2e-3
 MODEL = plants.model_of(RIG)
-MODEL_RIG = sampled_rig(MODEL, T)[0]
+MODEL_RIG = sampled_modes(MODEL, T, 3)
 
 
 class Law:
@@ -106,7 +109,7 @@ def test_a_constant_torque_does_not_hide_a_linear_form():
 
 @pytest.mark.parametrize("delay", [0.0, 1.3e-3, 2e-3, 5.3e-3])
 def test_sampled_rig_moves_as_the_continuous_one(delay):
-    rig, left_out = sampled_rig(plants.model_of(RIG, {"actuator-delay": {"delay": delay}}), T)
+    rig = sampled_modes(plants.model_of(RIG, {"actuator-delay": {"delay": delay}}), T, 3)
     command = np.random.default_rng(0).standard_normal(60)
     x, found = np.zeros(len(rig.A)), []
     for u in command:
@@ -117,11 +120,10 @@ def test_sampled_rig_moves_as_the_continuous_one(delay):
     late = np.where(index < 0, 0.0, command[index])
     expected = held_response(state_space(RIG), fine, late)[::20]
     np.testing.assert_allclose(np.array(found)[:, :2], expected, atol=1e-9 * np.abs(expected).max())
-    assert left_out == ()
 
 
 def test_motor_torque_is_what_acts_before_the_next_command():
-    lag = sampled_rig(plants.model_of(RIG, {"actuator-lag": {"time_constant": 0.01}}), T)[0]
+    lag = sampled_modes(plants.model_of(RIG, {"actuator-lag": {"time_constant": 0.01}}), T, 3)
     place = READINGS.index("motor_torque")
     np.testing.assert_allclose((lag.C @ lag.B)[place], 1 - math.exp(-T / 0.01))
     assert (MODEL_RIG.C @ MODEL_RIG.B)[place] == pytest.approx(1.0)
@@ -143,7 +145,7 @@ def test_margins_are_those_of_python_control(name):
 
 
 def test_a_drive_of_twice_the_gain_takes_6_db(lqi):
-    double = sampled_rig(plants.model_of(RIG, {"torque-gain": {"gain": 2.0}}), T)[0]
+    double = sampled_modes(plants.model_of(RIG, {"torque-gain": {"gain": 2.0}}), T, 3)
     lost = margins(lqi, MODEL_RIG, T).gain - margins(lqi, double, T).gain
     assert lost == pytest.approx(20 * math.log10(2), abs=0.02)
 
@@ -151,20 +153,89 @@ def test_a_drive_of_twice_the_gain_takes_6_db(lqi):
 def test_a_loop_at_its_gain_margin_is_at_the_edge(lqi):
     margin = margins(lqi, MODEL_RIG, T).gain
     for part, stable in ((0.99, True), (1.01, False)):
-        more = sampled_rig(plants.model_of(RIG, {"torque-gain": {"gain": 10 ** (part * margin / 20)}}), T)[0]
+        more = sampled_modes(
+            plants.model_of(RIG, {"torque-gain": {"gain": 10 ** (part * margin / 20)}}), T, 3
+        )
         assert (margins(lqi, more, T).growth < 0) == stable
 
 
 def test_a_neglected_mode_that_destabilises_is_seen():
     form = identify(Spillover(), T)
-    one, two = (margins(form, sampled_rig(MODEL, T, modes)[0], T) for modes in (1, 2))
+    one, two = (margins(form, sampled_modes(MODEL, T, modes), T) for modes in (1, 2))
     assert one.growth < 0
     assert one.disk > 0
     assert two.growth > 1
     assert two.gain == two.phase == two.disk == 0.0
 
 
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {},
+        {"sensor-delay": {"delay": 0.0053, "hub_angle": 1.0, "strain": 1.0}},
+        {"cable-torsion": {"stiffness": 0.02, "rest_angle": 0.3}, "hub-sensor-gain": {"gain": 1.2}},
+    ],
+)
+def test_linearised_chain_has_the_margins_of_the_modes(lqi, effects):
+    model = plants.model_of(RIG, effects)
+    chain, left_out = sampled_chain(model, T)
+    one, other = (margins(lqi, rig, T) for rig in (chain, sampled_modes(model, T, 3)))
+    assert one.growth == pytest.approx(other.growth, rel=1e-4)
+    # 8 segments: the sensor of the deflection sees modes beyond the third.
+    assert one.gain == pytest.approx(other.gain, abs=0.05)
+    assert one.disk == pytest.approx(other.disk, rel=2e-3)
+    assert left_out == ()
+
+
+def test_a_late_sensor_costs_what_a_late_drive_does(lqi):
+    late = {
+        "sensor-delay": {"delay": 0.0053, "hub_angle": 1.0, "strain": 1.0},
+        "actuator-delay": {"delay": 0.0053},
+    }
+    one, other = (
+        margins(lqi, sampled_chain(plants.model_of(RIG, {name: p}), T)[0], T) for name, p in late.items()
+    )
+    assert one.phase == pytest.approx(other.phase, abs=0.01)
+    assert one.phase < margins(lqi, MODEL_RIG, T).phase - 0.5
+
+
+def test_a_torsional_mode_is_in_the_linear_loop_and_seen_by_the_strains():
+    torsion = {"frequency": 28.0, "damping_ratio": 0.02, "inertia_share": 0.3, "strain_base": 0.5}
+    model = plants.model_of(RIG, {"torsional-mode": {**torsion, "strain_mid": 0.0}})
+    with_it, without = (sampled_chain(m, T)[0] for m in (model, MODEL))
+    assert len(with_it.A) == len(without.A) + 2
+    blind = plants.model_of(RIG, {"torsional-mode": {**torsion, "strain_base": 0.0, "strain_mid": 0.0}})
+    seen = (with_it.C - sampled_chain(blind, T)[0].C) != 0
+    assert set(np.flatnonzero(seen.any(axis=1))) == {READINGS.index("strain_base")}
+
+
+def test_play_is_left_out_of_the_linear_loop_and_said_so():
+    model = plants.model_of(RIG, {"backlash": {"gap": 0.01, "motor_inertia_share": 0.3}})
+    rig, left_out = sampled_chain(model, T)
+    assert left_out == ("backlash",)
+    np.testing.assert_allclose(rig.A, sampled_chain(MODEL, T)[0].A)
+
+
 # Fleet
+
+
+def test_a_hub_sensor_with_another_gain_turns_the_hub_too_little():
+    [drawn] = draw(RIG, {"hub-sensor-gain": {"gain": 1.2}}, (), 0, 0)
+    outcome = Bench(Job("lqi", RIG, "lq-step-120")).outcome(drawn)
+    # The reading arrives, the hub stops a sixth before; friction keeps it within 3 % of there.
+    assert outcome.figures["steady_state_error"] == pytest.approx(100 / 6, abs=3)
+    assert outcome.figures["overshoot"] == 0.0
+
+
+def test_a_late_reading_is_what_was_true_then():
+    effects = {"sensor-delay": {"delay": 0.006, "hub_angle": 1.0, "strain": 1.0}}
+    model = plants.model_of(RIG, effects)
+    plant = plants.make("compiled", RIG, effects)
+    heard = []
+    law = reported(Law(lambda error, tip, time: heard.append(-error) or 0.15), model, plant)
+    run = closed_loop.run(plant, law, lambda time: 0.0, 0.3)
+    np.testing.assert_allclose(heard[60:], run.true["hub_angle"][57:-3], atol=1e-9)
+    assert reported(law, MODEL, plant) is law
 
 
 def test_drawn_rigs_repeat_and_follow_their_uncertainty():

@@ -21,12 +21,14 @@ from twin.parameters import Rig
 from twin.plants.chain import CompiledPlant
 from twin.validation.figures import figures
 from twin.validation.linear_form import LinearForm, NoLinearFormError, identify
-from twin.validation.loop import MODES, Margins, margins, sampled_rig
+from twin.validation.linear_rig import sampled_chain, sampled_modes
+from twin.validation.loop import Margins, margins
+from twin.validation.reported import reported
 from twin.validation.rigs import DrawnRig, Effects
 
 PROCESSES = 2
 _CHUNK = 5  # rigs that a process takes at a time
-_MODE_COUNTS = range(1, MODES + 2)
+_MODE_COUNTS = range(1, 5)
 _POINTS = 250  # of a trace
 TRACED = ("hub_angle", "tip_deflection", "motor_torque")
 
@@ -99,13 +101,14 @@ class Bench:
         model = self._believed.replace(declared=drawn.rig, effects=drawn.effects)
         plant = CompiledPlant(model, self._period)
         try:
-            run = closed_loop.run(plant, self._law, self._scenario.reference, self._scenario.duration)
+            law = reported(self._law, model, plant)
+            run = closed_loop.run(plant, law, self._scenario.reference, self._scenario.duration)
         except InputError as error:
             raise InputError(f"on rig {drawn.number}: {error}") from None
         found = figures(run, drawn.rig["length"])
         left_out: tuple[str, ...] = ()
         if self.form is not None:
-            linear, left_out = sampled_rig(model, self._period)
+            linear, left_out = sampled_chain(model, self._period)
             m = margins(self.form, linear, self._period)
             found |= {
                 "growth_rate": m.growth,
@@ -122,7 +125,7 @@ class Bench:
         if self.form is None:
             return {}
         model = self._believed.replace(declared=rig, effects=effects)
-        linear = {modes: sampled_rig(model, self._period, modes)[0] for modes in _MODE_COUNTS}
+        linear = {modes: sampled_modes(model, self._period, modes) for modes in _MODE_COUNTS}
         return {modes: margins(self.form, rig, self._period) for modes, rig in linear.items()}
 
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from twin.validation.fleet import Outcome
-from twin.validation.loop import MODES
 from twin.validation.validation import CONFIDENCE, Driver, Validation, Verdict
 
 
@@ -76,9 +75,9 @@ def remarks(result: Validation) -> Iterator[str]:
     if result.no_margins:
         yield f"No margins can be given: the controller has no linear form; {result.no_margins}."
         return
-    yield f"Margins: loop cut at the torque, {MODES} bending modes, hub sliding without Coulomb friction."
+    yield "Margins: of the loop cut at the torque, the chain linearised, its hub sliding without dry friction."
     disks = (f"{number(m.disk)} with {modes}" for modes, m in result.by_modes.items())
-    yield f"Disk margin of the rig as believed by bending modes: {', '.join(disks)}."
+    yield f"Disk margin of the rig as believed by bending modes of the modal model: {', '.join(disks)}."
     if result.left_out:
         yield f"They do not know: {', '.join(result.left_out)}."
 

@@ -18,6 +18,7 @@ from twin.validation.rigs import Effects, Unknown, draw, unknowns
 CONFIDENCE = 0.95
 _DRIVERS = 3
 _VISIBLE = 0.25  # rank correlation from which a parameter is said to drive a figure
+_CHANCE = 2.6  # standard deviations of a rank correlation that is chance, 1/sqrt(N - 1): one in a hundred
 
 
 @dataclass(frozen=True)
@@ -183,14 +184,15 @@ def _drivers(values: np.ndarray, outcomes: list[Outcome]) -> tuple[Driver, ...]:
 
     # Below what rounding and the sample period make of it, a figure says nothing.
     finite = values[np.isfinite(values)]
-    if len(values) < 10 or len(finite) < 2 or np.ptp(finite) <= 1e-6 * np.abs(finite).max():
+    if len(values) < 3 or len(finite) < 2 or np.ptp(finite) <= 1e-6 * np.abs(finite).max():
         return ()
     ranks = rankdata(values)
     found = [
         Driver(name, float(np.corrcoef(ranks, rankdata([o.drawn.deviations[name] for o in outcomes]))[0, 1]))
         for name in outcomes[0].drawn.deviations
     ]
-    strong = sorted((d for d in found if abs(d.correlation) >= _VISIBLE), key=lambda d: -abs(d.correlation))
+    visible = max(_VISIBLE, _CHANCE / np.sqrt(len(values) - 1))
+    strong = sorted((d for d in found if abs(d.correlation) >= visible), key=lambda d: -abs(d.correlation))
     return tuple(strong[:_DRIVERS])
 
 

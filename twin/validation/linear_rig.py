@@ -1,0 +1,191 @@
+"""The linear form of a rig at small amplitude, its hub sliding without dry friction, as a controller samples it.
+
+Either the modal model with a number of bending modes (Bossi et al. 2009, section III), or the chain linearised about
+the straight link, M phi_tt + D phi_t + K phi = e_hub tau, with every coordinate that an effect adds. The torque is
+held over a sample; gain, delay and lag of the drive, and gains and delays of the sensors, are those of the effects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from twin.effects import REGISTRY, TORSION, Drive
+from twin.mjcf import GAUGES
+from twin.modal import state_space
+from twin.model import Model
+from twin.plants.base import READINGS
+
+NOT_LINEAR = ("backlash", "cogging")
+"""Effects whose slope at one place says nothing: they are left out."""
+
+_MEASURED = READINGS[:-1]
+_SMALL = 1e-6
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """x+ = A x + B u, y = C x: a rig under a torque held over a sample; y in the order of `READINGS`."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+
+
+def sampled_modes(model: Model, period: float, modes: int) -> Sampled:
+    """Returns the modal model of a rig; of the effects, those of drive, sensors, hub and rig are in.
+
+    Args:
+      model: rig and effects.
+      period: sample period [s].
+      modes: bending modes.
+    """
+    system = state_space(model.rig, modes, GAUGES)
+    A, B, C = (np.array(m, dtype=float) for m in (system.A, system.B, system.C))
+    size = modes + 1
+    hub, push = C[0, :size], B[size:, 0]
+    A[size:, :size] -= model.plant.cable_stiffness * np.outer(push, hub)
+    A[size:, size:] -= model.plant.viscous * np.outer(push, hub)
+    # No torsion: it is not a bending mode.
+    return _sensed(model, _held(A, B, np.vstack([C, 0 * C[:1]]), _drive(model), period), period)
+
+
+def sampled_chain(model: Model, period: float) -> tuple[Sampled, tuple[str, ...]]:
+    """Returns the linearised chain of a rig, and the effects that are left out of it.
+
+    Args:
+      model: rig and effects.
+      period: sample period [s].
+    """
+    left_out = tuple(name for name in model.effects if name in NOT_LINEAR)
+    kept = {name: p for name, p in model.effects.items() if name not in NOT_LINEAR}
+    model = model.replace(effects=kept)
+    M, D, K, rows, rate_rows = _chain(model)
+    n = len(M)
+    inverse = np.linalg.inv(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, -inverse @ D]])
+    B = np.r_[np.zeros(n), inverse[:, 0]][:, None]
+    rig = _held(A, B, np.hstack([rows, rate_rows]), _drive(model), period)
+    return _sensed(model, rig, period), left_out
+
+
+def _chain(model: Model) -> tuple[np.ndarray, ...]:
+    """M, D, K (n, n) about the straight link along x, and rows (5, n) of readings and torsion on angles and rates."""
+    plant, links = model.plant, len(model.chain.lengths)
+    n = len(plant.lengths)
+    hinge = np.diff(np.eye(n)[:links], axis=0)
+    K = hinge.T @ (plant.stiffness[:, None] * hinge)
+    D = hinge.T @ plant.damping @ hinge
+    twist = np.zeros(n)
+    if plant.torsion_stiffness > 0:
+        twist[[0, links]] = -1.0, 1.0
+        K += plant.torsion_stiffness * np.outer(twist, twist)
+        D += plant.torsion_damping * np.outer(twist, twist)
+    K[0, 0] += plant.cable_stiffness
+    D[0, 0] += plant.viscous
+    D += plant.tip_drag_linear * np.outer(plant.lengths, plant.lengths)
+    K += plant.gravity_x * np.diag(plant.first_moment)
+    hub = np.eye(n)[0]
+    tip = plant.lengths - plant.lengths.sum() * hub
+    rows, rate_rows = np.zeros((2, len(_MEASURED) + 1, n))
+    rows[0], rows[1], rows[-1] = hub, tip, twist
+    for place, name in enumerate(_MEASURED[2:], 2):
+        thickness = model.sensors[name].half_thickness
+        rows[place] = thickness * model.curvature_rows[name] @ hinge
+        if name in model.curvature_rate_rows:
+            rate_rows[place] = thickness * model.curvature_rate_rows[name] @ hinge
+    return plant.inertia, D, K, rows, rate_rows
+
+
+def _sensed(model: Model, rig: Sampled, period: float) -> Sampled:
+    """What the sensors report of hub, tip, strains, torsion and motor torque (6): the readings (5), late or not."""
+    slopes, delays = _sensing(model)
+    return _delayed(Sampled(rig.A, rig.B, slopes @ rig.C), delays / period)
+
+
+def _sensing(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Slope (5, 6) of each reading with each true value at zero, and delay (5) of each reading [s]."""
+    names = (*_MEASURED, TORSION, READINGS[-1])
+    time = np.linspace(0.0, 0.2, 101)
+
+    def read(values: dict[str, np.ndarray]) -> np.ndarray:
+        said = model.report(time, {name: values.get(name, np.zeros(len(time))) for name in names})
+        return np.array([said[name][-1] for name in READINGS])
+
+    rest = read({})
+    slopes = np.stack([read({name: np.full(len(time), _SMALL)}) - rest for name in names], axis=1) / _SMALL
+    ramps = np.array([(read({name: _SMALL * time}) - rest)[i] for i, name in enumerate(READINGS)]) / _SMALL
+    own = np.array([slopes[i, names.index(name)] for i, name in enumerate(READINGS)])
+    return slopes, np.maximum(time[-1] - ramps / own, 0.0).round(9)
+
+
+def _delayed(rig: Sampled, samples: np.ndarray) -> Sampled:
+    """A rig whose readings are late by some samples (5), between two of them on a straight line."""
+    whole = np.floor(samples + 1e-6).astype(int)
+    depth, n, count = int(whole.max()) + 1, len(rig.A), len(rig.C)
+    if not samples.any():
+        return rig
+    # Past readings, the newest first.
+    size = n + depth * count
+    A, B = np.zeros((size, size)), np.vstack([rig.B, np.zeros((depth * count, 1))])
+    A[:n, :n], A[n : n + count, :n] = rig.A, rig.C
+    A[n + count :, n : size - count] = np.eye(size - n - count)
+    past = [np.hstack([rig.C, np.zeros((count, size - n))])]
+    past += [np.eye(size)[n + k * count : n + (k + 1) * count] for k in range(depth)]
+    C = np.empty((count, size))
+    for i, (k, late) in enumerate(zip(whole, samples, strict=True)):
+        share = max(late - k, 0.0)
+        C[i] = (1 - share) * past[k][i] + share * past[k + 1][i]
+    return Sampled(A, B, C)
+
+
+def _held(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, drive: tuple[float, float, float], period: float
+) -> Sampled:
+    """The rig at its samples; its state is that of the link, the torque behind a lag, and the last commands.
+
+    Args:
+      A, B, C: in continuous time, from delivered torque to true values.
+      drive: gain [1], delay [s] and lag [s].
+      period: sample period [s].
+    """
+    gain, delay, lag = drive
+    whole = int(delay / period + 1e-9)
+    late = max(delay - whole * period, 0.0)
+    moved, n = len(A) + (lag > 0), len(A)
+    inner = np.zeros((moved + 1, moved + 1))
+    inner[:n, :n] = A
+    inner[:n, n] = B[:, 0] * (1.0 if lag > 0 else gain)
+    if lag > 0:
+        inner[n, n:] = -1 / lag, gain / lag
+    first, second = expm(inner * late), expm(inner * (period - late))
+    # Within a sample the command of whole + 1 samples ago acts first, then the one after it.
+    states = np.zeros((moved + whole + 1,) * 2)
+    push = np.zeros((len(states), 1))
+    states[:moved, :moved] = second[:moved, :moved] @ first[:moved, :moved]
+    states[:moved, -1] = second[:moved, :moved] @ first[:moved, moved]
+    if whole:
+        states[:moved, -2] += second[:moved, moved]
+    else:
+        push[:moved, 0] = second[:moved, moved]
+    # Commands on their way, the newest first.
+    push[moved, 0] = 1.0
+    states[moved + 1 :, moved:-1] = np.eye(whole)
+    read = np.zeros((len(C) + 1, len(states)))
+    read[:-1, :n] = C
+    read[-1, n if lag > 0 else -1] = 1.0 if lag > 0 else gain
+    return Sampled(states, push, read)
+
+
+def _drive(model: Model) -> tuple[float, float, float]:
+    """Gain [1], delay [s] and lag [s] that the effects give the drive."""
+    answers = []
+    for torque in (0.0, 1.0):
+        drive = Drive(np.zeros(1), np.array([torque]))
+        for name, p in model.effects.items():
+            drive = REGISTRY[name].drive(drive, p)
+        answers.append(drive)
+    rest, one = answers
+    return float(one.torque[0] - rest.torque[0]), float(one.time[0]), max(model.plant.lag, one.lag)
