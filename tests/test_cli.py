@@ -41,7 +41,7 @@ def run(monkeypatch, capsys, tmp_path, answer):
     work = tmp_path / "work"
     work.mkdir()
     monkeypatch.chdir(work)
-    monkeypatch.setitem(sys.modules, "twin.diagnose", SimpleNamespace(diagnose=lambda *_: answer))
+    monkeypatch.setitem(sys.modules, "twin.diagnose", SimpleNamespace(diagnose=lambda *_, **__: answer))
 
     def invoke(*arguments) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["twin", *map(str, arguments)])
@@ -218,7 +218,7 @@ def test_interrupt_is_130_in_one_line(tmp_path, campaign):
     # The loop waits for the interrupt; the command must not.
     code = (
         "import sys, time, types, twin.cli\n"
-        "def loop(*_):\n"
+        "def loop(*_, **__):\n"
         "    print('running', flush=True)\n"
         "    time.sleep(60)\n"
         "sys.modules['twin.diagnose'] = types.SimpleNamespace(diagnose=loop)\n"

@@ -14,6 +14,7 @@ from twin.commands.check import check
 from twin.commands.compare import compare
 from twin.commands.diagnose import demo, diagnose
 from twin.commands.identify import identify
+from twin.commands.plan import plan_experiment
 from twin.commands.run import run
 from twin.commands.validate import validate
 from twin.commands.view import view
@@ -45,7 +46,7 @@ def root() -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
 
 
-for command in (demo, diagnose, check, run, compare, view, identify, validate):
+for command in (demo, diagnose, check, run, compare, view, identify, validate, plan_experiment):
     app.command()(command)
 
 if __name__ == "__main__":

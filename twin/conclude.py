@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from twin import traces, verdict
+from twin import planning, traces, verdict
 from twin.campaign import Campaign
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Prediction, Verdict
 from twin.effects import REGISTRY
 from twin.fit import ASSUMED_UNCERTAINTY, Fit
+from twin.planning import Plan
 from twin.polish import Polished
 
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
@@ -19,7 +20,12 @@ if TYPE_CHECKING:
 
 
 def conclude(
-    campaign: Campaign, found: Found, polished: Polished, predictions: Mapping[str, Prediction], wall_s: float
+    campaign: Campaign,
+    found: Found,
+    polished: Polished,
+    predictions: Mapping[str, Prediction],
+    plans: Sequence[Plan],
+    wall_s: float,
 ) -> Diagnosis:
     """Puts the answer together."""
     left = verdict.unexplained(found.bench, found.best)
@@ -35,7 +41,7 @@ def conclude(
         effects=effects,
         ranking=tuple(ranking),
         indistinguishable=tuple(alike),
-        next_experiment=_next(answer, alike, depends),
+        next_experiment=_next(answer, alike, depends, plans),
         depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
@@ -156,10 +162,11 @@ def _place(channel: str) -> str:
     )
 
 
-def _next(answer: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str]) -> str | None:
-    if alike:
-        pair = " and ".join(alike[0][:3])
-        return f"Record what separates {pair}: larger angles, both directions, slow and fast, and the motor's torque."
+def _next(
+    answer: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str], plans: Sequence[Plan]
+) -> str | None:
+    if alike and plans:
+        return planning.said(plans, alike[0][:2])
     if answer == "outside-library" and depends:
         return f"Repeat a run with {depends[0]} varied on purpose and everything else kept."
     return None

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import calibration, chance, fit, polish, search, timing, verdict
+from twin import calibration, chance, fit, planning, polish, search, timing, verdict
 from twin.calibration import Calibration
 from twin.campaign import Campaign
 from twin.conclude import conclude
@@ -20,11 +20,12 @@ from twin.diagnosis import ChannelError, Diagnosis, Prediction
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model, simulate
-from twin.recording import CHANNEL_UNITS, Recording
+from twin.recording import CHANNEL_UNITS, MEASURED, Recording
 from twin.search import Candidate, Progress, silent
 
 MOST_EFFECTS = 3
 FALSE_ALARM_RATE = 0.01
+PLANNING_STEP = 1e-3  # s
 _LONG = 12  # iterations of a fit that is to arrive
 _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
 _CONTENDERS = 3  # candidates that are fitted to the end
@@ -95,7 +96,18 @@ def diagnose(
         )
         progress("simulating every recording")
         predictions = predict(campaign, found, polished, pool)
-    return conclude(campaign, found, polished, predictions, time.perf_counter() - began)
+        pair = verdict.closest(found.rounds[: len(found.adopted)])
+        plans = planned(campaign, pair, pool) if pair else []
+    return conclude(campaign, found, polished, predictions, plans, time.perf_counter() - began)
+
+
+def planned(
+    campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ThreadPoolExecutor
+) -> list[planning.Plan]:
+    """Experiments that would tell two candidates apart, best first."""
+    noise = {c: s for c, s in calibration.noises(campaign).items() if c in MEASURED}
+    first, second = (c.fit.model.replace(step=PLANNING_STEP) for c in pair)
+    return planning.plan(first, second, noise, pool)
 
 
 # Recordings are simulated side by side: threads of linear algebra beside them double the time.

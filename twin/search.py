@@ -167,6 +167,12 @@ def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> 
     return Candidate((*base.model.effects, name), result, gain(bench, base, result))
 
 
+def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
+    """One effect added to a fitted model, followed out of its neutral value or from its spectrum, and fitted."""
+    effect = REGISTRY[name]
+    return quick(bench, base, name, waves.peaks(bench, base, effect) if effect.wave is not None else ())
+
+
 def gain(bench: Workbench, base: Fit, result: Fit) -> float:
     """Cost gained, less the price of the parameters added."""
     added = len(result.unknowns) - len(base.unknowns)

@@ -31,12 +31,17 @@ def diagnose(
     out: OutFolder = None,
     json_file: JsonFile = None,
     force: Force = False,
+    false_alarm_rate: Annotated[
+        float, typer.Option(metavar="RATE", help="How often something may be found where nothing is missing.")
+    ] = 0.01,
 ) -> None:
     """Find which physical effect a model lacks; write report, rerun recording and augmented model."""
-    _diagnose(campaign, out, json_file, force)
+    _diagnose(campaign, out, json_file, force, false_alarm_rate)
 
 
-def _diagnose(campaign: Path, out: Path | None, json_file: Path | None, force: bool) -> None:
+def _diagnose(
+    campaign: Path, out: Path | None, json_file: Path | None, force: bool, rate: float = 0.01
+) -> None:
     from twin import deliver
     from twin.campaign import read_campaign
     from twin.report import print_summary
@@ -50,7 +55,7 @@ def _diagnose(campaign: Path, out: Path | None, json_file: Path | None, force: b
         report("loading the equations of motion; the first time they are compiled, which takes minutes")
         from twin.diagnose import diagnose as loop
 
-        found = loop(given, report)
+        found = loop(given, report, false_alarm_rate=rate)
         report("writing the results")
         delivery = deliver.deliver(found, given.sensors, folder)
         if json_file is not None:

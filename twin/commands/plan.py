@@ -1,0 +1,60 @@
+"""`twin plan-experiment`: what to record to tell two explanations apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from twin.commands.shared import JsonFile, check_writable, console, progress
+from twin.json_file import write_json
+
+if TYPE_CHECKING:
+    from twin.planning import Plan
+
+
+def plan_experiment(
+    campaign: Annotated[Path, typer.Argument(help="Folder with campaign.toml and the recordings.")],
+    between: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            metavar="EFFECT EFFECT",
+            help="Two effects to tell apart.",
+            show_default="the two that explain most",
+        ),
+    ] = None,
+    torque_file: Annotated[
+        Path | None,
+        typer.Option("--torque", metavar="FILE", help="Write the best experiment's torque here, as CSV."),
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Find the experiment that would separate two explanations of a campaign, and write its torque."""
+    check_writable(torque_file, json_file)
+    from twin.campaign import read_campaign
+
+    given = read_campaign(campaign)
+    with progress() as report:
+        report("loading the equations of motion; the first time they are compiled, which takes minutes")
+        from twin import planner
+
+        names, plans = planner.plan(given, between, report)
+    if torque_file is not None:
+        planner.write_torque(plans[0], torque_file)
+    if json_file is not None:
+        write_json(json_file, planner.to_json(names, plans))
+    _print(names, plans)
+
+
+def _print(names: tuple[str, str], plans: list[Plan]) -> None:
+    from rich.table import Table
+
+    from twin import planning
+
+    screen = console()
+    screen.print(planning.said(plans, names), highlight=False, markup=False)
+    table = Table("experiment", "what to do", "noise levels apart", "in", "with another sensor", box=None)
+    for row in planning.rows(plans):
+        table.add_row(*row)
+    screen.print(table, highlight=False)

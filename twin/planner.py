@@ -1,0 +1,104 @@
+"""Plans the experiment that would tell two explanations of a campaign apart, from its recordings."""
+
+from __future__ import annotations
+
+import csv
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from twin import diagnose, search
+from twin.calibration import Calibration, calibrate
+from twin.campaign import Campaign
+from twin.effects import REGISTRY
+from twin.errors import InputError, nearest
+from twin.planning import Plan
+from twin.search import Candidate, Progress, silent
+
+
+def plan(
+    campaign: Campaign, between: tuple[str, str] | None = None, progress: Progress = silent
+) -> tuple[tuple[str, str], list[Plan]]:
+    """Fits two effects to a campaign, each alone, and ranks experiments by how far they drive the two apart.
+
+    Args:
+      campaign: its fit recordings are looked at.
+      between: names of two effects; None for the two that explain most.
+      progress: told of every stage.
+
+    Returns:
+      The two names, and the experiments, best first.
+
+    Raises:
+      InputError: a name is not that of an effect, or both are the same.
+    """
+    if between is not None:
+        _check_names(between)
+    with threadpool_limits(1), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        start = calibrate(campaign, pool, progress)
+        pair = _best_two(start, progress) if between is None else _fitted(start, between, progress)
+        progress("simulating experiments")
+        plans = diagnose.planned(campaign, pair, pool)
+    first, second = (c.effects[-1] for c in pair)
+    return (first, second), plans
+
+
+def _check_names(between: tuple[str, str]) -> None:
+    for name in between:
+        if name not in REGISTRY:
+            raise InputError(
+                f"'{name}' is not an effect; expected two of: {', '.join(REGISTRY)}{nearest(name, REGISTRY)}"
+            )
+    if between[0] == between[1]:
+        raise InputError(f"{between[0]} was given twice; expected two effects to tell apart")
+
+
+def _best_two(start: Calibration, progress: Progress) -> tuple[Candidate, Candidate]:
+    names = search.candidates(start.base.model, start.bench.channels())
+    first, second, *_ = search.explore(start.bench, start.base, names, progress).ranked
+    return first, second
+
+
+def _fitted(start: Calibration, names: tuple[str, str], progress: Progress) -> tuple[Candidate, Candidate]:
+    progress(f"fitting {names[0]} and {names[1]}")
+    first, second = (search.tried(start.bench, start.base, name) for name in names)
+    return first, second
+
+
+def write_torque(best: Plan, path: Path) -> None:
+    """Writes time [s] and torque_command [N m] of an experiment, which a rig's card can play.
+
+    Raises:
+      InputError: the path cannot be written.
+    """
+    recording = best.experiment.recording
+    try:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["time", "torque_command"])
+            writer.writerows(
+                [f"{t:.6g}", f"{u:.6g}"]
+                for t, u in zip(recording.time, recording["torque_command"], strict=True)
+            )
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def to_json(names: tuple[str, str], plans: list[Plan]) -> dict[str, Any]:
+    """Returns the plan as plain values."""
+    return {
+        "between": list(names),
+        "experiments": [
+            {
+                "name": p.experiment.name,
+                "how": p.experiment.how,
+                "noise_levels_apart": p.separation,
+                "channel": p.channel,
+                "sensor_to_add": p.sensor[0] if p.sensor else None,
+            }
+            for p in plans
+        ],
+    }

@@ -1,0 +1,281 @@
+"""Which experiment would tell two explanations apart: realisable ones, simulated under both.
+
+How far two models are apart on a run is measured in noise levels, channel by channel, and what nobody can predict
+counts as noise: the change that a break-away torque 0.1 % off brings about. Of the hub angle, which drifts without
+end under the smallest torque, the change over a short time counts. Runs that would wind the wires around the hub are
+left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import chirp
+
+from twin.model import Model, Start, simulate
+from twin.recording import Recording
+
+_NEARBY = 1e-3  # relative change of the break-away torque
+_TURN = 2.8  # rad, how far a hub with wires may turn; assumed
+_MEMORY = 0.5  # s, over which the change of the hub angle is compared
+_PAYLOAD = 0.5  # share of the payload that is added
+_OPEN_LIMIT = 0.2  # N m, where the amplifier has no limit: that of a small servo
+EXTRA_SENSORS: Mapping[str, float] = {"motor_torque": 1e-3, "tip_deflection": 2e-4, "tip_acceleration": 0.05}
+"""Channels that a rig may be given, with the noise of an ordinary sensor, SI; assumed."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment that could be recorded.
+
+    Attributes:
+      name: for people, and of its file.
+      how: what to do, a sentence.
+      recording: time [s] and torque_command [N m]; a locked hub has none that acts.
+      added_mass: payload added [kg].
+    """
+
+    name: str
+    how: str
+    recording: Recording = field(repr=False)
+    added_mass: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How well an experiment separates two models.
+
+    Attributes:
+      experiment: what to record.
+      separation: largest difference of a channel that the rig has [noise levels].
+      channel: that channel.
+      sensor: channel to add that would separate better, with its difference [noise levels]; None where none would.
+    """
+
+    experiment: Experiment
+    separation: float
+    channel: str
+    sensor: tuple[str, float] | None
+
+
+def experiments(declared: Mapping[str, float], period: float = 2e-3) -> list[Experiment]:
+    """Returns experiments that a rig like this can do: slews, sweeps, steps, ramps, a locked decay, a payload added.
+
+    Args:
+      declared: parameters of the rig, SI.
+      period: sample period [s].
+    """
+    limit = min(declared.get("torque_limit", np.inf), _OPEN_LIMIT / 0.93)
+    strong = 0.93 * limit
+    gentle = max(1.3 * declared["static_friction"], 0.4 * limit)
+    ramp = 1.1 * max(declared["static_friction"], 0.02 * limit)
+    mass = _PAYLOAD * declared["tip_mass"]
+    slew = _slews(strong, (0.25, 0.4), period)
+    return [
+        Experiment("slews", "strong bang-bang slews of two lengths, there and back", slew),
+        Experiment(
+            "far-slew",
+            "a long bang-bang slew, and back",
+            _slews(strong, (0.55,), period),
+        ),
+        Experiment("gentle-slews", "slews just above break-away", _slews(gentle, (0.4, 0.6), period)),
+        Experiment("sweep", "a torque sweep from 1 to 30 Hz", _sweep(strong, 1.0, 30.0, 20.0, period)),
+        Experiment("slow-sweep", "a torque sweep from 0.6 to 4 Hz", _sweep(strong, 0.6, 4.0, 20.0, period)),
+        Experiment(
+            "random-doublets",
+            "pairs of torque steps of random height and length",
+            _doublets(strong, 15.0, period),
+        ),
+        Experiment("ramp", "a slow torque ramp past break-away", _ramp(ramp, 4.0, period)),
+        Experiment("ramp-back", "a slow torque ramp past break-away, backwards", _ramp(-ramp, 4.0, period)),
+        Experiment("small-decay", "hub locked, tip released from 10 mm", _decay(0.01, 10.0, period)),
+        Experiment("large-decay", "hub locked, tip released from 60 mm", _decay(0.06, 10.0, period)),
+        Experiment("slews-payload", f"the strong slews with {1e3 * mass:.0f} g more payload", slew, mass),
+    ]
+
+
+def plan(
+    first: Model,
+    second: Model,
+    noise: Mapping[str, float],
+    pool: Executor,
+    options: Sequence[Experiment] | None = None,
+) -> list[Plan]:
+    """Ranks experiments by how far they drive two models apart, best first; at least the locked decays are left.
+
+    Args:
+      first, second: the explanations, fitted.
+      noise: channel -> standard deviation of its noise, SI: the channels that the rig has.
+      pool: where the simulations run.
+      options: by default `experiments` of the declared rig.
+    """
+    options = experiments(first.declared) if options is None else options
+    plans = pool.map(lambda e: _planned(first, second, noise, e), options)
+    return sorted((p for p in plans if p is not None), key=lambda p: -p.separation)
+
+
+def _planned(first: Model, second: Model, noise: Mapping[str, float], experiment: Experiment) -> Plan | None:
+    known = {c: s for c, s in noise.items() if not (experiment.recording.clamped and c in _NEEDS_HUB)}
+    new = {
+        c: s
+        for c, s in EXTRA_SENSORS.items()
+        if c not in noise and not (experiment.recording.clamped and c in _NEEDS_HUB)
+    }
+    apart = _differences(first, second, {**new, **known}, experiment)
+    if apart is None:
+        return None
+    channel = max(known, key=lambda c: apart[c], default="hub_angle")
+    best = apart.get(channel, 0.0)
+    sensor = max(new, key=lambda c: apart[c], default=None)
+    added = (sensor, apart[sensor]) if sensor is not None and apart[sensor] > 1.5 * best else None
+    return Plan(experiment, best, channel, added)
+
+
+_NEEDS_HUB = ("hub_angle", "motor_torque")
+
+
+def _differences(
+    first: Model, second: Model, noise: Mapping[str, float], experiment: Experiment
+) -> dict[str, float] | None:
+    """Channel -> RMS difference over noise and what cannot be predicted; None if the hub turns too far."""
+    recording = _with_channels(experiment.recording, {*noise, "hub_angle"})
+    one, other = (_simulated(m, recording, experiment.added_mass) for m in (first, second))
+    if any(np.abs(run["hub_angle"]).max() > _TURN for run in (one, other)):
+        return None
+    near = [
+        _simulated(m, recording, experiment.added_mass)
+        for m in (_moved(first, 1 - _NEARBY), _moved(first, 1 + _NEARBY))
+    ]
+    found = {}
+    for channel, sigma in noise.items():
+        change = _changes(channel, recording.time)
+        reach = max(np.sqrt(np.mean(change(run[channel] - one[channel]) ** 2)) for run in near)
+        apart = np.sqrt(np.mean(change(other[channel] - one[channel]) ** 2))
+        found[channel] = float(apart / np.hypot(sigma, reach))
+    return found
+
+
+def _changes(channel: str, time: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    if channel != "hub_angle":
+        return lambda values: values
+    earlier = np.searchsorted(time, time - _MEMORY)
+    return lambda values: (values - values[earlier]) / np.sqrt(2)
+
+
+def _with_channels(recording: Recording, channels: Iterable[str]) -> Recording:
+    """The recording with empty channels: a simulation fills those that it is asked for."""
+    blank = np.zeros(len(recording))
+    return recording.replace(channels={**recording.channels, **{c: blank for c in channels}})
+
+
+def _simulated(model: Model, recording: Recording, added_mass: float) -> Recording:
+    return simulate(_loaded(model, added_mass), recording, Start())
+
+
+def _loaded(model: Model, added_mass: float) -> Model:
+    """The model with more payload, whatever effect moved the payload before."""
+    if added_mass == 0:
+        return model
+    declared = model.declared.replace(tip_mass=model.declared["tip_mass"] + added_mass)
+    effects = {
+        name: {p: v + added_mass if p == "tip_mass" else v for p, v in values.items()}
+        for name, values in model.effects.items()
+    }
+    return model.replace(declared=declared, effects=effects)
+
+
+def _moved(model: Model, share: float) -> Model:
+    plant = model.plant
+    return model.with_plant(
+        static_positive=share * plant.static_positive, static_negative=share * plant.static_negative
+    )
+
+
+# Torques
+
+
+def _recording(name: str, torque: np.ndarray, period: float, **more) -> Recording:
+    return Recording(name, period * np.arange(len(torque)), {"torque_command": torque}, **more)
+
+
+def _slews(torque: float, halves: Sequence[float], period: float) -> Recording:
+    """Bang-bang pulses with these half lengths [s], each followed by a rest, and all done again the other way."""
+    parts = [np.zeros(_samples(0.4, period))]
+    for sign in (1, -1):
+        for half in halves:
+            parts += [_doublet(sign * torque, half, period), np.zeros(_samples(1.2, period))]
+    return _recording("slews", np.concatenate(parts), period)
+
+
+def _doublet(torque: float, half: float, period: float) -> np.ndarray:
+    count = _samples(half, period)
+    return torque * np.r_[np.ones(count), -np.ones(count)]
+
+
+def _sweep(torque: float, start: float, end: float, duration: float, period: float) -> Recording:
+    """A cosine of growing frequency: its impulse has no mean, so that the hub stays near."""
+    time = period * np.arange(_samples(duration, period))
+    return _recording("sweep", torque * chirp(time, start, duration, end, "logarithmic"), period)
+
+
+def _doublets(torque: float, duration: float, period: float) -> Recording:
+    """Pairs of steps without impulse, to and fro in turns, so that the hub stays near."""
+    random, parts, length, sign = np.random.default_rng(0), [], 0, 1
+    while length < _samples(duration, period):
+        parts.append(_doublet(sign * torque * random.uniform(0.4, 1.0), random.uniform(0.05, 0.3), period))
+        length, sign = length + len(parts[-1]), -sign
+    return _recording("random-doublets", np.concatenate(parts), period)
+
+
+def _ramp(torque: float, duration: float, period: float) -> Recording:
+    """A ramp over three quarters of the time; then nothing, so that the hub that broke away comes to rest."""
+    count = _samples(0.75 * duration, period)
+    rest = np.zeros(_samples(0.25 * duration, period))
+    return _recording("ramp", np.r_[np.linspace(0.0, torque, count), rest], period)
+
+
+def _decay(deflection: float, duration: float, period: float) -> Recording:
+    still = np.zeros(_samples(duration, period))
+    return _recording("decay", still, period, clamped=True, initial_tip_deflection=deflection)
+
+
+def _samples(duration: float, period: float) -> int:
+    return int(round(duration / period))
+
+
+def said(plans: Sequence[Plan], names: Sequence[str]) -> str:
+    """Returns what to record, with the numbers, as a sentence or two."""
+    best = plans[0]
+    pair = " and ".join(names)
+    if best.separation < 3:
+        text = (
+            f"No experiment of the planner separates {pair} by more than {best.separation:.1f} noise levels."
+        )
+    else:
+        text = (
+            f"To tell {pair} apart, record {best.experiment.name} ({best.experiment.how}): "
+            f"{best.channel} differs by {best.separation:.3g} noise levels"
+            f"{_runner_up(plans)}."
+        )
+    sensors = [(p.sensor[1], p.sensor[0], p.experiment.name) for p in plans if p.sensor]
+    if sensors and max(sensors)[0] > 1.5 * best.separation:
+        apart, channel, name = max(sensors)
+        text += f" With a sensor of {channel} added, {name} would separate them by {apart:.3g} noise levels."
+    return text
+
+
+def _runner_up(plans: Sequence[Plan]) -> str:
+    if len(plans) < 2:
+        return ""
+    second = plans[1]
+    return f" (next best: {second.experiment.name}, {second.separation:.3g})"
+
+
+def rows(plans: Sequence[Plan]) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yields name, what to do, separation, channel and a sensor to add of each plan, as text."""
+    for p in plans:
+        sensor = f"{p.sensor[0]}: {p.sensor[1]:.3g}" if p.sensor else ""
+        yield p.experiment.name, p.experiment.how, f"{p.separation:.3g}", p.channel, sensor
