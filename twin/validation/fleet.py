@@ -71,6 +71,25 @@ class Outcome:
     left_out: tuple[str, ...] = ()
 
 
+class _ReadOnce(CompiledPlant):
+    """The compiled chain, its channels worked out once a sample, however often a run asks: a fifth of its time."""
+
+    _known: dict[str, float] | None = None
+
+    def reset(self, hub_angle: float = 0.0) -> None:
+        self._known = None
+        super().reset(hub_angle)
+
+    def advance(self, torque: float) -> None:
+        self._known = None
+        super().advance(torque)
+
+    def read(self) -> dict[str, float]:
+        if self._known is None:
+            self._known = super().read()
+        return self._known
+
+
 class Bench:
     """A controller and its linear form, ready to be put on one rig after another."""
 
@@ -99,7 +118,7 @@ class Bench:
           InputError: the controller fails.
         """
         model = self._believed.replace(declared=drawn.rig, effects=drawn.effects)
-        plant = CompiledPlant(model, self._period)
+        plant = _ReadOnce(model, self._period)
         try:
             law = reported(self._law, model, plant)
             run = closed_loop.run(plant, law, self._scenario.reference, self._scenario.duration)
