@@ -95,8 +95,9 @@ def _rounds(found: Found) -> list[dict]:
         {
             "left": float(misfit(found.bench, fit.residual).sum()),
             "best": [(c.effects[-1], c.score) for c in ranked[:3]],
+            "threshold": threshold,
         }
-        for fit, ranked in zip(fits, found.rounds, strict=False)
+        for fit, ranked, threshold in zip(fits, found.rounds, found.thresholds, strict=False)
     ]
 
 
