@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import beam, modal
+from twin import beam, modal, search
 from twin.campaign import Campaign
-from twin.identify import break_away, decay, joint
+from twin.identify import balance, break_away, decay, joint, static_test
+from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.joint import Joint
@@ -26,6 +27,7 @@ from twin.identify.results import (
     parameter_json,
     pooled,
 )
+from twin.identify.static_test import StaticTest
 from twin.parameters import Rig
 from twin.search import Progress, silent
 
@@ -43,6 +45,8 @@ class Identification:
       findings: what each procedure found, or what it lacks.
       decays: ring-downs of the clamped link.
       static_friction: break-aways.
+      hub, whole: torque balances; None where the recordings say too little.
+      load: the static test; None where there is none that can be used.
       joint: the joint estimate.
       wall_s: how long it took [s].
     """
@@ -55,6 +59,9 @@ class Identification:
     findings: tuple[Finding, ...]
     decays: tuple[Decay, ...]
     static_friction: StaticFriction
+    hub: Balance | None
+    whole: Balance | None
+    load: StaticTest | None
     joint: Joint
     wall_s: float = 0.0
 
@@ -86,8 +93,13 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         found = joint.estimate(campaign, pool, progress)
         progress("reading decays and break-aways")
         decays = ring_downs(campaign)
-        friction = break_away.read(found.model, found.prepared, found.fit.starts)
-    methods = _methods(campaign.rig, found, decays, friction)
+        model, starts = found.fit.model, found.fit.starts
+        friction = break_away.read(model, found.prepared, starts)
+        progress("balancing torques")
+        hub = balance.of_hub(found.data, search.fine(model), starts)
+        whole = balance.of_rig(found.data, model, starts)
+    load = static_test.read(campaign)
+    methods = _methods(campaign.rig, found, decays, friction, hub, load)
     parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
     return Identification(
         campaign=campaign.name,
@@ -98,6 +110,9 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         findings=(),
         decays=decays,
         static_friction=friction,
+        hub=hub,
+        whole=whole,
+        load=load,
         joint=found,
         wall_s=time.perf_counter() - began,
     )
@@ -119,20 +134,38 @@ def _clamped_mode(found: Decay) -> Mode:
 
 
 def _methods(
-    rig: Rig, found: Joint, decays: tuple[Decay, ...], friction: StaticFriction
+    rig: Rig,
+    found: Joint,
+    decays: tuple[Decay, ...],
+    friction: StaticFriction,
+    hub: Balance | None,
+    load: StaticTest | None,
 ) -> dict[str, dict[str, Estimate]]:
     """Parameter -> procedure -> what it says by itself."""
-    joint_only = {
-        name: {"joint": Estimate(float(v), float(e))}
-        for name, v, e in zip(found.names, found.values, found.errors, strict=True)
+    own: dict[str, dict[str, Estimate]] = {name: {} for name in found.names}
+    said = {
+        ("bending_stiffness", "static"): load.stiffness if load else None,
+        ("bending_stiffness", "clamped-frequency"): _stiffness_by_frequency(rig, decays) if decays else None,
+        ("damping_ratio", "decay"): _damping(rig, decays) if decays else None,
+        ("static_friction", "break-away"): friction.level,
+        ("coulomb_friction", "hub-balance"): hub.both if hub else None,
+        ("hub_inertia", "hub-balance"): _with_link(hub.inertia, found) if hub else None,
     }
-    if decays and "damping_ratio" in joint_only:
-        joint_only["damping_ratio"]["decay"] = _damping(rig, decays)
-    if decays and "bending_stiffness" in joint_only:
-        joint_only["bending_stiffness"]["clamped-frequency"] = _stiffness_by_frequency(rig, decays)
-    if friction.level is not None and "static_friction" in joint_only:
-        joint_only["static_friction"]["break-away"] = friction.level
-    return joint_only
+    for (name, method), value in said.items():
+        if value is not None and name in own:
+            own[name][method] = value
+    for name, v, e in zip(found.names, found.values, found.errors, strict=True):
+        own[name]["joint"] = Estimate(float(v), float(e))
+    return own
+
+
+def _with_link(inertia: Estimate, found: Joint) -> Estimate:
+    """J0 of the hub's balance, whose link is the identified one: as uncertain as the scale of that link's torque."""
+    scale = (
+        found.errors[found.names.index("bending_stiffness")]
+        / found.values[found.names.index("bending_stiffness")]
+    )
+    return Estimate(inertia.value, float(np.hypot(inertia.standard_error, inertia.value * scale)))
 
 
 def _damping(rig: Rig, decays: tuple[Decay, ...]) -> Estimate:

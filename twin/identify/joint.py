@@ -1,32 +1,30 @@
-"""One estimate of all declared parameters from all fit recordings: the calibration of the diagnosis, and its check.
+"""One estimate of all declared parameters from all fit recordings: the calibration of the diagnosis, taken further.
 
-The calibration follows the hub as it was measured, whose noise and filters bias it a little. How much is found out
-by the calibrated rig itself: it is simulated through every recording, with its sensors' noise, and the simulated
-recordings say by how much they pull the estimate off the parameters that they were made with (B. Efron, 1979,
-parametric bootstrap; here by one Gauss-Newton step each). That pull is taken off, and its scatter counts as error.
+The calibration starts a last fit, with the hub's torque balance free of its grid's errors and the chain's own error
+taken out on a chain four times as fine. Its errors are checked: each recording is left out in turn, and where the
+estimate moves by more than the covariance allows, the errors grow (B. Efron and C. Stein, 1981, the jackknife).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from twin import calibration, chain, driven, fit, search
+from twin import calibration, chain, fit, search
 from twin.campaign import Campaign
 from twin.fit import Fit, Prepared, Workbench
-from twin.model import Model, Start, simulate
+from twin.identify.exact_torque import ExactTorqueData
 from twin.parameters import Rig
-from twin.recording import Recording
 from twin.search import Progress, silent
+from twin.timing import Clock
 
-REPLICAS = 6
-"""Simulated campaigns by which the estimate is checked."""
 FINEST_SEGMENTS = 20
-_STEPS = 2
-_WILD = 30.0  # noise levels; a replica may stick where the rig did not
+_ITERATIONS = 4
+_TIED = 0.9  # correlation from which two parameters are said to move together
+_ELLIPTIC = (0.25, 4.0)  # rise of the cost two standard errors away, over that of an ellipse
 
 
 @dataclass(frozen=True)
@@ -34,28 +32,39 @@ class Joint:
     """The joint estimate.
 
     Attributes:
-      fit: the calibration as the diagnosis has it.
+      fit: the last fit.
       bench: what it was fitted on.
-      prepared: the recordings, made ready.
+      clock: when commands act.
       names: (p) parameters of the rig that were free.
-      values: (p) estimate, the bias taken off.
-      covariance: (p x p) of `values`.
-      linear_covariance: (p x p) that the calibration itself gives.
-      bias: (p) mean pull of the replicas.
-      spread: (p) its standard deviation from replica to replica.
-      notes: what was left out of the recordings.
+      values: (p) estimate.
+      covariance: (p x p).
+      linear_covariance: (p x p) before recordings were left out.
+      without: recording -> (p) estimate without it.
+      rises: (p x 2) cost two standard errors below and above, over what an ellipse would have, others giving way.
+      notes: what was left out of the recordings or assumed of them.
     """
 
     fit: Fit
     bench: Workbench
-    prepared: tuple[Prepared, ...]
+    clock: Clock
     names: tuple[str, ...]
     values: np.ndarray
     covariance: np.ndarray
     linear_covariance: np.ndarray
-    bias: np.ndarray
-    spread: np.ndarray
+    without: Mapping[str, np.ndarray]
+    rises: np.ndarray
     notes: tuple[str, ...]
+
+    @property
+    def prepared(self) -> tuple[Prepared, ...]:
+        """The recordings, made ready."""
+        return self.bench.prepared
+
+    @property
+    def data(self) -> ExactTorqueData:
+        """The recordings, the link driven by the measured hub angle."""
+        assert isinstance(self.bench.data, ExactTorqueData)
+        return self.bench.data
 
     @property
     def errors(self) -> np.ndarray:
@@ -64,25 +73,52 @@ class Joint:
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation matrix (p x p)."""
-        return self.covariance / np.outer(self.errors, self.errors)
+        """Correlation matrix (p x p) of what the recordings and the declared uncertainty leave open."""
+        errors = np.sqrt(np.diag(self.linear_covariance))
+        return self.linear_covariance / np.outer(errors, errors)
 
-    @property
-    def model(self) -> Model:
-        """The model at the estimate."""
-        values = {name: float(v) for name, v in zip(self.names, self.values, strict=True)}
-        declared = self.fit.model.declared.replace(source="identified", **values)
-        return self.fit.model.replace(declared=declared)
+    def tied(self) -> list[tuple[str, str, float]]:
+        """Pairs of parameters that move together, with their correlation, the closest first."""
+        r = self.correlation
+        pairs = [
+            (self.names[i], self.names[j], float(r[i, j]))
+            for i in range(len(r))
+            for j in range(i + 1, len(r))
+        ]
+        return sorted((p for p in pairs if abs(p[2]) > _TIED), key=lambda p: -abs(p[2]))
+
+    def not_elliptic(self) -> list[str]:
+        """Parameters whose likelihood falls off otherwise than the covariance says."""
+        low, high = _ELLIPTIC
+        return [
+            name
+            for name, rises in zip(self.names, self.rises, strict=True)
+            if not all(low <= rise <= high for rise in rises)
+        ]
 
 
 def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Joint:
-    """Calibrates all declared parameters within their uncertainty, and checks the estimate."""
+    """Fits all declared parameters within their uncertainty, and checks the errors."""
     start = calibration.calibrate(campaign, pool, progress)
-    bench = start.bench
+    progress("fitting on a finer chain")
+    bench = Workbench(ExactTorqueData(start.prepared, start.declared), pool)
     base = _on_finest_chain(bench, start.base)
-    progress("checking the estimate on simulated recordings")
-    pulls = _pulls(bench, base, pool)
-    return _checked(base, bench, pulls, start.notes)
+    progress("leaving recordings out")
+    mine = [i for i, u in enumerate(base.unknowns) if u.owner == "rig"]
+    without = {name: x[mine] for name, x in _without_each(bench, base).items()}
+    linear = base.covariance[np.ix_(mine, mine)]
+    return Joint(
+        base,
+        bench,
+        start.clock,
+        tuple(base.unknowns[i].name for i in mine),
+        base.values[mine],
+        _widened(linear, np.array(list(without.values()))),
+        linear,
+        without,
+        _rises(bench, base)[mine],
+        start.notes,
+    )
 
 
 def prior_deviation(rig: Rig, name: str) -> float:
@@ -94,103 +130,51 @@ def prior_deviation(rig: Rig, name: str) -> float:
     return relative * abs(parameter.value)
 
 
-def _checked(base: Fit, bench: Workbench, pulls: np.ndarray, notes: tuple[str, ...]) -> Joint:
-    mine = [i for i, u in enumerate(base.unknowns) if u.owner == "rig"]
-    pulls = pulls[:, mine]
-    bias, spread = pulls.mean(axis=0), pulls.std(axis=0, ddof=1)
-    low, high = np.array([base.unknowns[i].bounds for i in mine]).T
-    linear = base.covariance[np.ix_(mine, mine)]
-    return Joint(
-        base,
-        bench,
-        bench.prepared,
-        tuple(base.unknowns[i].name for i in mine),
-        np.clip(base.values[mine] - bias, low, high),
-        _widened(linear, bias, spread),
-        linear,
-        bias,
-        spread,
-        notes,
-    )
-
-
-def _widened(linear: np.ndarray, bias: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """The covariance (p x p), its errors no smaller than the replicas' scatter, and uncertain by half the bias."""
-    errors = np.sqrt(np.diag(linear))
-    wider = np.sqrt(np.maximum(errors, spread) ** 2 + (bias / 2) ** 2)
-    return linear * np.outer(wider / errors, wider / errors)
-
-
 def _on_finest_chain(bench: Workbench, base: Fit) -> Fit:
     """The fit with the chain's own error taken out to the last: it is what is left where all else is right."""
-    bench.refine(base.model, _finest(base.model), base.starts)
-    return fit.minimise(bench, base.model, base.starts, base.unknowns, base.values, iterations=4)
+    shape = chain.fit_shape(base.model.declared, FINEST_SEGMENTS)
+    bench.refine(base.model, base.model.replace(shape=shape, step=search.FINE_STEP), base.starts)
+    return fit.minimise(bench, base.model, base.starts, base.unknowns, base.values, None, _ITERATIONS)
 
 
-def _finest(model: Model) -> Model:
-    return model.replace(shape=chain.fit_shape(model.declared, FINEST_SEGMENTS), step=search.FINE_STEP)
-
-
-def _pulls(bench: Workbench, base: Fit, pool: ThreadPoolExecutor) -> np.ndarray:
-    """How far (replicas x unknowns) simulated recordings pull the estimate off the rig that they come from."""
-    exact = _finest(base.model)
-    starts = [fit.reading_start(exact, p, s) for p, s in zip(bench.prepared, base.starts, strict=True)]
-    clean = list(
-        pool.map(lambda i: simulate(exact, bench.prepared[i].recording, starts[i]), range(len(starts)))
-    )
-    return np.array([_pull(bench, base, clean, np.random.default_rng([17, k])) for k in range(REPLICAS)])
-
-
-def _pull(
-    bench: Workbench, base: Fit, clean: Sequence[Recording], generator: np.random.Generator
-) -> np.ndarray:
-    """Where (p) a replica's fit ends less where it should: Gauss-Newton steps with the Jacobian kept."""
-    noisy = [
-        _with_noise(c, p.recording, p.noise, generator) for c, p in zip(clean, bench.prepared, strict=True)
-    ]
-    prepared = [fit.prepare(r, p.noise)[0] for r, p in zip(noisy, bench.prepared, strict=True)]
-    prepared = [replace(p, start=s) for p, s in zip(prepared, base.starts, strict=True)]
-    data = driven.DrivenData(prepared, base.model)
+def _without_each(bench: Workbench, base: Fit) -> dict[str, np.ndarray]:
+    """Recording -> estimate (p) without it, by one Gauss-Newton step from the whole fit."""
     weights = fit.row_weights(bench, base.residual)
-    information, _ = fit.normal_equations(bench, base)
-    solve = np.linalg.pinv(information, hermitian=True)
-    x = base.values
-    for _ in range(_STEPS):
-        residual = _against(bench, data, fit.placed(base.model, base.unknowns, x), base.starts)
-        x = x - solve @ (base.jacobian.T @ (weights * residual) + _prior_pull(base, x))
-    return x - base.values
-
-
-def _prior_pull(base: Fit, x: np.ndarray) -> np.ndarray:
-    """Gradient (p) of the priors, centred on the rig that a replica comes from."""
-    return np.array(
-        [
-            (v - b) / u.scale**2 if u.prior else 0.0
-            for u, v, b in zip(base.unknowns, x, base.values, strict=True)
-        ]
+    information, gradient = fit.normal_equations(bench, base)
+    of_row = np.repeat(
+        [g.recording for g in bench.groups], [g.rows.stop - g.rows.start for g in bench.groups]
     )
+    low, high = np.array([u.bounds for u in base.unknowns]).T
+    found = {}
+    for i, p in enumerate(bench.prepared):
+        J, w = base.jacobian[of_row == i], weights[of_row == i]
+        left = information - J.T @ (w[:, None] * J)
+        pull = gradient - J.T @ (w * base.residual[of_row == i])
+        step = np.linalg.pinv(left, hermitian=True) @ pull
+        found[p.recording.name] = np.clip(base.values - step, low, high)
+    return found
 
 
-def _against(bench: Workbench, data: driven.DrivenData, model: Model, starts: Sequence[Start]) -> np.ndarray:
-    """Residual (n) of a replica, laid out as that of the recordings."""
-    residual = np.zeros(len(bench.weight))
-    for i in range(len(data.prepared)):
-        parts = data.residual(model, i, starts[i])
-        for group in bench.data.groups:
-            if group.recording == i and group.channel in parts:
-                rows = group.rows
-                off = np.nan_to_num(parts[group.channel]) - bench.defect[rows]
-                residual[rows] = np.clip(off, -_WILD, _WILD) * bench.weight[rows]
-    return residual
+def _widened(linear: np.ndarray, without: np.ndarray) -> np.ndarray:
+    """The covariance (p x p), its errors no smaller than the jackknife's over the estimates without a recording."""
+    count = len(without)
+    spread = np.sqrt((count - 1) * without.var(axis=0)) if count > 1 else np.zeros(len(linear))
+    errors = np.sqrt(np.diag(linear))
+    factor = np.maximum(1.0, spread / errors)
+    return linear * np.outer(factor, factor)
 
 
-def _with_noise(
-    clean: Recording, measured: Recording, noise: Mapping[str, float], generator: np.random.Generator
-) -> Recording:
-    """The simulated recording as its sensors would have read it, missing where the measured one is."""
-    channels = dict(measured.channels)
-    for name, sigma in noise.items():
-        if name in clean and name in measured:
-            shaken = clean[name] + sigma * generator.standard_normal(len(clean))
-            channels[name] = np.where(np.isfinite(measured[name]), shaken, np.nan)
-    return measured.replace(channels=channels)
+def _rises(bench: Workbench, base: Fit) -> np.ndarray:
+    """Rise of the cost (p x 2) two standard errors to either side, over the 2 of an ellipse, others giving way."""
+    information, _ = fit.normal_equations(bench, base)
+    covariance = np.linalg.pinv(information, hermitian=True)
+    low, high = np.array([u.bounds for u in base.unknowns]).T
+    points, expected = [], []
+    for k in range(len(base.values)):
+        for side in (-2.0, 2.0):
+            away = side * covariance[:, k] / np.sqrt(covariance[k, k])
+            points.append(np.clip(base.values + away, low, high))
+            moved = points[-1] - base.values
+            expected.append(0.5 * moved @ information @ moved)
+    costs = fit.costs(bench, base.model, base.starts, base.unknowns, points)
+    return ((costs - base.cost) / np.maximum(expected, 1e-3)).reshape(-1, 2)

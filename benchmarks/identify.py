@@ -1,0 +1,98 @@
+"""How right identified parameters are, and how honest their intervals, on virtual rigs whose truth is known.
+
+    python benchmarks/identify.py WORK [--campaigns 50] [--seed 9000] [--jobs 1]
+
+WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. The true parameters of
+each campaign are drawn from the uncertainty that it declares; nothing else is missing in the model.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import numpy as np
+from machine import describe
+from rich.progress import track
+
+from twin.campaign import read_campaign
+from twin.identify.identification import identify
+from twin.virtual_rig import make_campaign
+
+
+def answer(seed: int, work: Path) -> dict:
+    """Makes the campaign, identifies it and writes the answer down; an answer that is there is kept."""
+    path = work / f"{seed}.json"
+    if path.exists():
+        return json.loads(path.read_text())
+    folder = work / str(seed)
+    truth = make_campaign(folder, {}, seed, perturb=1.0, force=True)
+    began = time.perf_counter()
+    found = identify(read_campaign(folder)).to_json()
+    result = {"parameters": found["parameters"], "true": truth.true, "seconds": time.perf_counter() - began}
+    path.write_text(json.dumps(result, indent=1))
+    for file in folder.glob("*"):
+        file.unlink()
+    folder.rmdir()
+    return result
+
+
+def table(answers: Sequence[dict]) -> str:
+    """Bias, error and coverage of each parameter and of each procedure by itself, as Markdown."""
+    lines = [
+        "| parameter | procedure | campaigns | bias | rms error | mean standard error | 95 % interval holds the truth |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for name in answers[0]["parameters"]:
+        methods = ["identified", *answers[0]["parameters"][name]["methods"]]
+        lines += [row for method in methods if (row := _row(answers, name, method))]
+    seconds = [a["seconds"] for a in answers]
+    lines += ["", f"Time for a campaign: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s."]
+    return "\n".join(lines)
+
+
+def _row(answers: Sequence[dict], name: str, method: str) -> str:
+    off, errors = [], []
+    for a in answers:
+        said = (
+            a["parameters"][name] if method == "identified" else a["parameters"][name]["methods"].get(method)
+        )
+        if said is not None:
+            off.append(said["value"] / a["true"][name] - 1)
+            errors.append(said["standard_error"] / a["true"][name])
+    if not off:
+        return ""
+    x, s = np.array(off), np.array(errors)
+    cells = (f"{100 * v:.3f} %" for v in (x.mean(), np.sqrt((x**2).mean()), s.mean()))
+    held = 100 * np.mean(np.abs(x) <= 1.96 * s)
+    return f"| `{name}` | {method} | {len(x)} | {' | '.join(cells)} | {held:.0f} % |"
+
+
+def main() -> None:
+    """Runs what is not there yet and prints the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("work", type=Path)
+    parser.add_argument("--campaigns", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=9000, help="of the first campaign")
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args()
+    options.work.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        seeds = range(options.seed, options.seed + options.campaigns)
+        jobs = [pool.submit(answer, seed, options.work) for seed in seeds]
+        done = track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty())
+        answers = [job.result() for job in done]
+    given = f"--campaigns {options.campaigns} --seed {options.seed}"
+    print(f"`python benchmarks/identify.py WORK {given}`, {describe()}\n")
+    print(table(answers))
+
+
+if __name__ == "__main__":
+    main()

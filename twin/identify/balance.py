@@ -1,0 +1,206 @@
+"""Inertias and Coulomb friction by two torque balances: of the hub alone, and of the whole rig.
+
+The hub, cut off from its link, obeys J0 theta_tt = tau - f - r, with r what the modelled link takes when its root
+moves as the hub was measured. The whole rig has the angular momentum J theta_t + sum_k K_k w''_t(x_k), the link
+moving in as many shapes as there are gauges at x_k; its change is the impulse of tau - f, whatever the link is like.
+With f a constant for each direction both are linear in their unknowns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.ndimage import binary_erosion, label
+from scipy.signal import butter, sosfiltfilt
+
+from twin import driven
+from twin.driven import DrivenData, View
+from twin.fit import Prepared
+from twin.identify.results import Estimate
+from twin.model import Model, Start
+
+HUB_BAND, RIG_BAND, RIG_BAND_BELOW = 20.0, 10.0, 6.0
+"""Corners of the low-pass on all signals [Hz]: of the hub's balance, of the rig's, and of the one that checks it."""
+_REACH = 1.5  # periods of the corner by which a change between rest and motion is kept away
+_BLOCK = 0.5  # s, within which errors are taken as one
+_LEAST_BLOCKS = 4
+_LEAST_RUN = 0.2  # s
+_GAUGES = ("strain_base", "strain_mid")
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A torque balance by linear regression.
+
+    Attributes:
+      inertia: J0 of the hub's balance, J of the rig's [kg m^2].
+      coulomb: level of the directions +1 and -1 [N m].
+      both: mean of the two levels [N m].
+      rate: (n) of the hub [rad/s] where it slides; empty of the rig's.
+      friction: (n) torque that is left for friction [N m].
+      determination: share of the torque's, or impulse's, variance that the balance explains [1].
+    """
+
+    inertia: Estimate
+    coulomb: Mapping[int, Estimate]
+    both: Estimate
+    rate: np.ndarray
+    friction: np.ndarray
+    determination: float
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a regression: columns (n x p), the last two of friction; right side (n), rate (n), block index (n)."""
+
+    columns: np.ndarray
+    right: np.ndarray
+    rate: np.ndarray
+    block: np.ndarray
+
+
+def of_hub(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance | None:
+    """The hub's balance over all recordings with a free hub; None where they say too little.
+
+    Args:
+      data: recordings, and where in them the hub slides.
+      model: its link, sensors and torque limit count; its hub does not.
+      starts: states at the first samples.
+    """
+    return _balance(data, model, starts, _torques, HUB_BAND)
+
+
+def of_rig(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance | None:
+    """The whole rig's balance: as `of_hub`, but of the model only sensors and torque limit count.
+
+    A link that moves in more shapes than there are gauges makes the inertia depend on the band: what it changes from
+    one to another counts as error.
+    """
+    found, below = (_balance(data, model, starts, _momenta, band) for band in (RIG_BAND, RIG_BAND_BELOW))
+    if found is None or below is None:
+        return None
+    apart = found.inertia.value - below.inertia.value
+    error = math.hypot(found.inertia.standard_error, apart)
+    return replace(found, inertia=Estimate(found.inertia.value, error))
+
+
+def _balance(
+    data: DrivenData,
+    model: Model,
+    starts: Sequence[Start],
+    rows_of: Callable[[Prepared, View, Model, Start, float], _Rows | None],
+    band: float,
+) -> Balance | None:
+    items = zip(data.prepared, data.views, starts, strict=True)
+    parts = [rows_of(p, v, model, s, band) for p, v, s in items if _usable(p, v, model, band)]
+    found = [rows for rows in parts if rows is not None]
+    if not found or len({rows.columns.shape[1] for rows in found}) > 1:
+        return None
+    offsets = np.cumsum([0, *(int(rows.block.max()) + 1 for rows in found[:-1])])
+    block = np.concatenate([rows.block + k for rows, k in zip(found, offsets, strict=True)])
+    X = np.vstack([rows.columns for rows in found])
+    y = np.concatenate([rows.right for rows in found])
+    size = np.sqrt((X**2).mean(axis=0))
+    if len(np.unique(block)) < _LEAST_BLOCKS or not size.all() or np.linalg.cond(X / size) > 1e4:
+        return None
+    x, covariance = _clustered(X / size, y, block)
+    x, covariance = x / size, covariance / np.outer(size, size)
+    errors = np.sqrt(np.diag(covariance))
+    estimates = [Estimate(float(v), float(e)) for v, e in zip(x, errors, strict=True)]
+    left = y - X @ x
+    rate = np.concatenate([rows.rate for rows in found])
+    both = Estimate(float(x[-2:].mean()), float(np.sqrt(covariance[-2:, -2:].sum())) / 2)
+    return Balance(
+        estimates[0],
+        {1: estimates[-2], -1: estimates[-1]},
+        both,
+        rate if rows_of is _torques else np.zeros(0),
+        left + X[:, -2:] @ x[-2:] if rows_of is _torques else np.zeros(0),
+        1 - float(left @ left) / float(y @ y),
+    )
+
+
+def _clustered(X: np.ndarray, y: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares (p) and its covariance, residuals of a block taken as one piece of evidence (P. J. Huber, 1967)."""
+    inverse = np.linalg.inv(X.T @ X)
+    x = inverse @ X.T @ y
+    pulls = np.zeros((int(block.max()) + 1, X.shape[1]))
+    np.add.at(pulls, block, X * (y - X @ x)[:, None])
+    blocks = len(np.unique(block))
+    return x, inverse @ (pulls.T @ pulls) @ inverse * blocks / (blocks - 1)
+
+
+def _usable(prepared: Prepared, view: View, model: Model, band: float) -> bool:
+    gauges = any(g in prepared.recording and g in model.sensors for g in _GAUGES)
+    return prepared.hub is not None and gauges and view.time[-1] - view.time[0] > 10 / band
+
+
+def _torques(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
+    t, low = view.time, _low_pass(view.time, band)
+    _, required = driven.move(view, prepared, model, start)
+    link = required - model.declared["hub_inertia"] * view.acceleration
+    # A cubic spline's second derivative is off by (omega h)^2/12; a septic one's is not.
+    hub = make_interp_spline(t, view.reading, k=7)
+    forward, backward = (view.direction > 0).astype(float), (view.direction < 0).astype(float)
+    columns = np.column_stack([low(v) for v in (hub(t, 2), forward, -backward)])
+    kept = binary_erosion(view.sliding, iterations=int(_REACH / band / (t[1] - t[0])))
+    if not kept.any():
+        return None
+    right = low(_mean_torque(prepared, t, model.declared["torque_limit"]) - link)
+    return _Rows(columns[kept], right[kept], hub(t, 1)[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
+
+
+def _momenta(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
+    t, low = view.time, _low_pass(view.time, band)
+    hub = make_interp_spline(t, low(view.reading), k=7)
+    bends = [make_interp_spline(t, low(b), k=7)(t, 1) for b in _curvatures(prepared, view, model)]
+    period = float(t[1] - t[0])
+    friction = [period * np.cumsum(view.direction == d) * d for d in (1, -1)]
+    impulse = period * np.cumsum(_mean_torque(prepared, t, model.declared["torque_limit"]))
+    whole = np.column_stack([hub(t, 1), *bends, *friction, impulse])
+    runs, count = label(view.sliding)
+    parts: list[np.ndarray] = []
+    blocks: list[np.ndarray] = []
+    for k in range(1, count + 1):
+        inside = runs == k
+        if inside.sum() * period > _LEAST_RUN:
+            # What was there before the run is not known: a constant for each.
+            parts.append(whole[inside] - whole[inside].mean(axis=0))
+            blocks.append(np.full(int(inside.sum()), len(blocks)))
+    if not parts:
+        return None
+    rows = np.vstack(parts)
+    return _Rows(rows[:, :-1], rows[:, -1], rows[:, 0], np.concatenate(blocks))
+
+
+def _low_pass(time: np.ndarray, band: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A zero-phase low-pass for signals on a uniform clock."""
+    period = float(time[1] - time[0])
+    sections = butter(4, min(band, 0.4 / period), fs=1 / period, output="sos")
+    pad = min(len(time) - 1, int(2 / band / period))
+    return lambda values: sosfiltfilt(sections, values, padlen=pad)
+
+
+def _mean_torque(prepared: Prepared, time: np.ndarray, limit: float) -> np.ndarray:
+    """Mean torque about each instant (m) [N m], the command held from its sample to the next and limited."""
+    recording = prepared.recording
+    stamps = recording.time if recording.command_time is None else recording.command_time
+    held = np.clip(np.nan_to_num(recording["torque_command"]), -limit, limit)
+    impulse = np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(stamps))])
+    half = (time[1] - time[0]) / 2
+    return (np.interp(time + half, stamps, impulse) - np.interp(time - half, stamps, impulse)) / (2 * half)
+
+
+def _curvatures(prepared: Prepared, view: View, model: Model) -> list[np.ndarray]:
+    """Curvature (m) [1/m] on the grid at each gauge."""
+    recording, sensors, found = prepared.recording, model.sensors, []
+    for name in _GAUGES:
+        if name in recording and name in sensors:
+            known = np.isfinite(recording[name])
+            strain = np.interp(view.time, recording.time[known], recording[name][known])
+            found.append(strain / sensors[name].half_thickness)
+    return found
