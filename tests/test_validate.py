@@ -25,6 +25,7 @@ from twin.validation.loop import margins
 from twin.validation.reported import reported
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
 from twin.validation.rigs import draw, unknowns
+from twin.validation.validation import drivers
 
 RIG = preset("bossi2009")
 T = 2e-3
@@ -288,6 +289,19 @@ def test_a_hub_that_stays_outside_its_band_never_settles():
     assert found["settling_time"] == math.inf
     assert found["overshoot"] == 0.0
     assert found["steady_state_error"] == pytest.approx(3.0, rel=1e-3)
+
+
+def test_drivers_are_what_a_figure_follows_and_not_what_it_seems_to():
+    random = np.random.default_rng(5)
+    away = [dict(zip("abcd", random.standard_normal(4), strict=True)) for _ in range(100)]
+    # Ranks: neither the bend of the law nor rigs that never settle hide it.
+    follows = np.array([math.exp(-3 * x["b"]) + 0.1 * x["a"] if x["b"] > -2 else math.inf for x in away])
+    [found] = drivers(follows, away)
+    assert found.name == "b"
+    assert found.correlation < -0.9
+    assert drivers(random.standard_normal(100), away) == ()
+    assert drivers(np.full(100, 0.214), away) == ()
+    assert drivers(follows[:5], away[:5]) == ()
 
 
 # Requirements

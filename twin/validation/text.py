@@ -44,15 +44,16 @@ def worst_cases(result: Validation) -> Iterator[str]:
     for v in result.verdicts:
         if v.failed:
             name = v.requirement.name.replace("_", " ")
-            made = ", ".join(worst_parameters(result, v))
-            yield f"worst {name}: rig {v.worst.drawn.number}, {_with_unit(v)}: {made}"
+            yield f"worst {name}: rig {v.worst.drawn.number}, {_with_unit(v)}: {_reason(result, v)}"
 
 
-def worst_parameters(result: Validation, verdict: Verdict) -> list[str]:
-    """The parameters of the worst rig that drive the figure; the farthest ones where none is known to."""
-    if not verdict.drivers:
-        return farthest(result, verdict.worst)
-    return [f"{d.name} {value(result, verdict.worst, d.name)}" for d in verdict.drivers]
+def _reason(result: Validation, verdict: Verdict) -> str:
+    """The parameters of the worst rig that drive the figure; else what is odd about it."""
+    if verdict.drivers:
+        return ", ".join(f"{d.name} {value(result, verdict.worst, d.name)}" for d in verdict.drivers)
+    return (
+        f"no parameter stands out over the fleet; farthest off: {', '.join(farthest(result, verdict.worst))}"
+    )
 
 
 def farthest(result: Validation, outcome: Outcome, count: int = 3) -> list[str]:

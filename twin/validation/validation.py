@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +18,7 @@ from twin.validation.rigs import Effects, Unknown, draw, unknowns
 CONFIDENCE = 0.95
 _DRIVERS = 3
 _VISIBLE = 0.25  # rank correlation from which a parameter is said to drive a figure
-_CHANCE = 2.6  # standard deviations of a rank correlation that is chance, 1/sqrt(N - 1): one in a hundred
+_CHANCE = 3.3  # standard deviations, 1/sqrt(N - 1), of a rank correlation that is chance: one in a thousand
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,17 @@ def _check_scenario(name: str) -> None:
 def _verdict(requirement: Requirement, nominal: Outcome, outcomes: list[Outcome]) -> Verdict:
     values = np.array([o.figures[requirement.name] for o in outcomes])
     worst = max(outcomes, key=lambda o: requirement.worse(o.figures[requirement.name]))
-    drivers = _drivers(values, outcomes)
-    return Verdict(requirement, nominal.figures[requirement.name], values, worst, drivers)
+    found = drivers(values, [o.drawn.deviations for o in outcomes])
+    return Verdict(requirement, nominal.figures[requirement.name], values, worst, found)
 
 
-def _drivers(values: np.ndarray, outcomes: list[Outcome]) -> tuple[Driver, ...]:
+def drivers(values: np.ndarray, deviations: Sequence[Mapping[str, float]]) -> tuple[Driver, ...]:
+    """Returns the parameters that a figure depends on by more than chance, strongest first, at most three.
+
+    Args:
+      values: (N) figure of each rig; infinite ones rank as such.
+      deviations: N times name of an unknown -> deviation.
+    """
     from scipy.stats import rankdata
 
     # Below what rounding and the sample period make of it, a figure says nothing.
@@ -188,8 +194,8 @@ def _drivers(values: np.ndarray, outcomes: list[Outcome]) -> tuple[Driver, ...]:
         return ()
     ranks = rankdata(values)
     found = [
-        Driver(name, float(np.corrcoef(ranks, rankdata([o.drawn.deviations[name] for o in outcomes]))[0, 1]))
-        for name in outcomes[0].drawn.deviations
+        Driver(name, float(np.corrcoef(ranks, rankdata([away[name] for away in deviations]))[0, 1]))
+        for name in deviations[0]
     ]
     visible = max(_VISIBLE, _CHANCE / np.sqrt(len(values) - 1))
     strong = sorted((d for d in found if abs(d.correlation) >= visible), key=lambda d: -abs(d.correlation))
