@@ -45,7 +45,7 @@ def answer(seed: int, work: Path) -> dict:
 def table(answers: Sequence[dict]) -> str:
     """Bias, error and coverage of each parameter and of each procedure by itself, as Markdown."""
     lines = [
-        "| parameter | procedure | campaigns | bias | rms error | mean standard error | 95 % interval holds the truth |",
+        "| parameter | procedure | campaigns | bias | rms error | mean standard error | 95 % coverage |",
         "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for name in answers[0]["parameters"]:

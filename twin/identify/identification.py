@@ -13,7 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from twin import beam, modal, search
 from twin.campaign import Campaign
-from twin.identify import balance, break_away, decay, joint, static_test
+from twin.identify import backbone, balance, break_away, decay, joint, sentences, spectra, static_test
+from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
@@ -22,14 +23,20 @@ from twin.identify.results import (
     Estimate,
     Finding,
     Identified,
+    Kind,
     Mode,
     mode_json,
     parameter_json,
     pooled,
 )
+from twin.identify.spectra import Response
 from twin.identify.static_test import StaticTest
 from twin.parameters import Rig
 from twin.search import Progress, silent
+
+_MODES = 4
+_SOFTER, _STIFFER = 0.2, 0.08  # relative distance of a resonance from a mode up to which it is that mode
+_KNOWN_BEFORE = 0.7  # of the declared uncertainty: an error above it is hardly news
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,10 @@ class Identification:
       static_friction: break-aways.
       hub, whole: torque balances; None where the recordings say too little.
       load: the static test; None where there is none that can be used.
+      spectrum: response of the link to the torque; None where no torque excites a broad band.
+      moved: how the first resonance moves with amplitude; None where too few recordings tell.
       joint: the joint estimate.
+      notes: what is odd in the recordings, or was assumed of them.
       wall_s: how long it took [s].
     """
 
@@ -62,7 +72,10 @@ class Identification:
     hub: Balance | None
     whole: Balance | None
     load: StaticTest | None
+    spectrum: Response | None
+    moved: Backbone | None
     joint: Joint
+    notes: tuple[str, ...] = ()
     wall_s: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
@@ -76,6 +89,7 @@ class Identification:
                 {"procedure": f.procedure, "sentences": list(f.sentences), "missing": f.missing}
                 for f in self.findings
             ],
+            "notes": list(self.notes),
             "wall_s": self.wall_s,
         }
 
@@ -99,20 +113,35 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         hub = balance.of_hub(found.data, search.fine(model), starts)
         whole = balance.of_rig(found.data, model, starts)
     load = static_test.read(campaign)
+    seen = spectra.response(campaign.fit)
+    free_modes = _free_modes(found.fit.model.declared, seen)
+    moved = backbone.backbone(campaign.fit, _first(beam.modes(found.fit.model.declared, 1)))
+    total = _total_inertia(campaign.rig, found)
     methods = _methods(campaign.rig, found, decays, friction, hub, load)
     parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
     return Identification(
         campaign=campaign.name,
         rig=campaign.rig,
         parameters=parameters,
-        modes=tuple(_clamped_mode(d) for d in decays),
-        not_determined=_not_determined(found),
-        findings=(),
+        modes=(*(_clamped_mode(d) for d in decays), *free_modes),
+        not_determined=_not_determined(parameters, found),
+        findings=(
+            sentences.static(load),
+            sentences.decays(decays),
+            sentences.break_aways(friction),
+            sentences.coulomb(hub, found),
+            sentences.inertia(hub, whole, total),
+            sentences.spectra(seen, free_modes, moved),
+            sentences.joint(found),
+        ),
+        notes=(*campaign.warnings, *found.notes),
         decays=decays,
         static_friction=friction,
         hub=hub,
         whole=whole,
         load=load,
+        spectrum=seen,
+        moved=moved,
         joint=found,
         wall_s=time.perf_counter() - began,
     )
@@ -194,7 +223,7 @@ def _stiffness_by_frequency(rig: Rig, decays: tuple[Decay, ...]) -> Estimate:
 
 
 def _first_clamped(rig: Rig) -> float:
-    return float(beam.modes(rig, 1, "clamped").frequencies[0]) / (2 * np.pi)
+    return _first(beam.modes(rig, 1, "clamped"))
 
 
 def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate]) -> Identified:
@@ -208,10 +237,43 @@ def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate])
     return Identified(value.value, value.standard_error, parameter.unit, parameter.value, prior, said)
 
 
-def _not_determined(found: Joint) -> dict[str, str]:
-    """Parameters whose error is hardly smaller than what was known of them before."""
+def _not_determined(parameters: Mapping[str, Identified], found: Joint) -> dict[str, str]:
+    """Parameters whose error is hardly smaller than what was known of them before, and why."""
     said = {}
-    for name, error in zip(found.names, found.errors, strict=True):
-        if error > 0.7 * joint.prior_deviation(found.fit.model.declared, name):
-            said[name] = "the recordings say no more of it than the campaign does"
+    for name, p in parameters.items():
+        if p.declared_error and p.standard_error > _KNOWN_BEFORE * p.declared_error:
+            partners = [b if a == name else a for a, b, _ in found.tied() if name in (a, b)]
+            said[name] = (
+                f"moves together with {partners[0]}"
+                if partners
+                else "the recordings say no more of it than the campaign does"
+            )
     return said
+
+
+def _free_modes(rig: Rig, found: Response | None) -> tuple[Mode, ...]:
+    """Resonances with a free hub; a bending mode is near one that the identified rig has, and softer at large bends."""
+    if found is None:
+        return ()
+    expected = beam.modes(rig, _MODES).frequencies / (2 * np.pi)
+    source = f"{', '.join(found.recordings)}, {found.channel}"
+    modes = []
+    for peak in spectra.peaks(found):
+        off = peak.frequency.value / expected - 1
+        kind: Kind = "bending" if ((off > -_SOFTER) & (off < _STIFFER)).any() else "not bending"
+        modes.append(Mode("free", peak.frequency, peak.damping_ratio, kind, source))
+    return tuple(modes)
+
+
+def _first(found: beam.Modes) -> float:
+    return float(found.frequencies[0]) / (2 * np.pi)
+
+
+def _total_inertia(rig: Rig, found: Joint) -> Estimate:
+    """J = J0 + rho l^3/3 + mp l^2 + Jp at the joint estimate [kg m^2]."""
+    values = dict(zip(found.names, found.values, strict=True))
+    here = beam.rigid_inertia({**rig, **values})
+    slopes = np.array(
+        [(beam.rigid_inertia({**rig, **values, n: v * 1.001}) - here) / (v * 1e-3) for n, v in values.items()]
+    )
+    return Estimate(here, float(np.sqrt(slopes @ found.covariance @ slopes)))

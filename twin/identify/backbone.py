@@ -1,0 +1,90 @@
+"""How a resonance moves with its amplitude: its frequency in sweeps of different size, f = f0 (1 + s a^2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from twin.identify import spectra
+from twin.identify.results import Estimate
+from twin.recording import Recording
+
+LEAST_SWEEPS = 3
+_BAND = 2.0  # Hz that a sweep has to cover at least
+_REACH = 0.35  # relative distance from the expected frequency up to which a peak is the same mode
+
+
+@dataclass(frozen=True)
+class Backbone:
+    """A resonance in several sweeps.
+
+    Attributes:
+      recordings: names (n), by amplitude.
+      channel: in whose units the amplitude is.
+      amplitude: (n) largest vibration near the resonance.
+      frequency: (n) of the peak [Hz].
+      small: frequency of small vibration [Hz].
+      slope: relative change of the frequency at the largest amplitude [1]; negative where the link softens.
+    """
+
+    recordings: tuple[str, ...]
+    channel: str
+    amplitude: np.ndarray
+    frequency: tuple[Estimate, ...]
+    small: Estimate
+    slope: Estimate
+
+    @property
+    def moves(self) -> bool:
+        """Whether the frequency depends on the amplitude beyond its errors."""
+        return abs(self.slope.value) > 3 * self.slope.standard_error
+
+
+def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | None:
+    """The backbone of the mode near a frequency [Hz]; None without `LEAST_SWEEPS` recordings that show it."""
+    rows = []
+    for recording in recordings:
+        found = spectra.response([recording], least=_BAND)
+        near = [
+            p
+            for p in (spectra.peaks(found) if found else ())
+            if abs(p.frequency.value / expected - 1) < _REACH
+        ]
+        if found and near:
+            peak = max(near, key=lambda p: p.height)
+            size = _amplitude(recording, found.channel, peak.frequency.value)
+            rows.append((size, peak.frequency, recording.name, found.channel))
+    channels = {channel for *_, channel in rows}
+    if len(rows) < LEAST_SWEEPS or len(channels) > 1:
+        return None
+    rows.sort(key=lambda row: row[0])
+    amplitude = np.array([row[0] for row in rows])
+    frequency = tuple(row[1] for row in rows)
+    small, slope = _line((amplitude / amplitude[-1]) ** 2, frequency)
+    return Backbone(tuple(row[2] for row in rows), channels.pop(), amplitude, frequency, small, slope)
+
+
+def _amplitude(recording: Recording, channel: str, frequency: float) -> float:
+    """Largest amplitude of a channel in the half octave about a frequency [Hz], its units."""
+    known = np.isfinite(recording[channel])
+    period = float(np.median(np.diff(recording.time)))
+    time = np.arange(recording.time[0], recording.time[-1], period)
+    values = np.interp(time, recording.time[known], recording[channel][known])
+    band = [0.8 * frequency, 1.25 * frequency]
+    return float(np.abs(sosfiltfilt(butter(2, band, "band", fs=1 / period, output="sos"), values)).max())
+
+
+def _line(share: np.ndarray, frequency: Sequence[Estimate]) -> tuple[Estimate, Estimate]:
+    """f0 [Hz] and s of f = f0 (1 + s share), weighted; errors grow with the scatter about the line."""
+    f = np.array([e.value for e in frequency])
+    w = 1 / np.array([e.standard_error for e in frequency])
+    X = np.column_stack([np.ones(len(f)), share]) * w[:, None]
+    x, *_ = np.linalg.lstsq(X, f * w, rcond=None)
+    r = X @ x - f * w
+    covariance = np.linalg.inv(X.T @ X) * max(1.0, float(r @ r) / max(len(f) - 2, 1))
+    small = Estimate(float(x[0]), float(np.sqrt(covariance[0, 0])))
+    row = np.array([-x[1] / x[0] ** 2, 1 / x[0]])
+    return small, Estimate(float(x[1] / x[0]), float(np.sqrt(row @ covariance @ row)))

@@ -1,0 +1,185 @@
+"""What each procedure found, in words: numbers with intervals, the evidence against them, what is lacking."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from twin.identify.backbone import LEAST_SWEEPS, Backbone
+from twin.identify.balance import Balance
+from twin.identify.break_away import StaticFriction
+from twin.identify.decay import Decay
+from twin.identify.joint import Joint
+from twin.identify.results import Estimate, Finding, Mode, disagreement
+from twin.identify.spectra import Response
+from twin.identify.static_test import LOADS, StaticTest
+
+_APART = 3.0  # standard errors of the difference from which two estimates are said to disagree
+
+
+def shown(estimate: Estimate, unit: str = "") -> str:
+    """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N m^2`."""
+    low, high = estimate.interval
+    digits = 5 if low and abs(high / low - 1) < 0.01 else 4
+    return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {unit}".rstrip()
+
+
+def agreement(a: Estimate, b: Estimate, names: tuple[str, str]) -> str:
+    """Whether two estimates of one quantity agree."""
+    apart = disagreement(a, b)
+    word = "agree" if apart < _APART else "disagree"
+    return f"{names[0]} and {names[1]} {word}: {apart:.1f} standard errors of their difference apart."
+
+
+def static(load: StaticTest | None) -> Finding:
+    """The static test."""
+    title = "Stiffness from a static test"
+    if load is None:
+        columns = " or ".join(LOADS)
+        return Finding("static", title, (), f"no static.csv with tip_deflection beside {columns}")
+    said = []
+    if load.stiffness is not None:
+        said.append(
+            f"EI = {shown(load.stiffness, 'N m^2')} by a line with its own zero through {len(load.line.x)} loads."
+        )
+        tare = load.line.intercept.value / load.line.slope.value
+        said.append(f"The line crosses zero displacement at a load of {-tare:.3g} N: what else hung there.")
+    else:
+        assert load.curvature is not None
+        said.append(
+            f"No load was recorded, so that no stiffness follows; one unit of {load.column} is a curvature of "
+            f"{shown(load.curvature, '1/m')} at the hub."
+        )
+    p = load.line.curvature_probability
+    if p == p:
+        word = "straight" if load.line.straight else "bent"
+        said.append(
+            f"The line is {word}: chance alone makes a parabola this much better with probability {p:.2g}."
+        )
+    return Finding("static", title, tuple(said))
+
+
+def decays(found: Sequence[Decay]) -> Finding:
+    """The ring-downs."""
+    title = "Damping from free vibration"
+    if not found:
+        return Finding("decay", title, (), "no recording with clamped = true that rings for four periods")
+    said = []
+    for d in found:
+        where = f"{d.recording}, {d.channel}"
+        said.append(f"{where}: {shown(d.frequency, 'Hz')}, damping ratio {shown(d.damping_ratio)}.")
+        said.append(agreement(d.by_decrement, d.by_fit, ("Logarithmic decrement", "fit of the decay")))
+        if d.law == "proportional":
+            said.append(
+                "The envelope is exponential: losses in proportion to the rate, no friction or air needed."
+            )
+        else:
+            said.append(
+                f"The envelope needs a loss by {d.law}, {d.law_significance:.0f} standard errors from none."
+            )
+        if abs(d.frequency_slope.value) > 4 * d.frequency_slope.standard_error:
+            change = 100 * d.frequency_slope.value
+            said.append(
+                f"At its first amplitude the frequency is {change:+.2f} % off that of small vibration."
+            )
+    return Finding("decay", title, tuple(said))
+
+
+def break_aways(found: StaticFriction) -> Finding:
+    """The static friction."""
+    title = "Break-away friction from slow ramps"
+    if found.level is None:
+        return Finding(
+            "break-away", title, (), "no recording in which a slowly growing torque ends a rest of the hub"
+        )
+    many = f"{len(found.events)} break-away{'s' if len(found.events) > 1 else ''}"
+    said = [f"{many}; static friction {shown(found.level, 'N m')}."]
+    for direction, level in found.by_direction.items():
+        said.append(f"Towards {'positive' if direction > 0 else 'negative'} angles {shown(level, 'N m')}.")
+    if len(found.by_direction) == 2:
+        said.append(
+            agreement(found.by_direction[1], found.by_direction[-1], ("The two directions", "each other"))
+        )
+    if found.angle_spread == found.angle_spread:
+        said.append(
+            f"Standard deviation over the angles at which they were read: {found.angle_spread:.2g} N m."
+        )
+    return Finding("break-away", title, tuple(said))
+
+
+def coulomb(hub: Balance | None, found: Joint) -> Finding:
+    """The Coulomb friction."""
+    title = "Coulomb friction from the hub's torque balance"
+    if hub is None:
+        return Finding("coulomb", title, (), "no recording in which a free hub slides for long enough")
+    said = [
+        f"{shown(hub.both, 'N m')}; {shown(hub.coulomb[1], 'N m')} towards positive angles, "
+        f"{shown(hub.coulomb[-1], 'N m')} towards negative ones.",
+        f"The balance explains {100 * hub.determination:.3g} % of the torque's variance.",
+    ]
+    if "coulomb_friction" in found.names:
+        said.append(
+            agreement(hub.both, _joint(found, "coulomb_friction"), ("The balance", "the joint estimate"))
+        )
+    return Finding("coulomb", title, tuple(said))
+
+
+def inertia(hub: Balance | None, whole: Balance | None, total: Estimate) -> Finding:
+    """The inertias."""
+    title = "Inertias from slews"
+    if hub is None and whole is None:
+        return Finding("inertia", title, (), "no recording in which a free hub slides for long enough")
+    said = []
+    if hub is not None:
+        said.append(f"J0 = {shown(hub.inertia, 'kg m^2')} by the hub's torque balance.")
+    if whole is not None:
+        said.append(f"J = {shown(whole.inertia, 'kg m^2')} of the whole rig by its angular momentum.")
+        said.append(agreement(whole.inertia, total, ("It", "what the joint estimate adds up to")))
+    return Finding("inertia", title, tuple(said))
+
+
+def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | None) -> Finding:
+    """The frequency responses."""
+    title = "Spectra of torque sweeps"
+    if found is None:
+        return Finding("spectra", title, (), "no recording from rest whose torque excites a broad band")
+    said = [f"{found.channel} over torque, from {', '.join(found.recordings)}."]
+    for mode in modes:
+        damping = f", damping ratio {shown(mode.damping_ratio)}" if mode.damping_ratio else ""
+        what = "a bending mode of this rig" if mode.kind == "bending" else "no bending mode of this rig"
+        said.append(f"{shown(mode.frequency, 'Hz')}{damping}: {what}.")
+    if moved is None:
+        said.append(
+            f"How the resonance moves with amplitude: fewer than {LEAST_SWEEPS} recordings show it by themselves."
+        )
+    else:
+        word = "moves" if moved.moves else "does not move visibly"
+        said.append(
+            f"The first resonance {word} with amplitude: {shown(moved.small, 'Hz')} for small vibration, "
+            f"{100 * moved.slope.value:+.2f} % \u00b1 {196 * moved.slope.standard_error:.2f} % at the largest."
+        )
+    return Finding("spectra", title, tuple(said))
+
+
+def joint(found: Joint) -> Finding:
+    """The joint estimate: what moves together, and how the errors were checked."""
+    said = [
+        f"{len(found.names)} parameters from {len(found.without)} recordings, each with its declared uncertainty as prior."
+    ]
+    for a, b, r in found.tied()[:5]:
+        way = "together" if r > 0 else "against each other"
+        said.append(
+            f"{a} and {b} move {way} (correlation {r:.3f}): a combination of them is known better than each."
+        )
+    off = found.not_elliptic()
+    if off:
+        said.append(f"The likelihood is not elliptic in {', '.join(off)}: its interval is rough.")
+    else:
+        said.append(
+            "Two standard errors away the likelihood is what the covariance says, in every parameter."
+        )
+    return Finding("joint", "Joint estimate", tuple(said))
+
+
+def _joint(found: Joint, name: str) -> Estimate:
+    k = found.names.index(name)
+    return Estimate(float(found.values[k]), float(found.errors[k]))
