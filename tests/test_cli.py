@@ -18,9 +18,12 @@ import synthetic_diagnosis as synthetic
 from twin import cli
 from twin.commands import shared
 from twin.deliver import ANSWER, FILES, default_folder, deliver
+from twin.diagnosis import Patched
 from twin.json_file import to_text
+from twin.patch import HUB, Patch
 
 TWIN = [sys.executable, "-m", "twin.cli"]
+WRITTEN = [name for name in FILES.values() if name != FILES["patch"]]
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +66,8 @@ def test_diagnose_writes_a_folder_named_after_the_campaign(run, campaign):
     code, output, error = run("diagnose", campaign)
     assert (code, error) == (0, "")
     assert files() == ["bench-diagnosis"]
-    assert files(Path("bench-diagnosis")) == sorted(FILES.values())
-    for name in FILES.values():
+    assert files(Path("bench-diagnosis")) == sorted(WRITTEN)
+    for name in WRITTEN:
         assert f"bench-diagnosis/{name}" in output
     assert "cable-torsion" in output
     assert "augmented.xml leaves out: break-away friction" in output
@@ -99,7 +102,7 @@ def test_folder_of_an_earlier_run_is_written_again(run, campaign):
     assert run("diagnose", campaign)[0] == 0
     Path("bench-diagnosis", "run.rrd").unlink()
     assert run("diagnose", campaign)[0] == 0
-    assert files(Path("bench-diagnosis")) == sorted(FILES.values())
+    assert files(Path("bench-diagnosis")) == sorted(WRITTEN)
 
 
 @pytest.mark.parametrize("foreign", ["thesis.tex", "report.html", ANSWER])
@@ -118,7 +121,7 @@ def test_force_writes_beside_what_is_there(run, campaign):
     Path("mine", "thesis.tex").write_text("keep me")
     assert run("diagnose", campaign, "--out", "mine", "--force")[0] == 0
     assert Path("mine", "thesis.tex").read_text() == "keep me"
-    assert set(FILES.values()) < set(files(Path("mine")))
+    assert set(WRITTEN) < set(files(Path("mine")))
 
 
 def test_empty_folder_is_used(run, campaign):
@@ -249,3 +252,18 @@ def test_progress_speaks_to_a_terminal_only(capsys, monkeypatch):
     output, error = capsys.readouterr()
     assert output == ""
     assert "calibrating [bold]" in error
+
+
+def test_a_patch_is_written_with_its_gain_and_gone_when_there_is_none(tmp_path, answer):
+    lookup = Patch(HUB, "hub_angle", np.linspace(-1, 1, 8), np.linspace(0.01, -0.01, 8), np.full(8, 100))
+    file = next(iter(answer.predictions))
+    patched = Patched(lookup, "N*m", {file: {"hub_angle": (0.02, 0.005)}})
+    deliver(replace(answer, verdict="outside-library", patched=patched), {}, tmp_path)
+    lines = (tmp_path / "patch.csv").read_text().splitlines()
+    assert lines[0] == "hub_angle,added_to_hub_torque,samples"
+    assert lines[1] == "-1,0.01,100"
+    written = json.loads((tmp_path / ANSWER).read_text())["patch"]
+    assert written["errors"][file]["hub_angle"] == {"without": 0.02, "with": 0.005}
+    assert "A patch, not physics" in (tmp_path / "report.html").read_text()
+    deliver(answer, {}, tmp_path)
+    assert not (tmp_path / "patch.csv").exists()

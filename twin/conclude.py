@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from twin import planning, traces, verdict
 from twin.campaign import Campaign
-from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Prediction, Verdict
+from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Patched, Prediction, Verdict
 from twin.effects import REGISTRY
 from twin.fit import ASSUMED_UNCERTAINTY, Fit
 from twin.planning import Plan
@@ -25,6 +25,7 @@ def conclude(
     polished: Polished,
     predictions: Mapping[str, Prediction],
     plans: Sequence[Plan],
+    patched: Patched | None,
     wall_s: float,
 ) -> Diagnosis:
     """Puts the answer together."""
@@ -50,6 +51,8 @@ def conclude(
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         wall_s=wall_s,
+        threshold=found.thresholds[0] if found.thresholds else None,
+        patched=patched,
     )
 
 

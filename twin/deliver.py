@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twin import augmented
-from twin.diagnosis import Diagnosis
+from twin.diagnosis import Diagnosis, Patched
 from twin.errors import InputError
 from twin.json_file import write_json
 from twin.recording import Sensor
@@ -23,8 +23,9 @@ FILES: Mapping[str, str] = {
     "answer": ANSWER,
     "rig": augmented.FILE,
     "MJCF": "augmented.xml",
+    "patch": "patch.csv",
 }
-"""What each file is -> its name in the folder."""
+"""What each file is -> its name in the folder. A patch is written where something is outside the library."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,7 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     from twin import augmented_mjcf  # compiles equations of motion: only where it is needed
 
     paths = {what: folder / name for what, name in FILES.items()}
+    patch = paths.pop("patch")
     mjcf = augmented_mjcf.to_mjcf(diagnosis, sensors)
     with _writable(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -101,7 +103,19 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
         write_rrd(diagnosis, paths["rerun"], sensors)
         augmented.write_augmented(diagnosis, folder)
         paths["MJCF"].write_text(mjcf.xml, encoding="utf-8")
+        if diagnosis.patched is None:
+            patch.unlink(missing_ok=True)  # of an earlier run
+        else:
+            patch.write_text(_patch_table(diagnosis.patched), encoding="utf-8")
+            paths["patch"] = patch
     return Delivery(paths, mjcf.left_out)
+
+
+def _patch_table(patched: Patched) -> str:
+    """The lookup as CSV: the variable and what is added, SI."""
+    patch = patched.patch
+    rows = [f"{x:.9g},{y:.9g},{n:.0f}" for x, y, n in zip(patch.x, patch.y, patch.count, strict=True)]
+    return "\n".join([f"{patch.variable},added_to_{patch.channel},samples", *rows]) + "\n"
 
 
 def _is_ours(folder: Path) -> bool:

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import calibration, chance, fit, planning, polish, search, timing, verdict
+from twin import calibration, chance, fit, patches, planning, polish, search, timing, verdict
 from twin.calibration import Calibration
 from twin.campaign import Campaign
 from twin.conclude import conclude
@@ -98,7 +98,8 @@ def diagnose(
         predictions = predict(campaign, found, polished, pool)
         pair = verdict.closest(found.rounds[: len(found.adopted)])
         plans = planned(campaign, pair, pool) if pair else []
-    return conclude(campaign, found, polished, predictions, plans, time.perf_counter() - began)
+        patched = None if followed else patches.patched(campaign, found, polished, predictions, pool)
+    return conclude(campaign, found, polished, predictions, plans, patched, time.perf_counter() - began)
 
 
 def planned(

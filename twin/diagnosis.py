@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from twin.parameters import Rig
+from twin.patch import Patch
 from twin.recording import CHANNEL_UNITS, Recording
 
 Verdict = Literal["explained", "no-missing-effect", "outside-library"]
@@ -100,6 +101,36 @@ class Trace:
     fitted: np.ndarray | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Patched:
+    """A correction without a cause, and what it gains where it was not fitted.
+
+    Attributes:
+      patch: the lookup.
+      unit: of what it adds.
+      errors: held-out file -> channel -> root-mean-square error without and with it, SI.
+    """
+
+    patch: Patch
+    unit: str
+    errors: Mapping[str, Mapping[str, tuple[float, float]]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns it as plain values."""
+        return {
+            "channel": self.patch.channel,
+            "variable": self.patch.variable,
+            "unit": self.unit,
+            "x": self.patch.x.tolist(),
+            "y": self.patch.y.tolist(),
+            "samples": self.patch.count.tolist(),
+            "errors": {
+                file: {c: {"without": pair[0], "with": pair[1]} for c, pair in channels.items()}
+                for file, channels in self.errors.items()
+            },
+        }
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """The answer of the loop on a campaign; `to_json` gives its interface.
@@ -119,6 +150,8 @@ class Diagnosis:
       notes: assumptions and data defects that the reader should know.
       declared, fitted: the rig before and after calibration.
       wall_s: how long it took [s].
+      threshold: score that the first round asked for.
+      patched: what is outside the library as a lookup, where it is a function of one variable.
     """
 
     campaign: str
@@ -136,6 +169,8 @@ class Diagnosis:
     declared: Rig
     fitted: Rig
     wall_s: float = 0.0
+    threshold: float | None = None
+    patched: Patched | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Returns the answer as a dictionary of plain values."""
@@ -161,6 +196,8 @@ class Diagnosis:
                 for name, c in self.calibrated.items()
             },
             "errors": {file: _errors_json(p) for file, p in self.predictions.items()},
+            "threshold": self.threshold,
+            "patch": self.patched.to_json() if self.patched is not None else None,
             "notes": list(self.notes),
             "wall_s": self.wall_s,
         }

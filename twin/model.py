@@ -15,6 +15,7 @@ from twin import chain, planar
 from twin.chain import Chain, ChainShape
 from twin.effects import REGISTRY, TORSION, Drive
 from twin.parameters import Rig
+from twin.patch import Patch
 from twin.recording import MEASURED, Recording, Sensor
 
 Effects = Mapping[str, Mapping[str, float]]
@@ -89,6 +90,7 @@ class Model:
       shape: proportions of the chain.
       effects: effects that act, with their parameters.
       step: largest integration step [s].
+      patch: a correction without a cause, looked up; None for none.
     """
 
     declared: Rig
@@ -96,6 +98,7 @@ class Model:
     shape: ChainShape
     effects: Effects = field(default_factory=dict)
     step: float = 1e-3
+    patch: Patch | None = None
 
     def replace(self, **changes) -> Model:
         """Returns a model with some attributes changed."""
@@ -138,6 +141,10 @@ class Model:
         plant = planar.declared_plant(self.rig, self.chain)
         for name, p in self.effects.items():
             plant = REGISTRY[name].plant(plant, p)
+        if self.patch is not None and self.patch.place:
+            plant = plant._replace(
+                patch_on=self.patch.place, patch_x=self.patch.x.copy(), patch_y=self.patch.y.copy()
+            )
         return plant
 
     def with_plant(self, **changes: Any) -> Model:
@@ -153,13 +160,15 @@ class Model:
         command = Drive(since, np.clip(recording["torque_command"], -limit, limit))
         for name, p in self.effects.items():
             command = REGISTRY[name].drive(command, p)
+        if self.patch is not None:
+            command = command.replace(torque=self.patch.on_command(command.torque))
         return command
 
     def report(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """What the sensors report of true channel values (name -> (m,), SI)."""
         for name, p in self.effects.items():
             true = REGISTRY[name].sensing(time, true, p)
-        return true
+        return true if self.patch is None else self.patch.on_reading(time, true)
 
     def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Hub angle (m,) that the sensor reports as `reading`."""

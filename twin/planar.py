@@ -85,6 +85,9 @@ class Plant(NamedTuple):
     gap: float = 0.0  # rad, whole play between motor and hub
     motor_inertia: float = 0.0  # kg m^2, of a motor with play; `inertia` has it already
     hub_inertia: float = 0.0  # kg m^2, as declared; `inertia` has it already
+    patch_on: int = 0  # variable of a looked-up torque on the hub: 1 its angle, 2 its rate, 3 time, 0 none
+    patch_x: np.ndarray = np.zeros(2)  # (k) values of the variable
+    patch_y: np.ndarray = np.zeros(2)  # (k) N m
 
     @property
     def curvature_per_angle(self) -> np.ndarray:
@@ -151,9 +154,14 @@ def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
         np.ascontiguousarray(chain.damping),
         np.ascontiguousarray(chain.first_moment),
         1 / float(rig["bending_stiffness"]),
-        *(float(level) for level in (static, static, coulomb, coulomb)),
     )
-    return plant._replace(hub_inertia=float(rig["hub_inertia"]))
+    return plant._replace(
+        static_positive=float(static),
+        static_negative=float(static),
+        coulomb_positive=float(coulomb),
+        coulomb_negative=float(coulomb),
+        hub_inertia=float(rig["hub_inertia"]),
+    )
 
 
 @_inlined
@@ -204,6 +212,18 @@ def contact_torque(plant, play, rate):
     return side * max(CONTACT_STIFFNESS * beyond + contact_damping(plant) * side * rate, 0.0)
 
 
+@_compiled
+def _looked_up(plant, value):
+    """Torque [N m] of the patch: linear between its points, constant beyond them."""
+    x, y = plant.patch_x, plant.patch_y
+    if value <= x[0]:
+        return y[0]
+    if value >= x[-1]:
+        return y[-1]
+    k = np.searchsorted(x, value)
+    return y[k - 1] + (y[k] - y[k - 1]) * (value - x[k - 1]) / (x[k] - x[k - 1])
+
+
 @_inlined
 def hub_torque(plant, t, theta, omega):
     """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link.
@@ -216,6 +236,8 @@ def hub_torque(plant, t, theta, omega):
     if plant.disturbance_amplitude != 0.0:
         angle = 2 * np.pi * plant.disturbance_frequency * t + plant.disturbance_phase
         torque += plant.disturbance_amplitude * np.sin(angle)
+    if plant.patch_on != 0:
+        torque += _looked_up(plant, theta if plant.patch_on == 1 else omega if plant.patch_on == 2 else t)
     return torque
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from twin.diagnosis import Prediction, Trace
-from twin.recording import Recording
+from twin.diagnosis import Patched, Prediction, Trace
+from twin.recording import CHANNEL_UNITS, Recording
 from twin.report.decimate import decimate, thin
 from twin.report.display import NOISE_LIKE, channel, over_noise, variable
 
@@ -98,6 +98,25 @@ def other_variables_figure(trace: Trace, against: str | None) -> Figure | None:
     page = _Page([1.0], row=230, columns=(width,) * len(names), linked=False, gap=gap)
     for column, name in enumerate(names):
         _cloud_panel(page, column, trace, name, kept, points=800, legend=False)
+    return page.figure()
+
+
+def patch_figure(patched: Patched) -> Figure:
+    """Returns a lookup over the range in which it was seen, its points as large as the samples behind them are many."""
+    patch = patched.patch
+    shown = variable(patch.variable)
+    adds = channel(patch.channel) if patch.channel in CHANNEL_UNITS else channel("motor_torque")
+    page = _Page([1.0], row=280, columns=(1.0,), linked=False)
+    x, y = shown.factor * patch.x, adds.factor * patch.y
+    size = 3 + 7 * np.sqrt(patch.count / patch.count.max())
+    hover = f"%{{y:.4g}} {adds.unit} at %{{x:.4g}} {shown.unit}<extra></extra>"
+    marker = {"color": COLOURS["after"], "size": size.astype("f4")}
+    line = {"color": COLOURS["after"], "width": 1.8}
+    page.add(
+        0, 0, x=x, y=y, mode="lines+markers", line=line, marker=marker, name="lookup", hovertemplate=hover
+    )
+    page.set(page.axes(0, 0)[0], title=_title(shown.label, shown.unit))
+    page.set(page.axes(0, 0)[1], title=_title(f"added to {adds.label}", adds.unit))
     return page.figure()
 
 

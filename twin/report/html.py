@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Prediction, Trace
+from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
+from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures
 from twin.report.figures import Figure
 
@@ -92,6 +93,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "unknown_noise": _unknown_noise(diagnosis),
         "depends_on": [display.variable(name).label for name in diagnosis.depends_on],
         "indistinguishable": [[display.words(n) for n in names] for names in diagnosis.indistinguishable],
+        "patch": _patch(diagnosis.patched),
         "calibrated": [_calibrated(name, diagnosis) for name in diagnosis.calibrated],
     }
 
@@ -236,6 +238,29 @@ def _trace(diagnosis: Diagnosis, trace: Trace) -> dict[str, Any]:
 def _against(diagnosis: Diagnosis, trace: Trace) -> str | None:
     candidates = (trace.explained_by, *diagnosis.depends_on)
     return next((name for name in candidates if name and name in trace.variables and name != "time"), None)
+
+
+def _patch(patched: Patched | None) -> dict[str, Any] | None:
+    if patched is None:
+        return None
+    patch = patched.patch
+    hub = patch.channel not in CHANNEL_UNITS
+    return {
+        "place": "the torque on the hub" if hub else f"the reading of {display.channel(patch.channel).label}",
+        "variable": display.variable(patch.variable).label,
+        "figure": figures.patch_figure(patched),
+        "rows": [
+            {
+                "file": file,
+                "channel": display.channel(name).label,
+                "without": _shown_error(name, without),
+                "with": _shown_error(name, corrected),
+                "ratio": f"{corrected / without:.2f}" if without > 0 else "",
+            }
+            for file, channels in patched.errors.items()
+            for name, (without, corrected) in channels.items()
+        ],
+    }
 
 
 # Recordings

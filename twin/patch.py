@@ -1,0 +1,111 @@
+"""A correction without a cause: what a model leaves unexplained, as a smooth function of the variable it depends on.
+
+It says what is left, where, and over which range that was seen; it explains nothing. As a lookup it can be added to a
+model, marked as a patch: a torque on the hub (by angle, rate, time or command), or a change of a reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import make_smoothing_spline
+
+HUB = "hub_torque"
+_ON_HUB = {"hub_angle": 1, "hub_rate": 2, "time": 3}
+_BINS = 40
+_FEW = 15  # samples below which a bin says nothing
+_LEAST = 6  # points of a curve
+_REPEATED = 2  # recordings in which a value of the variable must have been seen
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A lookup: linear between its points, constant beyond them.
+
+    Attributes:
+      channel: `hub_torque`, or the channel whose reading it changes.
+      variable: on which it depends.
+      x: (k) values of the variable, SI, ascending: the range in which it was seen.
+      y: (k) what is added, in the unit of the channel (N m for the hub).
+      count: (k) samples behind each point.
+    """
+
+    channel: str
+    variable: str
+    x: np.ndarray = field(repr=False)
+    y: np.ndarray = field(repr=False)
+    count: np.ndarray = field(repr=False)
+
+    def at(self, values: np.ndarray) -> np.ndarray:
+        """What is added at values (m) of the variable."""
+        return np.interp(values, self.x, self.y)
+
+    @property
+    def place(self) -> int:
+        """Which variable the equations of motion look it up by: 0 none, 1 angle, 2 rate, 3 time."""
+        return _ON_HUB.get(self.variable, 0) if self.channel == HUB else 0
+
+    @property
+    def acts(self) -> bool:
+        """A simulation can look it up: on the hub by angle, rate, time or command, a reading by time or a channel."""
+        if self.channel == HUB:
+            return self.variable in (*_ON_HUB, "torque_command")
+        return self.variable not in ("hub_rate", "tip_rate")
+
+    def on_command(self, torque: np.ndarray) -> np.ndarray:
+        """Delivered torque (k) for a command (k) [N m]."""
+        return (
+            torque + self.at(torque) if self.channel == HUB and self.variable == "torque_command" else torque
+        )
+
+    def on_reading(self, time: np.ndarray, true: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Readings by channel (m) of true values."""
+        known = {**true, "time": time - time[0]}
+        if self.channel not in true or self.variable not in known:
+            return dict(true)
+        return {**true, self.channel: true[self.channel] + self.at(known[self.variable])}
+
+
+def smooth(
+    left: np.ndarray, values: np.ndarray, recording: np.ndarray, channel: str, variable: str
+) -> Patch | None:
+    """Fits what is left of a channel as a smooth function of one variable.
+
+    Means of bins of about equally many samples, those seen in one recording only left out, joined by a smoothing
+    spline whose stiffness generalised cross-validation chooses.
+
+    Args:
+      left: (n) what is unexplained, in the channel's unit.
+      values: (n) of the variable.
+      recording: (n) index of the recording of each sample.
+      channel, variable: their names.
+
+    Returns:
+      The lookup; None where too little of the range was seen in more than one recording.
+    """
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, _BINS + 1)))
+    bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    needed = min(_REPEATED, len(np.unique(recording)))
+    points = [
+        _point(left[inside], values[inside])
+        for inside in (bins == k for k in range(len(edges) - 1))
+        if inside.sum() >= _FEW and len(np.unique(recording[inside])) >= needed
+    ]
+    if len(points) < _LEAST:
+        return None
+    x, y, count, variance = np.array(points).T
+    x, keep = np.unique(x, return_index=True)
+    if len(x) < _LEAST:
+        return None
+    weight = 1 / np.maximum(variance[keep], 1e-3 * np.median(variance))
+    # Scaled, so that the spline's search for its stiffness is not lost in SI units.
+    scale, unit = max(float(np.abs(y).max()), 1e-30), (x - x[0]) / (x[-1] - x[0])
+    curve = make_smoothing_spline(unit, y[keep] / scale, weight / weight.max())
+    return Patch(channel, variable, x, scale * curve(unit), count[keep])
+
+
+def _point(left: np.ndarray, values: np.ndarray) -> tuple[float, float, int, float]:
+    """Middle of a bin, its mean, its samples, and the variance of the mean."""
+    return float(np.median(values)), float(left.mean()), len(left), float(left.var() / len(left))

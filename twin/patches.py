@@ -1,0 +1,71 @@
+"""What is outside the library as a lookup, and what that gains on held-out recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin import calibration, fit, patch, search, timing, traces, verdict
+from twin.campaign import Campaign
+from twin.diagnosis import Patched, Prediction
+from twin.model import simulate
+from twin.patch import Patch
+from twin.polish import Polished
+from twin.recording import CHANNEL_UNITS, Recording
+
+if TYPE_CHECKING:
+    from twin.diagnose import Found
+
+_LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
+
+
+def patched(
+    campaign: Campaign,
+    found: Found,
+    polished: Polished,
+    predictions: Mapping[str, Prediction],
+    pool: ThreadPoolExecutor,
+) -> Patched | None:
+    """Fits the worst unexplained channel as a function of the variable it depends on most.
+
+    Returns:
+      The lookup with its held-out errors; None where what is left is no function of one variable that a simulation
+      knows.
+    """
+    lookup = of_worst(found)
+    if lookup is None:
+        return None
+    model = search.fine(polished.augmented.model.replace(patch=lookup))
+    noise = calibration.noises(campaign)
+
+    def errors(recording: Recording) -> dict[str, tuple[float, float]]:
+        prepared, _ = fit.prepare(timing.on_clock(recording, found.start.clock), noise)
+        after = simulate(model, prepared.recording, fit.reading_start(model, prepared, prepared.start))
+        before = predictions[recording.name].errors
+        return {c: (before[c].after, _rms(prepared.recording[c] - after[c])) for c in prepared.channels}
+
+    held_out = campaign.holdout()
+    unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == patch.HUB else CHANNEL_UNITS[lookup.channel]
+    return Patched(
+        lookup, unit, dict(zip((r.name for r in held_out), pool.map(errors, held_out), strict=True))
+    )
+
+
+def of_worst(found: Found) -> Patch | None:
+    """The lookup of the first unexplained channel that is a function of one variable."""
+    for channel in verdict.unexplained(found.bench, found.best):
+        left = traces.unexplained(found.bench, found.start.data, found.best, channel)
+        for variable, share in traces.dependence(left):
+            if share < _LEAST_SHARE:
+                break
+            lookup = patch.smooth(left.values, left.variables[variable], left.recording, channel, variable)
+            if lookup is not None and lookup.acts:
+                return lookup
+    return None
+
+
+def _rms(difference: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(difference**2)))
