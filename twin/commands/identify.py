@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import JsonFile, check_writable, console, progress
+from twin.commands.shared import Force, JsonFile, check_writable, console, progress
 from twin.json_file import write_json
 
 if TYPE_CHECKING:
@@ -16,30 +16,53 @@ if TYPE_CHECKING:
 
 def identify(
     campaign: Annotated[Path, typer.Argument(help="Folder with campaign.toml and the recordings.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Folder of the results.", show_default="<campaign>-identification"
+        ),
+    ] = None,
     json_file: JsonFile = None,
+    force: Force = False,
 ) -> None:
-    """Identify the rig: stiffness, damping, frictions, inertias, each with its interval."""
-    check_writable(json_file)
+    """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
     from twin.campaign import read_campaign
+    from twin.identify import deliver
 
+    check_writable(json_file)
+    folder = out if out is not None else deliver.default_folder(campaign)
+    deliver.check_folder(folder, force)
     given = read_campaign(campaign)
     with progress() as report:
         report("loading the equations of motion; the first time they are compiled, which takes minutes")
         from twin.identify.identification import identify as run
 
         found = run(given, report)
-    if json_file is not None:
-        write_json(json_file, found.to_json())
-    _print(found)
+        report("writing the results")
+        paths = deliver.deliver(found, folder)
+        if json_file is not None:
+            write_json(json_file, found.to_json())
+    _print(found, paths if json_file is None else {**paths, "JSON": json_file})
 
 
-def _print(found: Identification) -> None:
+def _print(found: Identification, paths: dict[str, Path]) -> None:
     from rich.table import Table
 
+    from twin.identify.sentences import shown
+
     screen = console()
-    table = Table("parameter", "declared", "identified", "\u00b1", "unit", "by itself", box=None)
+    screen.print(f"{found.campaign}: identified", highlight=False, markup=False)
+    table = Table("parameter", "declared", "identified (95 % interval)", "unit", "not determined", box=None)
     for name, p in found.parameters.items():
-        own = ", ".join(f"{k} {e.value:.4g} \u00b1 {e.standard_error:.1g}" for k, e in p.methods.items())
-        table.add_row(name, f"{p.declared:.5g}", f"{p.value:.5g}", f"{p.standard_error:.1g}", p.unit, own)
-    screen.print(f"{found.campaign}: identified from its fit recordings", highlight=False, markup=False)
+        table.add_row(
+            name, f"{p.declared:.5g}", shown(p.estimate), p.unit, found.not_determined.get(name, "")
+        )
     screen.print(table, highlight=False)
+    for finding in found.findings:
+        screen.print(f"\n{finding.title}", highlight=False, markup=False)
+        lines = (f"not possible: {finding.missing}",) if finding.missing else finding.sentences
+        for line in lines:
+            screen.print(f"  {line}", highlight=False, markup=False)
+    screen.print()
+    for what, path in paths.items():
+        screen.print(f"{what:<7} {path}", highlight=False, markup=False, soft_wrap=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,22 @@ from threadpoolctl import threadpool_limits
 
 from twin import beam, modal, search
 from twin.campaign import Campaign
-from twin.identify import backbone, balance, break_away, decay, joint, sentences, spectra, static_test
+from twin.identify import (
+    backbone,
+    balance,
+    break_away,
+    decay,
+    held_out,
+    joint,
+    sentences,
+    spectra,
+    static_test,
+)
 from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
+from twin.identify.held_out import HeldOutError
 from twin.identify.joint import Joint
 from twin.identify.results import (
     Estimate,
@@ -57,6 +68,7 @@ class Identification:
       spectrum: response of the link to the torque; None where no torque excites a broad band.
       moved: how the first resonance moves with amplitude; None where too few recordings tell.
       joint: the joint estimate.
+      held_out: errors on held-out recordings, which are simulated once, at the end.
       notes: what is odd in the recordings, or was assumed of them.
       wall_s: how long it took [s].
     """
@@ -75,6 +87,7 @@ class Identification:
     spectrum: Response | None
     moved: Backbone | None
     joint: Joint
+    held_out: tuple[HeldOutError, ...] = ()
     notes: tuple[str, ...] = ()
     wall_s: float = 0.0
 
@@ -89,6 +102,7 @@ class Identification:
                 {"procedure": f.procedure, "sentences": list(f.sentences), "missing": f.missing}
                 for f in self.findings
             ],
+            "held_out": [asdict(error) for error in self.held_out],
             "notes": list(self.notes),
             "wall_s": self.wall_s,
         }
@@ -98,7 +112,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
     """Identifies a rig from the fit recordings of a campaign.
 
     Args:
-      campaign: the recordings; held-out ones are not looked at.
+      campaign: the recordings; held-out ones are predicted, at the end.
       progress: told of every stage.
       workers: number of threads.
     """
@@ -117,8 +131,10 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
     free_modes = _free_modes(found.fit.model.declared, seen)
     moved = backbone.backbone(campaign.fit, _first(beam.modes(found.fit.model.declared, 1)))
     total = _total_inertia(campaign.rig, found)
+    progress("predicting the held-out recordings")
     methods = _methods(campaign.rig, found, decays, friction, hub, load)
     parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
+    rig = campaign.rig.replace("identified", **{name: p.value for name, p in parameters.items()})
     return Identification(
         campaign=campaign.name,
         rig=campaign.rig,
@@ -143,6 +159,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         spectrum=seen,
         moved=moved,
         joint=found,
+        held_out=held_out.errors(campaign, found, rig),
         wall_s=time.perf_counter() - began,
     )
 

@@ -71,6 +71,11 @@ class Identified:
     declared_error: float | None = None
     methods: Mapping[str, Estimate] = field(default_factory=dict)
 
+    @property
+    def estimate(self) -> Estimate:
+        """Value and standard error."""
+        return Estimate(self.value, self.standard_error)
+
 
 @dataclass(frozen=True)
 class Mode:

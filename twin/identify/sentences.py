@@ -163,7 +163,8 @@ def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | Non
 def joint(found: Joint) -> Finding:
     """The joint estimate: what moves together, and how the errors were checked."""
     said = [
-        f"{len(found.names)} parameters from {len(found.without)} recordings, each with its declared uncertainty as prior."
+        f"{len(found.names)} parameters from {len(found.without)} recordings, "
+        "each with its declared uncertainty as prior."
     ]
     for a, b, r in found.tied()[:5]:
         way = "together" if r > 0 else "against each other"

@@ -1,0 +1,171 @@
+"""Plotly figures of an identification, one for each procedure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.identify.backbone import Backbone
+from twin.identify.balance import Balance
+from twin.identify.break_away import StaticFriction
+from twin.identify.decay import Decay
+from twin.identify.joint import Joint
+from twin.identify.load_line import LoadLine
+from twin.identify.spectra import Response, peaks
+from twin.report.decimate import thin
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+# Okabe and Ito's palette, apart for every common kind of colour vision.
+MEASURED, FITTED, OTHER, SOFT = "#2b2b2b", "#0072b2", "#d55e00", "#9aa3ab"
+_POINTS = 2000
+_MICRO = {"strain_base", "strain_mid"}
+
+
+def load_line(line: LoadLine, column: str) -> Figure:
+    """The static test: displacement over load, with its line."""
+    figure = _figure(360)
+    x = np.array([min(0.0, line.x.min()), line.x.max()])
+    y = line.intercept.value + line.slope.value * x
+    figure.add_scatter(x=line.x, y=1e3 * line.y, mode="markers", name="measured", marker=_dot(MEASURED))
+    figure.add_scatter(x=x, y=1e3 * y, mode="lines", name="line", line={"color": FITTED})
+    figure.update_xaxes(title_text="load [N]" if column.startswith("tip_") else column)
+    figure.update_yaxes(title_text="tip displacement [mm]")
+    return figure
+
+
+def decay(found: Decay) -> Figure:
+    """A ring-down with the envelope of its losses."""
+    factor, unit = (1e6, "µε") if found.channel in _MICRO else (1.0, "SI")
+    figure = _figure(380)
+    kept = thin(len(found.time), _POINTS)
+    line = {"color": SOFT, "width": 1}
+    figure.add_scatter(x=found.time[kept], y=factor * found.values[kept], name="measured", line=line)
+    envelope = _envelope(found)
+    for sign in (1, -1):
+        style = {"color": FITTED, "width": 2}
+        y = sign * factor * envelope
+        figure.add_scatter(x=found.middle, y=y, name="envelope", line=style, showlegend=sign > 0)
+    bars = {"type": "data", "array": factor * found.amplitude_error}
+    points = {"x": found.middle, "y": factor * found.amplitude, "error_y": bars, "marker": _dot(MEASURED)}
+    figure.add_scatter(mode="markers", name="amplitude of a period", **points)
+    figure.update_xaxes(title_text="time [s]")
+    figure.update_yaxes(title_text=f"{found.channel.replace('_', ' ')} [{unit}]")
+    return figure
+
+
+def _envelope(found: Decay) -> np.ndarray:
+    """Amplitude (m) that the losses give, from the first one on."""
+    values = [found.amplitude[0]]
+    powers = np.arange(3)
+    for step in np.diff(found.middle):
+        a = values[-1]
+        for _ in range(50):
+            a = max(a - step / 50 * float(found.losses @ a**powers), 0.0)
+        values.append(a)
+    return np.array(values)
+
+
+def break_aways(found: StaticFriction) -> Figure:
+    """Break-away torque over the angle at which it was read."""
+    figure = _figure(340)
+    for direction, colour, name in ((1, FITTED, "towards positive"), (-1, OTHER, "towards negative")):
+        mine = [(e, s) for e, s in zip(found.events, found.errors, strict=True) if e.direction == direction]
+        if mine:
+            bars = {"type": "data", "array": [1.96 * s for _, s in mine]}
+            x, y = [np.degrees(e.angle) for e, _ in mine], [abs(e.torque) for e, _ in mine]
+            figure.add_scatter(x=x, y=y, error_y=bars, mode="markers", name=name, marker=_dot(colour))
+    figure.update_xaxes(title_text="hub angle [°]")
+    figure.update_yaxes(title_text="torque that the resting hub bore [N m]")
+    return figure
+
+
+def friction(hub: Balance) -> Figure:
+    """Torque that the hub's balance leaves for friction, over the rate of the hub: the friction map."""
+    figure = _figure(380)
+    kept = thin(len(hub.rate), _POINTS)
+    cloud = {"color": SOFT, "size": 3, "opacity": 0.6}
+    figure.add_scatter(
+        x=hub.rate[kept], y=1e3 * hub.friction[kept], mode="markers", name="balance", marker=cloud
+    )
+    for direction in (1, -1):
+        level = 1e3 * direction * hub.coulomb[direction].value
+        x = [0.0, direction * float(np.abs(hub.rate).max())]
+        line = {"color": FITTED, "width": 3}
+        figure.add_scatter(
+            x=x, y=[level, level], mode="lines", name="Coulomb level", line=line, showlegend=direction > 0
+        )
+    figure.update_xaxes(title_text="rate of the hub [rad/s]")
+    figure.update_yaxes(title_text="friction torque [mN m]")
+    return figure
+
+
+def response(found: Response) -> Figure:
+    """The frequency response by three estimators, and the coherence below."""
+    from plotly.subplots import make_subplots
+
+    figure = make_subplots(rows=2, shared_xaxes=True, row_heights=[0.7, 0.3], vertical_spacing=0.06)
+    shown = np.where(found.known, 1.0, np.nan)
+    for name, values, colour in (("H1", found.h1, FITTED), ("H2", found.h2, OTHER), ("Hv", found.hv, SOFT)):
+        y = np.abs(values) * shown
+        figure.add_scatter(
+            x=found.frequency, y=y, name=name, line={"color": colour, "width": 1.6}, row=1, col=1
+        )
+    for peak in peaks(found):
+        figure.add_vline(x=peak.frequency.value, line={"color": SOFT, "dash": "dot"}, row=1, col=1)
+    line = {"color": MEASURED, "width": 1.2}
+    figure.add_scatter(x=found.frequency, y=found.coherence, line=line, showlegend=False, row=2, col=1)
+    figure.update_yaxes(title_text=f"{found.channel.replace('_', ' ')} per N m", type="log", row=1, col=1)
+    figure.update_yaxes(title_text="coherence", range=[0, 1.02], row=2, col=1)
+    figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
+    return _styled(figure, 520)
+
+
+def backbone(found: Backbone) -> Figure:
+    """Frequency of the first resonance over its amplitude."""
+    figure = _figure(360)
+    factor, unit = (1e6, "µε") if found.channel in _MICRO else (1.0, "SI")
+    f = np.array([e.value for e in found.frequency])
+    bars = {"type": "data", "array": [1.96 * e.standard_error for e in found.frequency], "symmetric": True}
+    points = {"x": f, "y": factor * found.amplitude, "error_x": bars, "marker": _dot(MEASURED)}
+    figure.add_scatter(mode="markers", name="sweep", **points)
+    a = np.linspace(0, found.amplitude[-1], 60)
+    curve = found.small.value * (1 + found.slope.value * (a / found.amplitude[-1]) ** 2)
+    figure.add_scatter(x=curve, y=factor * a, mode="lines", name="backbone", line={"color": FITTED})
+    figure.update_xaxes(title_text="frequency of the resonance [Hz]")
+    figure.update_yaxes(title_text=f"amplitude of {found.channel.replace('_', ' ')} [{unit}]")
+    return figure
+
+
+def correlation(found: Joint) -> Figure:
+    """What moves together in the joint estimate."""
+    figure = _figure(460)
+    names = [name.replace("_", " ") for name in found.names]
+    r = found.correlation.round(2)
+    figure.add_heatmap(
+        z=r, x=names, y=names, text=r, texttemplate="%{text}", colorscale="RdBu", zmin=-1, zmax=1, zmid=0
+    )
+    figure.update_yaxes(autorange="reversed")
+    figure.update_layout(margin={"l": 140, "b": 110})
+    return figure
+
+
+def _dot(colour: str) -> dict:
+    return {"color": colour, "size": 8}
+
+
+def _figure(height: int) -> Figure:
+    import plotly.graph_objects as go
+
+    return _styled(go.Figure(), height)
+
+
+def _styled(figure: Figure, height: int) -> Figure:
+    font = {"family": 'system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif', "size": 13}
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    margin = {"l": 70, "r": 12, "t": 40, "b": 46}
+    return figure.update_layout(
+        template="plotly_white", height=height, font=font, legend=legend, margin=margin
+    )
