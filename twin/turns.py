@@ -25,6 +25,7 @@ Effects = Mapping[str, Mapping[str, float]]
 SIGNIFICANCE = 0.05
 """Probability with which a true explanation would be turned down."""
 _LARGEST = math.radians(1e4)  # stands for the turn of a run that does not end anywhere
+_FACTOR = 10.0  # by which a declared value may be off
 _VISIBLE = 1e-5  # rad
 _WIDE = 30.0  # a range of positive values wider than this is drawn by its logarithm
 
@@ -132,7 +133,8 @@ class Free:
 def free_parameters(model: Model, effect: str) -> tuple[Free, ...]:
     """Returns the parameters of an effect that the turn of the hub can say something about.
 
-    Torques stay within the motor's own: a friction level beyond it holds the hub for good.
+    Torques stay within the motor's own: a friction level beyond it holds the hub for good. Declared values stay
+    within a factor of ten.
     """
     neutral = REGISTRY[effect].neutral(model.declared)
     seen = [p for p in REGISTRY[effect].parameters if not p.choice and p.channel in (None, "hub_angle")]
@@ -142,7 +144,11 @@ def free_parameters(model: Model, effect: str) -> tuple[Free, ...]:
 
 def _free(effect: Effect, p: EffectParameter, neutral: float, limit: float) -> Free:
     low, high = p.span
-    bounds = (max(low, -limit), min(high, limit)) if p.unit == "N*m" else (low, high)
+    bounds = (low, high)
+    if p.unit == "N*m":
+        bounds = (max(low, -limit), min(high, limit))
+    elif p.neutral is None:
+        bounds = (max(low, neutral / _FACTOR), min(high, neutral * _FACTOR))
     along = p.name in effect.along
     repeats = along and p.unit == "rad"
     return Free(effect.name, p.name, p.turned(neutral), bounds, p.step, along, p.inverse, repeats)
@@ -181,12 +187,14 @@ class Search:
       follow: how many of the best are followed.
       steps: simulations of the series that each may take, per free parameter.
       seed: of the draws.
+      worth: misfit up to which a drawn point is followed.
     """
 
     draws: int = 80
-    follow: int = 3
+    follow: int = 2
     steps: int = 40
     seed: int = 1
+    worth: float = math.inf
 
 
 def acts(model: Model, free: Sequence[Free], profiles: Sequence[Profile], draws: int = 5) -> bool:
@@ -228,8 +236,8 @@ def _misfit(model: Model, outcomes: Outcomes, ceiling: float) -> float:
 
 def _drawn(
     misfit: Callable[[np.ndarray, float], float], free: Sequence[Free], search: Search
-) -> list[np.ndarray]:
-    """Best points of a random draw, and the neutral one, best first."""
+) -> list[tuple[float, np.ndarray]]:
+    """Best points of a random draw and the neutral one, with their misfits, best first."""
     rng = np.random.default_rng(search.seed)
     points = [np.array([f.neutral for f in free])]
     points += [np.array([f.draw(rng) for f in free]) for _ in range(search.draws * len(free))]
@@ -239,13 +247,13 @@ def _drawn(
         cost = misfit(x, ceiling)
         if cost < ceiling:
             best = sorted([*best, (cost, x)], key=lambda pair: pair[0])[: search.follow]
-    return [x for _, x in best]
+    return best
 
 
 def _lowest(misfit: Callable[..., float], free: Sequence[Free], search: Search) -> np.ndarray:
     """Returns the point with the least misfit found."""
-    results = []
-    for point in _drawn(misfit, free, search):
+    results = _drawn(misfit, free, search)
+    for point in [x for cost, x in results if cost <= search.worth]:
         found = minimize(
             misfit,
             point,
