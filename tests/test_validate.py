@@ -16,13 +16,14 @@ from twin.control.library import CONTROLLERS, controller
 from twin.errors import InputError
 from twin.modal import held_response, state_space
 from twin.plants.base import READINGS
+from twin.plants.reporting import Reporting
+from twin.plants.sensors import Sensors
 from twin.rigs import preset
 from twin.validation.figures import figures
 from twin.validation.fleet import Bench, Job
 from twin.validation.linear_form import NoLinearFormError, identify
 from twin.validation.linear_rig import sampled_chain, sampled_modes
 from twin.validation.loop import margins
-from twin.validation.reported import reported
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
 from twin.validation.rigs import draw, unknowns
 from twin.validation.validation import drivers
@@ -233,10 +234,13 @@ def test_a_late_reading_is_what_was_true_then():
     model = plants.model_of(RIG, effects)
     plant = plants.make("compiled", RIG, effects)
     heard = []
-    law = reported(Law(lambda error, tip, time: heard.append(-error) or 0.15), model, plant)
-    run = closed_loop.run(plant, law, lambda time: 0.0, 0.3)
+    law = Law(lambda error, tip, time: heard.append(-error) or 0.15)
+    sensors = Sensors(reporting=Reporting(model, plant))
+    run = closed_loop.run(plant, law, lambda time: 0.0, 0.3, sensors)
     np.testing.assert_allclose(heard[60:], run.true["hub_angle"][57:-3], atol=1e-9)
-    assert reported(law, MODEL, plant) is law
+    np.testing.assert_allclose(run.measured["hub_angle"], heard, atol=1e-12)
+    true = {name: 0.1 for name in READINGS}
+    assert Reporting(MODEL, plant).read(0.0, true) is true
 
 
 def test_drawn_rigs_repeat_and_follow_their_uncertainty():

@@ -18,6 +18,7 @@ from dm_env import specs
 
 from twin.parameters import Rig
 from twin.plants.base import PERIOD, READINGS, Plant
+from twin.plants.reporting import Reporting
 from twin.plants.sensors import Sensors
 
 Reference = Callable[[float], float]
@@ -103,7 +104,7 @@ class Follow(control.Task):
         true = physics.plant.read()
         now = physics.time()
         reference = self.reference(now)
-        values = {**self._sensors.read(true), "time": now, "reference": reference}
+        values = {**self._sensors.read(now, true), "time": now, "reference": reference}
         return {name: np.asarray(value, dtype=float) for name, value in values.items()}
 
     def get_reward(self, physics: PlantPhysics) -> float:
@@ -135,8 +136,11 @@ def rig_environment(
       reference: wanted hub angle [rad] by time [s].
       duration: of an episode [s].
       period: sample period [s].
-      sensors: noise and resolution; by default none.
+      sensors: noise and resolution; by default none, but what the effects make of the readings.
     """
     from twin import plants
 
-    return over(plants.make("chain", rig, effects, period), Follow(reference, sensors), duration)
+    plant = plants.make("chain", rig, effects, period)
+    if sensors is None:
+        sensors = Sensors(reporting=Reporting(plants.model_of(rig, effects), plant))
+    return over(plant, Follow(reference, sensors), duration)

@@ -12,6 +12,7 @@ from twin.control import library
 from twin.control.base import Controller
 from twin.errors import InputError
 from twin.parameters import Rig
+from twin.plants.reporting import Reporting
 from twin.plants.sensors import BOSSI2009, Sensors
 from twin.run_stream import Track
 
@@ -49,9 +50,11 @@ class Experiment:
         """
         chosen = scenarios.scenario(self.scenario)
         plant = plants.make(self.plant, self.rig, self.effects)
-        law = self.law(plant.period)
-        sensors = None if self.noise is None else Sensors(BOSSI2009, self.noise)
-        return closed_loop.run(plant, law, chosen.reference, chosen.duration, sensors, watch)
+        reporting = Reporting(plants.model_of(self.rig, self.effects), plant)
+        sensors = Sensors({} if self.noise is None else BOSSI2009, self.noise or 0, reporting)
+        return closed_loop.run(
+            plant, self.law(plant.period), chosen.reference, chosen.duration, sensors, watch
+        )
 
     def law(self, period: float) -> Controller:
         """Returns the controller for a sample period [s]."""

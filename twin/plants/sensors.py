@@ -9,6 +9,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from twin.plants.reporting import Reporting
+
 
 @dataclass(frozen=True)
 class Instrument:
@@ -43,10 +45,12 @@ class Sensors:
     Attributes:
       instruments: channel -> sensor; channels without one are read as they are.
       seed: of the noise.
+      reporting: what a model's effects make of the true values before; None for nothing.
     """
 
     instruments: Mapping[str, Instrument] = field(default_factory=dict)
     seed: int = 0
+    reporting: Reporting | None = None
 
     def __post_init__(self) -> None:
         self.reset()
@@ -54,9 +58,13 @@ class Sensors:
     def reset(self) -> None:
         """Starts the noise again."""
         self._random = np.random.default_rng(self.seed)
+        if self.reporting is not None:
+            self.reporting.reset()
 
-    def read(self, true: Mapping[str, float]) -> dict[str, float]:
-        """Returns what is read of true values by channel, SI."""
+    def read(self, time: float, true: Mapping[str, float]) -> dict[str, float]:
+        """Returns what is read at `time` [s] of true values by channel, SI."""
+        if self.reporting is not None:
+            true = self.reporting.read(time, true)
         return {channel: self._read(channel, value) for channel, value in true.items()}
 
     def _read(self, channel: str, value: float) -> float:

@@ -19,11 +19,12 @@ from twin.control.base import Controller
 from twin.errors import InputError
 from twin.parameters import Rig
 from twin.plants.chain import CompiledPlant
+from twin.plants.reporting import Reporting
+from twin.plants.sensors import Sensors
 from twin.validation.figures import figures
 from twin.validation.linear_form import LinearForm, NoLinearFormError, identify
 from twin.validation.linear_rig import sampled_chain, sampled_modes
 from twin.validation.loop import Margins, margins
-from twin.validation.reported import reported
 from twin.validation.rigs import DrawnRig, Effects
 
 PROCESSES = 2
@@ -120,8 +121,10 @@ class Bench:
         model = self._believed.replace(declared=drawn.rig, effects=drawn.effects)
         plant = _ReadOnce(model, self._period)
         try:
-            law = reported(self._law, model, plant)
-            run = closed_loop.run(plant, law, self._scenario.reference, self._scenario.duration)
+            sensors = Sensors(reporting=Reporting(model, plant))
+            run = closed_loop.run(
+                plant, self._law, self._scenario.reference, self._scenario.duration, sensors
+            )
         except InputError as error:
             raise InputError(f"on rig {drawn.number}: {error}") from None
         found = figures(run, drawn.rig["length"])
