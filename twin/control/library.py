@@ -7,7 +7,7 @@ from pathlib import Path
 
 from twin.control.base import Controller
 from twin.control.friction import FrictionFeedForward
-from twin.control.lqi import lqi
+from twin.control.lqi import least_damped, lqi
 from twin.control.shaper import ShapedReference, extra_insensitive, zero_vibration
 from twin.control.siso import siso
 from twin.errors import InputError, nearest
@@ -17,13 +17,13 @@ Factory = Callable[[Mapping[str, float], float], Controller]
 
 
 def shaped_lqi(rig: Mapping[str, float], period: float) -> Controller:
-    """The LQ regulator behind a zero-vibration shaper for the first mode with the hub held."""
-    return ShapedReference(lqi(rig, period), *zero_vibration(*_held_mode(rig)), period)
+    """The LQ regulator behind a zero-vibration shaper for the least damped mode of its loop."""
+    return ShapedReference(lqi(rig, period), *zero_vibration(*least_damped(rig)), period)
 
 
 def insensitive_lqi(rig: Mapping[str, float], period: float) -> Controller:
     """The LQ regulator behind an extra-insensitive shaper for the same mode."""
-    return ShapedReference(lqi(rig, period), *extra_insensitive(*_held_mode(rig)), period)
+    return ShapedReference(lqi(rig, period), *extra_insensitive(*least_damped(rig)), period)
 
 
 def siso_with_friction(rig: Mapping[str, float], period: float) -> Controller:
@@ -62,14 +62,3 @@ def controller(name: str, rig: Mapping[str, float], period: float) -> Controller
     from twin.control.user import load
 
     return load(Path(file), attribute, rig, period)
-
-
-def _held_mode(rig: Mapping[str, float]) -> tuple[float, float]:
-    """Frequency [Hz] and damping ratio of the link's first mode while the hub is held: it rests when it arrives."""
-    import math
-
-    from twin.beam import modes
-    from twin.modal import clamped_damping_ratios
-
-    frequency = float(modes(rig, 1, "clamped").frequencies[0]) / (2 * math.pi)
-    return frequency, float(clamped_damping_ratios(rig, 1)[0])

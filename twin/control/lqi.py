@@ -22,7 +22,8 @@ class LqiController:
     """LQ regulator with observer and integral action.
 
     Anti-windup: the observer is told the torque after the amplifier's limit, and the integrator stands still
-    while that limit is reached and the error would push further into it.
+    while that limit is reached and the error would push further into it. The observer is told where the reference
+    goes as well: a jump of it is no motion of the hub.
     """
 
     def __init__(
@@ -48,13 +49,17 @@ class LqiController:
 
     def reset(self) -> None:
         """The estimate starts from the first measurement, at rest; the integral at zero."""
-        self._x, self._v, self._fresh = np.zeros(4), 0.0, True
+        self._x, self._v = np.zeros(4), 0.0
+        self._reference: float | None = None
 
     def torque(self, measured: Mapping[str, float], reference: float) -> float:
         """Returns the torque [N m]; see `Controller`."""
         error = measured["hub_angle"] - reference
-        if self._fresh:
-            self._x[0], self._fresh = error, False
+        if self._reference is None:
+            self._x[0] = error
+        else:
+            self._x[0] -= reference - self._reference
+        self._reference = reference
         wanted = -float(self._gains[:4] @ self._x + self._gains[4] * self._v)
         u = min(max(wanted, -self._limit), self._limit)
         if u == wanted or wanted * error > 0:  # more error needs less torque
@@ -92,9 +97,26 @@ def design(
 
     model = state_space(rig, 1)
     A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
-    whole = np.zeros((5, 5))
-    whole[:4, :4], whole[4, :4] = A, C[0]
-    push = np.vstack([B, [[0.0]]])
+    whole, push = _with_integral(A, B, C)
     K = np.asarray(control.lqr(whole, push, np.diag(WEIGHTS), [[TORQUE_WEIGHT]])[0])[0]
     L = np.asarray(control.place(A.T, C.T, OBSERVER_POLES)).T
     return A, B, C, K, L
+
+
+def least_damped(rig: Mapping[str, float]) -> tuple[float, float]:
+    """Returns frequency [Hz] and damping ratio of the least damped mode of the loop: what a reference makes ring.
+
+    The observer is told the reference, so that it excites the poles of the regulator alone.
+    """
+    A, B, C, K, _ = design(rig)
+    whole, push = _with_integral(A, B, C)
+    poles = np.linalg.eigvals(whole - push @ K[None, :])
+    pole = poles[np.argmin(-poles.real / np.abs(poles))]
+    return float(np.abs(pole)) / (2 * math.pi), float(-pole.real / np.abs(pole))
+
+
+def _with_integral(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A (5, 5) and B (5, 1) with the integral of the hub angle's error as the last state."""
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[4, :4] = A, C[0]
+    return whole, np.vstack([B, [[0.0]]])
