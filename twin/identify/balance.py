@@ -20,6 +20,7 @@ from scipy.signal import butter, sosfiltfilt
 from twin import driven
 from twin.driven import DrivenData, View
 from twin.fit import Prepared
+from twin.identify.exact_torque import free_hub_inertia, mean_torque, one_way, twice_averaged
 from twin.identify.results import Estimate
 from twin.model import Model, Start
 
@@ -142,15 +143,19 @@ def _usable(prepared: Prepared, view: View, model: Model, band: float) -> bool:
 def _torques(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
     t, low = view.time, _low_pass(view.time, band)
     _, required = driven.move(view, prepared, model, start)
-    link = required - model.declared["hub_inertia"] * view.acceleration
     # A cubic spline's second derivative is off by (omega h)^2/12; a septic one's is not.
     hub = make_interp_spline(t, view.reading, k=7)
-    forward, backward = (view.direction > 0).astype(float), (view.direction < 0).astype(float)
-    columns = np.column_stack([low(v) for v in (hub(t, 2), forward, -backward)])
+    required = required - free_hub_inertia(model) * (view.acceleration - hub(t, 2))
+    link = twice_averaged(required - model.declared["hub_inertia"] * hub(t, 2))
+    share = one_way(view)
+    forward, backward = share * (view.direction > 0), share * (view.direction < 0)
+    columns = np.column_stack([low(v) for v in (twice_averaged(hub(t, 2)), forward, -backward)])
     kept = binary_erosion(view.sliding, iterations=int(_REACH / band / (t[1] - t[0])))
     if not kept.any():
         return None
-    right = low(_mean_torque(prepared, t, model.declared["torque_limit"]) - link)
+    # The measured motion has passed one low-pass more than the torque.
+    torque = driven.low_passed(mean_torque(prepared, t, model), float(t[1] - t[0]), view.band)
+    right = low(torque - link)
     return _Rows(columns[kept], right[kept], hub(t, 1)[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
 
 
@@ -160,7 +165,7 @@ def _momenta(prepared: Prepared, view: View, model: Model, start: Start, band: f
     bends = [make_interp_spline(t, low(b), k=7)(t, 1) for b in _curvatures(prepared, view, model)]
     period = float(t[1] - t[0])
     friction = [period * np.cumsum(view.direction == d) * d for d in (1, -1)]
-    impulse = period * np.cumsum(_mean_torque(prepared, t, model.declared["torque_limit"]))
+    impulse = period * np.cumsum(mean_torque(prepared, t, model))
     whole = np.column_stack([hub(t, 1), *bends, *friction, impulse])
     runs, count = label(view.sliding)
     parts: list[np.ndarray] = []
@@ -183,16 +188,6 @@ def _low_pass(time: np.ndarray, band: float) -> Callable[[np.ndarray], np.ndarra
     sections = butter(4, min(band, 0.4 / period), fs=1 / period, output="sos")
     pad = min(len(time) - 1, int(2 / band / period))
     return lambda values: sosfiltfilt(sections, values, padlen=pad)
-
-
-def _mean_torque(prepared: Prepared, time: np.ndarray, limit: float) -> np.ndarray:
-    """Mean torque about each instant (m) [N m], the command held from its sample to the next and limited."""
-    recording = prepared.recording
-    stamps = recording.time if recording.command_time is None else recording.command_time
-    held = np.clip(np.nan_to_num(recording["torque_command"]), -limit, limit)
-    impulse = np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(stamps))])
-    half = (time[1] - time[0]) / 2
-    return (np.interp(time + half, stamps, impulse) - np.interp(time - half, stamps, impulse)) / (2 * half)
 
 
 def _curvatures(prepared: Prepared, view: View, model: Model) -> list[np.ndarray]:

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from twin import breakaway
 from twin.breakaway import BreakAway
 from twin.fit import Prepared
+from twin.identify import exact_torque
 from twin.identify.results import Estimate, pooled
 from twin.model import Model, Start
+from twin.observe import BEFORE_ONSET
+from twin.planar import STUCK
 
-_INSTANT = 5e-3  # s, standard deviation of the instant of a break-away seen in a noisy angle
-_MODEL = 1.5e-3  # relative standard deviation of the torque that the model says the link takes from the drive
+_SEEN = 3.5  # noise levels of the angle at which a motion is seen
+_MODEL = 0.03  # relative standard deviation of what the model says that the link adds to the drive's torque
+_REST, _END = (
+    0.3,
+    0.06,
+)  # s before the break-away between which the hub surely rests and the command has no step
+_STEP = 0.02  # of the largest command there, above which a change between two samples is a step
 
 
 @dataclass(frozen=True)
@@ -39,8 +47,11 @@ class StaticFriction:
 
 def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> StaticFriction:
     """Reads the static friction from every slow approach to a break-away."""
-    events = tuple(breakaway.find(model, prepared, starts))
-    errors = tuple(math.hypot(e.slope * _INSTANT, _MODEL * abs(e.torque)) for e in events)
+    all_events = breakaway.find(model, prepared, starts)
+    ramps = tuple(e for e in all_events if _ends_a_ramp(model, prepared[e.recording], e))
+    read_off = [_read(model, prepared[e.recording], e) for e in ramps]
+    events = tuple(replace(e, torque=torque) for e, (torque, _) in zip(ramps, read_off, strict=True))
+    errors = tuple(error for _, error in read_off)
     seen = [Estimate(abs(e.torque), s) for e, s in zip(events, errors, strict=True)]
     by_direction = {}
     for direction in (1, -1):
@@ -50,3 +61,33 @@ def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) ->
     level = pooled(seen) if seen else None
     spread = float(np.std([s.value for s in seen], ddof=1)) if len(seen) > 2 else math.nan
     return StaticFriction(events, errors, by_direction, level, spread)
+
+
+def _ends_a_ramp(model: Model, prepared: Prepared, event: BreakAway) -> bool:
+    """Whether the hub rested for long and the command grew without a step until it moved."""
+    time = prepared.recording.time
+    before = (time > event.time - _REST) & (time <= event.time)
+    if prepared.hub is None or time[0] > event.time - _REST or before.sum() < 3:
+        return False
+    sure = time[before] < event.time - _END
+    command = event.direction * model.drive(prepared.recording).at(time[before])
+    even = np.abs(np.diff(command)).max() < _STEP * np.abs(command).max()
+    resting = bool((prepared.hub.observed[before][sure] == STUCK).all())
+    return resting and bool(even) and command[-1] > command[0]
+
+
+def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, float]:
+    """Torque at which the hub broke away and its error [N m].
+
+    Once free it gains speed by what static friction exceeds sliding friction; until it has moved by some noise
+    levels nobody sees it, and the torque has grown meanwhile.
+    """
+    time = prepared.recording.time
+    period = float(np.median(np.diff(time)))
+    driving = max(abs(event.torque) - model.declared["coulomb_friction"], 0.1 * abs(event.torque))
+    gain = driving / exact_torque.free_hub_inertia(model)
+    unseen = math.sqrt(2 * _SEEN * prepared.noise["hub_angle"] / gain)
+    late = unseen + period - BEFORE_ONSET * period
+    of_link = abs(event.torque - float(model.drive(prepared.recording).at(np.array([event.time]))[0]))
+    error = math.hypot(event.slope * math.hypot(unseen / 2, period / 2), _MODEL * of_link)
+    return event.torque - event.direction * event.slope * late, error

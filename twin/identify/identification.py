@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -201,7 +202,8 @@ def _methods(
         if value is not None and name in own:
             own[name][method] = value
     for name, v, e in zip(found.names, found.values, found.errors, strict=True):
-        own[name]["joint"] = Estimate(float(v), float(e))
+        if name != "static_friction":
+            own[name]["joint"] = Estimate(float(v), float(e))
     return own
 
 
@@ -215,10 +217,26 @@ def _with_link(inertia: Estimate, found: Joint) -> Estimate:
 
 
 def _damping(rig: Rig, decays: tuple[Decay, ...]) -> Estimate:
-    """The damping ratio of the free modes that gives the clamped decay its own, all losses in the link's bending."""
+    """The damping ratio of the free modes that gives the clamped decay its own, all losses in the link's bending.
+
+    How much of it a clamped link shows depends on the declared masses, which are as uncertain as the campaign says.
+    """
     clamped = pooled([d.damping_ratio for d in decays])
     share = _clamped_share(rig)
-    return Estimate(clamped.value / share, clamped.standard_error / share)
+    value = clamped.value / share
+    by_rig = value * float(np.linalg.norm(_shares(rig, _clamped_share)))
+    return Estimate(value, math.hypot(clamped.standard_error / share, by_rig))
+
+
+def _shares(rig: Rig, figure: Callable[[Rig], float]) -> list[float]:
+    """Relative change of a figure by one standard deviation of each declared mass and length."""
+    found = []
+    for name in ("linear_density", "length", "tip_mass", "tip_inertia", "hub_inertia"):
+        sigma = joint.prior_deviation(rig, name)
+        if sigma > 0:
+            moved = figure(rig.replace("moved", **{name: rig[name] + 0.1 * sigma}))
+            found.append((moved / figure(rig) - 1) / 0.1)
+    return found
 
 
 def _clamped_share(rig: Rig) -> float:
@@ -230,12 +248,7 @@ def _stiffness_by_frequency(rig: Rig, decays: tuple[Decay, ...]) -> Estimate:
     """EI = EI' (f/f')^2 with f' of the declared rig, whose masses are as uncertain as it says."""
     seen = pooled([d.frequency for d in decays])
     value = rig["bending_stiffness"] * (seen.value / _first_clamped(rig)) ** 2
-    relative = [2 * seen.standard_error / seen.value]
-    for name in ("linear_density", "length", "tip_mass", "tip_inertia"):
-        sigma = joint.prior_deviation(rig, name)
-        if sigma > 0:
-            moved = _first_clamped(rig.replace("moved", **{name: rig[name] + 0.1 * sigma}))
-            relative.append(2 * (moved / _first_clamped(rig) - 1) / 0.1)
+    relative = [2 * seen.standard_error / seen.value, *(2 * v for v in _shares(rig, _first_clamped))]
     return Estimate(value, value * float(np.linalg.norm(relative)))
 
 
@@ -244,14 +257,14 @@ def _first_clamped(rig: Rig) -> float:
 
 
 def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate]) -> Identified:
-    value = methods["joint"]
-    # The calibration hardly sees the static level: what is read at the break-aways is independent of it.
-    if "break-away" in methods:
-        value = pooled([methods["joint"], methods["break-away"]])
+    if name == "static_friction":
+        # It is in no motion: what is read at break-aways is all that there is beside the declaration.
+        value = methods.get("break-away", Estimate(rig[name], joint.prior_deviation(rig, name)))
+    else:
+        value = methods["joint"]
     parameter = rig.parameters[name]
-    said = {key: e for key, e in methods.items() if key != "joint"} | {"joint": methods["joint"]}
     prior = joint.prior_deviation(rig, name)
-    return Identified(value.value, value.standard_error, parameter.unit, parameter.value, prior, said)
+    return Identified(value.value, value.standard_error, parameter.unit, parameter.value, prior, methods)
 
 
 def _not_determined(parameters: Mapping[str, Identified], found: Joint) -> dict[str, str]:
