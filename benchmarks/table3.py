@@ -51,7 +51,7 @@ SEGMENTS, STEP = 4, 2e-3  # s
 FINE_SEGMENTS, FINE_STEP = 8, 1e-3  # what is found is looked at with these too
 GROWTHS = (0.0, 0.25, 0.5, 0.75, 1.0)
 PAUSES = (0.0, 0.1, 0.2, 0.3)  # s
-TORQUES = {True: np.geomspace(0.12, 0.214, 24), False: np.geomspace(0.22, 0.45, 24)}
+TORQUES = {True: np.geomspace(0.12, 0.214, 24), False: np.geomspace(0.22, 0.45, 48)}
 """Largest amplitude tried where the simulation has the torque limit, and beyond it where it has not [N m]."""
 DECLARED = {
     "static friction": ("static_friction",),
@@ -66,9 +66,10 @@ PROMISING, LONGER = 40.0, Search(draws=40, steps=40, seed=2, worth=WORTH)
 """Misfit up to which a candidate is searched once more from other points, and how."""
 SHORT = Search(draws=6, follow=1, steps=8, worth=WORTH)
 """For what is integrated twenty times as finely (the contacts of a play): not searched as well as the others."""
-LIKELY = math.radians(1.3)  # rms to the simulated column up to which a family is fitted with
+LIKELY = math.radians(1.5)  # rms to the simulated column up to which a family is fitted with
 PAIR_PARAMETERS = 4  # at most, so that one turn is left to test a pair
 PAIRED = 4  # best candidates that are paired
+CHECKED = 0.01  # probability down to which a candidate is checked: those that pass, and near misses
 
 
 @cache
@@ -264,10 +265,18 @@ def print_families(pool: ProcessPoolExecutor, limited: bool) -> list[Reconstruct
 
 
 def chosen(limited: list[Reconstruction], free: list[Reconstruction]) -> list[Reconstruction]:
-    """The best family with the limit, the best of another growth, and the one that grows most without it."""
+    """The best family with the limit, the best of another growth and pause, and one without the limit.
+
+    That one is the likely family whose turns at the limit are nearest to the measured: the limit's best case.
+    """
     best = limited[0].family
     others = [r for r in limited if r.family.growth != best.growth and r.family.pause != best.pause]
-    return [limited[0], *others[:1], *sorted(free, key=lambda r: -r.family.growth)[:1]]
+    return [limited[0], *others[:1], *sorted(free, key=_misfit_at_limit)[:1]]
+
+
+def _misfit_at_limit(r: Reconstruction) -> float:
+    outcomes = r.outcomes()
+    return outcomes.misfit(turns(rig_model(), outcomes.profiles))
 
 
 def print_finer(families: list[Reconstruction]) -> None:
@@ -337,9 +346,6 @@ def order(families: list[Reconstruction]) -> str:
     return "; ".join(f"{k + 1}: {text}" for k, text in enumerate(each))
 
 
-CHECKED = 3  # best candidates that are held against what was not fitted
-
-
 def print_checks(pool: ProcessPoolExecutor, table: list[Row]) -> None:
     """Prints what the best candidates say of the runs and experiments that they were not fitted to."""
     print("\n## Held against what was not fitted\n")
@@ -347,7 +353,7 @@ def print_checks(pool: ProcessPoolExecutor, table: list[Row]) -> None:
     heads = ["candidate", "parameters (SI)", "each turn from the other four, deg", "on the finer chain, deg"]
     print("| " + " | ".join([*heads, "spread at 2 % friction, deg", "LQ step ends at deg"]) + " |")
     print("| --- | --- | --- | --- | --- | ---: |")
-    for row in [table_none(table), *[r for r in table if r.best.free][:CHECKED]]:
+    for row in [table_none(table), *[r for r in table if r.best.free and r.best.probability > CHECKED]]:
         task, best = row.fits[0]
         predicted = np.array([found.turns[k] for k, found in enumerate(left_out(pool, task))])
         profiles = task.reconstruction.outcomes().profiles
@@ -370,8 +376,8 @@ def table_none(table: list[Row]) -> Row:
 
 
 def pairs(table: list[Row]) -> list[tuple[str, ...]]:
-    """Pairs of the best single candidates that leave a turn to test them."""
-    single = [row for row in table if 0 < row.best.free < PAIR_PARAMETERS][:PAIRED]
+    """Pairs of the best candidates of one or two parameters: they leave a turn to test them."""
+    single = [row for row in table if 0 < row.best.free <= PAIR_PARAMETERS // 2][:PAIRED]
     both = itertools.combinations(single, 2)
     small = [(a, b) for a, b in both if a.best.free + b.best.free <= PAIR_PARAMETERS]
     named = [(*a.candidate, *b.candidate) for a, b in small]
