@@ -57,18 +57,22 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Gr
     i = group.recording
     view, keep = data.views[i], bench.weight[group.rows] > 0
     prepared, start = data.prepared[i], fit.starts[i]
-    plain = driven.residual(view, prepared, fit.model, start, white=False)[group.channel]
-    values = plain * view.noise[group.channel]
+    plain = driven.residual(view, prepared, fit.model, start, white=False)
+    left = {c: r * view.noise[c] for c, r in plain.items() if c in view.noise}
+    values = left[group.channel]
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     return Unexplained(
         values[keep],
-        {name: variable[keep] for name, variable in _variables(data, fit, i).items()},
+        {name: variable[keep] for name, variable in _variables(data, fit, i, left).items()},
         np.full(keep.sum(), i),
         before + view.time[keep] - view.time[0],
     )
 
 
-def _variables(data: driven.DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:
+def _variables(
+    data: driven.DrivenData, fit: Fit, i: int, left: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """What a fault may depend on; strains as the model has them: a reading holds the fault itself."""
     view, prepared = data.views[i], data.prepared[i]
     motion, _ = driven.move(view, prepared, fit.model, fit.starts[i])
     command = fit.model.drive(prepared.recording).at(view.time)
@@ -81,7 +85,7 @@ def _variables(data: driven.DrivenData, fit: Fit, i: int) -> dict[str, np.ndarra
             np.cos(motion.angles - motion.angles[:, :1]) * motion.rates * fit.model.chain.lengths, 1
         ),
     }
-    return found | {c: v for c, v in view.measured.items() if c.startswith("strain")}
+    return found | {c: v - left[c] for c, v in view.measured.items() if c.startswith("strain")}
 
 
 def dependence(found: Unexplained) -> list[tuple[str, float]]:
