@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,10 +11,12 @@ from scipy.signal import butter, sosfiltfilt
 
 from twin.identify import spectra
 from twin.identify.results import Estimate
+from twin.identify.spectra import Response
 from twin.recording import Recording
 
 LEAST_SWEEPS = 3
 _BAND = 2.0  # Hz that a sweep has to cover at least
+_STANDS_OUT = 2.0  # height of a peak over the response about it from which it counts
 _REACH = 0.35  # relative distance from the expected frequency up to which a peak is the same mode
 
 
@@ -48,15 +51,10 @@ def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | Non
     rows = []
     for recording in recordings:
         found = spectra.response([recording], least=_BAND)
-        near = [
-            p
-            for p in (spectra.peaks(found) if found else ())
-            if abs(p.frequency.value / expected - 1) < _REACH
-        ]
-        if found and near:
-            peak = max(near, key=lambda p: p.height)
-            size = _amplitude(recording, found.channel, peak.frequency.value)
-            rows.append((size, peak.frequency, recording.name, found.channel))
+        frequency = _resonance(found, expected) if found else None
+        if found and frequency:
+            size = _amplitude(recording, found.channel, frequency.value)
+            rows.append((size, frequency, recording.name, found.channel))
     channels = {channel for *_, channel in rows}
     if len(rows) < LEAST_SWEEPS or len(channels) > 1:
         return None
@@ -65,6 +63,23 @@ def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | Non
     frequency = tuple(row[1] for row in rows)
     small, slope = _line((amplitude / amplitude[-1]) ** 2, frequency)
     return Backbone(tuple(row[2] for row in rows), channels.pop(), amplitude, frequency, small, slope)
+
+
+def _resonance(found: Response, expected: float) -> Estimate | None:
+    """The resonance near a frequency [Hz]: a fitted peak, or the top of one that is no mode's, as a softening's is."""
+    fitted = [p for p in spectra.peaks(found) if abs(p.frequency.value / expected - 1) < _REACH]
+    if fitted:
+        return max(fitted, key=lambda p: p.height).frequency
+    near = found.known & (np.abs(found.frequency / expected - 1) < _REACH)
+    f, size = found.frequency[near], np.abs(found.h1[near])
+    if len(f) < 12:
+        return None
+    top = int(np.argmax(size))
+    if top in (0, len(f) - 1) or size[top] < _STANDS_OUT * np.median(size):
+        return None
+    # Anywhere in the upper tenth of the peak.
+    width = float((size > 0.9 * size[top]).sum() * (f[1] - f[0]))
+    return Estimate(float(f[top]), max(width, found.resolution) / math.sqrt(12))
 
 
 def _amplitude(recording: Recording, channel: str, frequency: float) -> float:

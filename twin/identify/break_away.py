@@ -23,6 +23,7 @@ _REST, _END = (
     0.3,
     0.06,
 )  # s before the break-away between which the hub surely rests and the command has no step
+_QUIET = 0.1  # share of the torque up to which the link may add to the drive's
 _STEP = 0.02  # of the largest command there, above which a change between two samples is a step
 
 
@@ -64,7 +65,7 @@ def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) ->
 
 
 def _ends_a_ramp(model: Model, prepared: Prepared, event: BreakAway) -> bool:
-    """Whether the hub rested for long and the command grew without a step until it moved."""
+    """Whether the hub rested for long, the link quiet, and the command grew without a step until it moved."""
     time = prepared.recording.time
     before = (time > event.time - _REST) & (time <= event.time)
     if prepared.hub is None or time[0] > event.time - _REST or before.sum() < 3:
@@ -72,8 +73,9 @@ def _ends_a_ramp(model: Model, prepared: Prepared, event: BreakAway) -> bool:
     sure = time[before] < event.time - _END
     command = event.direction * model.drive(prepared.recording).at(time[before])
     even = np.abs(np.diff(command)).max() < _STEP * np.abs(command).max()
+    quiet = abs(event.torque - event.direction * command[-1]) < _QUIET * abs(event.torque)
     resting = bool((prepared.hub.observed[before][sure] == STUCK).all())
-    return resting and bool(even) and command[-1] > command[0]
+    return resting and bool(quiet and even and command[-1] > command[0])
 
 
 def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, float]:

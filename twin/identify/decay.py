@@ -24,6 +24,9 @@ LEAST_PERIODS = 4
 _LINK_CHANNELS = ("strain_base", "tip_deflection", "strain_mid", "tip_acceleration")
 _SEEN = 8.0  # errors of an amplitude above which a period counts
 _NEEDED = 4.0  # errors from zero at which a second loss is believed
+_SLOPE = (
+    0.03  # standard deviation of the relative change of the frequency with amplitude, before it is measured
+)
 _TERMS: dict[Law, int] = {"dry friction": 0, "square of the rate": 2}
 
 
@@ -82,9 +85,9 @@ def ring_down(recording: Recording, channel: str, first: float, last: float) -> 
     periods = _periods(time, values, frequency.value)
     if periods is None:
         return None
-    middle, amplitude, error, phase = periods
+    middle, amplitude, error, phase, phase_error = periods
     law, significance, losses, envelope_rate = _envelope(middle, amplitude, error)
-    small, slope = _frequency_by_amplitude(middle, amplitude, error, phase, frequency.value)
+    small, slope = _frequency_by_amplitude(middle, amplitude, phase, phase_error, frequency.value)
     omega = 2 * math.pi * small.value
     decrement = _decrement(middle, amplitude, error)
     return Decay(
@@ -127,10 +130,12 @@ def _loudest(time: np.ndarray, values: np.ndarray) -> float | None:
 def _whole_fit(time: np.ndarray, values: np.ndarray, guess: float) -> tuple[Estimate | None, Estimate | None]:
     """Frequency [Hz] and decay rate [1/s] of one damped sine and an offset, fitted to all samples."""
     t = time - time[0]
+    # Of order one, as the tolerances of the search expect.
+    y = (values - values.mean()) / (values.std() or 1.0)
 
     def residual(z: np.ndarray) -> np.ndarray:
         X = _damped(t, 2 * math.pi * z[0], z[1])
-        return X @ np.linalg.lstsq(X, values, rcond=None)[0] - values
+        return X @ np.linalg.lstsq(X, y, rcond=None)[0] - y
 
     best = None
     for rate in (0.003, 0.03):
@@ -166,10 +171,8 @@ def _independent_variance(residual: np.ndarray) -> float:
     return float(r @ r) / max(len(r) - 5, 1) * max(1.0, 2 * float(correlation[:reach].sum()) - 1)
 
 
-def _periods(
-    time: np.ndarray, values: np.ndarray, frequency: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
-    """Middle (m), amplitude, its error and phase [rad] of every period, up to the first that noise hides."""
+def _periods(time: np.ndarray, values: np.ndarray, frequency: float) -> tuple[np.ndarray, ...] | None:
+    """Middle (m), amplitude, its error, phase [rad] and its error of every period, up to the first that noise hides."""
     omega, count = 2 * math.pi * frequency, int((time[-1] - time[0]) * frequency)
     rows = []
     for k in range(count):
@@ -182,15 +185,18 @@ def _periods(
         X = np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones(len(t)), t - middle])
         x, *_ = np.linalg.lstsq(X, values[inside], rcond=None)
         r = values[inside] - X @ x
-        error = math.sqrt(2 * _independent_variance(r) / len(t))
         size = math.hypot(x[0], x[1])
+        covariance = np.linalg.inv(X.T @ X)[:2, :2] * _independent_variance(r)
+        along = x[:2] / max(size, 1e-300)
+        across = np.array([-along[1], along[0]])
+        error, turn = (math.sqrt(v @ covariance @ v) for v in (along, across))
         if not size > _SEEN * error:
             break
-        rows.append((middle, size, error, math.atan2(-x[1], x[0])))
+        rows.append((middle, size, error, math.atan2(-x[1], x[0]), turn / size))
     if len(rows) < LEAST_PERIODS:
         return None
-    middle, amplitude, error, phase = np.array(rows).T
-    return middle, amplitude, error, np.unwrap(phase)
+    middle, amplitude, error, phase, phase_error = np.array(rows).T
+    return middle, amplitude, error, np.unwrap(phase), phase_error
 
 
 def _decrement(middle: np.ndarray, amplitude: np.ndarray, error: np.ndarray) -> Estimate:
@@ -271,7 +277,7 @@ def _fit_losses(
 
 
 def _frequency_by_amplitude(
-    middle: np.ndarray, amplitude: np.ndarray, error: np.ndarray, phase: np.ndarray, reference: float
+    middle: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, phase_error: np.ndarray, reference: float
 ) -> tuple[Estimate, Estimate]:
     """Frequency of small vibration [Hz], and its relative change per squared amplitude over the first.
 
@@ -280,11 +286,13 @@ def _frequency_by_amplitude(
     share = (amplitude / amplitude[0]) ** 2
     grown = np.concatenate([[0.0], np.cumsum(np.diff(middle) * (share[1:] + share[:-1]) / 2)])
     t = middle - middle[0]
-    w = amplitude / error
+    w = 1 / phase_error
     X = np.column_stack([np.ones(len(t)), 2 * math.pi * t, 2 * math.pi * grown])
-    solve = X * w[:, None]
-    x, *_ = np.linalg.lstsq(solve, phase * w, rcond=None)
-    r = (phase - X @ x) * w
+    # A link that is not bent beyond use changes by percents: where the record cannot tell, that is what is known.
+    prior = np.array([0.0, 0.0, 1 / (_SLOPE * reference)])
+    solve = np.vstack([X * w[:, None], prior])
+    x, *_ = np.linalg.lstsq(solve, np.r_[(phase - phase[0]) * w, 0.0], rcond=None)
+    r = (phase - phase[0] - X @ x) * w
     scale = max(1.0, float(r @ r) / max(len(t) - 3, 1))
     errors = np.sqrt(np.diag(np.linalg.pinv(solve.T @ solve) * scale))
     small = reference + float(x[1])

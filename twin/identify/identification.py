@@ -143,7 +143,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         modes=(*(_clamped_mode(d) for d in decays), *free_modes),
         not_determined=_not_determined(parameters, found),
         findings=(
-            sentences.static(load),
+            sentences.static(load, _declared(campaign.rig, "bending_stiffness")),
             sentences.decays(decays),
             sentences.break_aways(friction),
             sentences.coulomb(hub, found),
@@ -163,6 +163,10 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         held_out=held_out.errors(campaign, found, rig),
         wall_s=time.perf_counter() - began,
     )
+
+
+def _declared(rig: Rig, name: str) -> Estimate:
+    return Estimate(rig[name], joint.prior_deviation(rig, name))
 
 
 def ring_downs(campaign: Campaign) -> tuple[Decay, ...]:
@@ -257,11 +261,9 @@ def _first_clamped(rig: Rig) -> float:
 
 
 def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate]) -> Identified:
-    if name == "static_friction":
-        # It is in no motion: what is read at break-aways is all that there is beside the declaration.
-        value = methods.get("break-away", Estimate(rig[name], joint.prior_deviation(rig, name)))
-    else:
-        value = methods["joint"]
+    # The static level is in no motion: what is read at break-aways is all that there is beside the declaration.
+    best = "break-away" if name == "static_friction" else "joint"
+    value = methods.get(best, _declared(rig, name))
     parameter = rig.parameters[name]
     prior = joint.prior_deviation(rig, name)
     return Identified(value.value, value.standard_error, parameter.unit, parameter.value, prior, methods)

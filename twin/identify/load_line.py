@@ -98,6 +98,30 @@ def _curvature_probability(x: np.ndarray, y: np.ndarray, straight: float) -> flo
     return float(f_distribution.sf((straight - bent) / (bent / free), 1, free))
 
 
+def odd_row(line: LoadLine) -> tuple[int, float] | None:
+    """The row (from 0) that lies off the line through the others, and by how much (units of y); None where none does.
+
+    Off is three times their scatter, and at least the last decimal to which y was read.
+    """
+    found = []
+    for k in range(len(line.x)):
+        x, y = np.delete(line.x, k), np.delete(line.y, k)
+        if len(x) > LEAST_ROWS and np.ptp(x) > 0:
+            slope, intercept = np.polyfit(x, y, 1)
+            scatter = float(np.std(y - intercept - slope * x, ddof=2))
+            away = float(line.y[k] - intercept - slope * line.x[k])
+            found.append((abs(away) / max(3 * scatter, 0.99 * _resolution(line.y)), k, away))
+    ratio, row, away = max(found, default=(0.0, 0, 0.0))
+    return (row, away) if ratio > 1 else None
+
+
+def _resolution(values: np.ndarray) -> float:
+    """The decimal step to which some readings were rounded."""
+    size = float(np.abs(values).max()) or 1.0
+    steps = (10.0**e for e in range(math.ceil(math.log10(size)), math.floor(math.log10(size)) - 9, -1))
+    return next((s for s in steps if np.allclose(values / s, np.round(values / s), rtol=0, atol=1e-6)), 0.0)
+
+
 def stiffness(line: LoadLine, length: Estimate) -> Estimate:
     """EI = l^3/(3 slope) [N m^2] of a line of tip displacement [m] over force [N].
 

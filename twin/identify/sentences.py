@@ -9,6 +9,7 @@ from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.joint import Joint
+from twin.identify.load_line import odd_row
 from twin.identify.results import Estimate, Finding, Mode, disagreement
 from twin.identify.spectra import Response
 from twin.identify.static_test import LOADS, StaticTest
@@ -30,8 +31,8 @@ def agreement(a: Estimate, b: Estimate, names: tuple[str, str]) -> str:
     return f"{names[0]} and {names[1]} {word}: {apart:.1f} standard errors of their difference apart."
 
 
-def static(load: StaticTest | None) -> Finding:
-    """The static test."""
+def static(load: StaticTest | None, declared: Estimate) -> Finding:
+    """The static test; `declared` is the stiffness that the campaign says."""
     title = "Stiffness from a static test"
     if load is None:
         columns = " or ".join(LOADS)
@@ -42,12 +43,23 @@ def static(load: StaticTest | None) -> Finding:
             f"EI = {shown(load.stiffness, 'N m^2')} by a line with its own zero through {len(load.line.x)} loads."
         )
         tare = load.line.intercept.value / load.line.slope.value
-        said.append(f"The line crosses zero displacement at a load of {-tare:.3g} N: what else hung there.")
+        said.append(
+            f"The line crosses zero displacement {tare:.3g} N below no load: what else hung there, or the zero of the "
+            "ruler."
+        )
+        if declared.standard_error > 0:
+            said.append(agreement(load.stiffness, declared, ("The static test", "the declared stiffness")))
     else:
         assert load.curvature is not None
         said.append(
             f"No load was recorded, so that no stiffness follows; one unit of {load.column} is a curvature of "
             f"{shown(load.curvature, '1/m')} at the hub."
+        )
+    odd = odd_row(load.line)
+    if odd is not None:
+        row, away = odd
+        said.append(
+            f"Row {row + 1} lies {1e3 * away:+.3g} mm off the line through the others: a slip, or a bent line."
         )
     p = load.line.curvature_probability
     if p == p:

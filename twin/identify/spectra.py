@@ -145,9 +145,14 @@ def _spectrum(recording: Recording, channel: str, period: float, size: int) -> n
 
 def _smooth(values: np.ndarray, step: float) -> np.ndarray:
     """The spectrum (n) averaged over a Hann window of half width `SMOOTHING`."""
+    return np.convolve(values, _window(step)[1], "same")
+
+
+def _window(step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Distances [Hz] and weights, of sum 1, over which a spectrum with this step [Hz] is averaged."""
     half = max(1, round(SMOOTHING / step))
-    window = np.hanning(2 * half + 1)[1:-1]
-    return np.convolve(values, window / window.sum(), "same")
+    weights = np.hanning(2 * half + 1)[1:-1]
+    return step * np.arange(1 - half, half), weights / weights.sum()
 
 
 def peaks(found: Response) -> tuple[Peak, ...]:
@@ -184,9 +189,13 @@ def _fit_peak(found: Response, guess: float) -> Peak | None:
     weight = np.sqrt(c / (1 - c)) / np.abs(h)
     centre = 2 * math.pi * guess
 
+    # The response was averaged over a narrow band: so is the mode.
+    offsets, window = _window(found.frequency[1] - found.frequency[0])
+    w = omega[:, None] + 2 * math.pi * offsets
+
     def parts(z: np.ndarray) -> np.ndarray:
         w0 = centre * z[0]
-        mode = w0**2 / (w0**2 - omega**2 + 2j * z[1] * w0 * omega)
+        mode = w0**2 / (w0**2 - w**2 + 2j * z[1] * w0 * w) @ window
         return np.column_stack([mode, np.ones(len(omega)), omega / centre - 1])
 
     def off(z: np.ndarray) -> np.ndarray:

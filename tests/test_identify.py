@@ -1,0 +1,198 @@
+"""`twin identify`: each procedure against planted values, then all of them on one campaign."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from twin.errors import InputError
+from twin.identify import decay, load_line, spectra
+from twin.identify.backbone import backbone
+from twin.identify.results import Estimate, disagreement, pooled
+from twin.recording import Recording
+
+# Bossi et al. 2009, Table I: masses on the plate [kg], displacements [m]; length from Table II [m].
+MASSES = np.array([0.005, 0.010, 0.015, 0.020, 0.025])
+DISPLACEMENTS = np.array([0.023, 0.029, 0.034, 0.039, 0.044])
+LENGTH = Estimate(0.42, 0.0)
+
+
+def test_table_one_has_two_stiffnesses_and_an_odd_first_row():
+    weights = load_line.GRAVITY * MASSES
+    line = load_line.fit_line(weights, DISPLACEMENTS)
+    row, away = load_line.odd_row(line)
+    assert row == 0
+    assert away == pytest.approx(-0.001, abs=1e-9)
+    others = load_line.fit_line(weights[1:], DISPLACEMENTS[1:])
+    assert load_line.stiffness(others, LENGTH).value == pytest.approx(0.2423, abs=2e-4)
+    # Row by row with the plate's 0.019 kg, as the paper does: the first row stands apart.
+    forces = load_line.GRAVITY * (MASSES + 0.019)
+    by_row = forces * 0.42**3 / (3 * DISPLACEMENTS)
+    assert by_row[0] == pytest.approx(0.2527, abs=2e-4)
+    assert by_row[1:] == pytest.approx(0.2423, abs=2e-4)
+
+
+def test_the_plate_of_table_one_follows_from_the_line():
+    line = load_line.fit_line(load_line.GRAVITY * MASSES[1:], DISPLACEMENTS[1:])
+    tare = line.intercept.value / line.slope.value / load_line.GRAVITY
+    assert tare == pytest.approx(0.019, abs=1e-6)
+
+
+def test_errors_in_both_variables_do_not_flatten_a_line():
+    rng = np.random.default_rng(3)
+    true = np.linspace(0, 1, 400)
+    off = {"plain": [], "both": []}
+    for _ in range(40):
+        x, y = true + rng.normal(0, 0.1, 400), 0.5 + 2 * true + rng.normal(0, 0.2, 400)
+        off["plain"].append(load_line.fit_line(x, y).slope.value - 2)
+        both = load_line.fit_line(x, y, ratio=0.5)
+        off["both"].append(both.slope.value - 2)
+    # The variance of x is 1/12 and its noise 0.01: a plain line is flatter by 11 %.
+    assert np.mean(off["plain"]) == pytest.approx(-0.21, abs=0.03)
+    assert abs(np.mean(off["both"])) < 3 * both.slope.standard_error / math.sqrt(40)
+    assert both.slope.standard_error == pytest.approx(np.std(off["both"]), rel=0.35)
+
+
+def test_a_bent_load_line_is_seen():
+    x = np.linspace(0, 1, 12)
+    noise = np.random.default_rng(0).normal(0, 0.003, 12)
+    assert load_line.fit_line(x, x + noise).straight
+    assert not load_line.fit_line(x, x - 0.1 * x**2 + noise).straight
+
+
+def test_displacement_against_its_load_is_an_error():
+    line = load_line.fit_line(np.arange(4.0), -np.arange(4.0))
+    with pytest.raises(InputError, match=r"static\.csv.*direction of the load"):
+        load_line.stiffness(line, LENGTH)
+
+
+def envelope(losses: tuple[float, float, float], time: np.ndarray, first: float) -> np.ndarray:
+    """Amplitude (n) with a_t = -(c0 + c1 a + c2 a^2), by small steps."""
+    a = np.empty_like(time)
+    a[0] = first
+    for k, h in enumerate(np.diff(time)):
+        middle = a[k] - h / 2 * float(np.polyval(losses[::-1], a[k]))
+        a[k + 1] = max(a[k] - h * float(np.polyval(losses[::-1], middle)), 0.0)
+    return a
+
+
+def ringing(
+    losses: tuple[float, float, float] = (0.0, 0.05, 0.0),
+    span: float = 12.0,
+    noise: float = 2e-6,
+    seed: int = 0,
+) -> Recording:
+    """A clamped link that rings at 1.243 Hz from 300 microstrain."""
+    time = np.arange(0, span, 0.002)
+    strain = envelope(losses, time, 3e-4) * np.cos(2 * np.pi * 1.243 * time)
+    strain = strain + noise * np.random.default_rng(seed).standard_normal(len(time))
+    channels = {"torque_command": np.zeros(len(time)), "strain_base": strain}
+    return Recording("ring.csv", time, channels, clamped=True)
+
+
+def read(recording: Recording) -> decay.Decay | None:
+    return decay.ring_down(recording, "strain_base", recording.time[0], recording.time[-1])
+
+
+@pytest.mark.parametrize(
+    ("losses", "law"),
+    [
+        ((0.0, 0.06, 0.0), "proportional"),
+        ((1.5e-5, 0.02, 0.0), "dry friction"),
+        ((0.0, 0.02, 600.0), "square of the rate"),
+    ],
+)
+def test_the_envelope_tells_where_the_energy_goes(losses, law):
+    found = read(ringing(losses))
+    assert found.law == law
+    assert found.losses == pytest.approx(losses, rel=0.15, abs=1e-9)
+
+
+def test_decrement_and_fit_agree_and_hold_the_truth():
+    found = read(ringing())
+    truth = 0.05 / (2 * math.pi * 1.243)
+    for said in (found.by_decrement, found.by_fit, found.damping_ratio):
+        assert abs(said.value - truth) < 3 * said.standard_error < 0.1 * truth
+    assert abs(found.frequency.value - 1.243) < 3 * found.frequency.standard_error
+
+
+def test_intervals_of_short_and_noisy_decays_hold_the_truth():
+    # Four and a half periods, noise of a tenth of the amplitude.
+    found = [read(ringing(span=3.7, noise=3e-5, seed=seed)) for seed in range(20)]
+    assert all(d is not None for d in found)
+    off = [disagreement(d.frequency, Estimate(1.243, 0.0)) for d in found]
+    assert np.mean(np.array(off) < 1.96) >= 0.85
+    off = [disagreement(d.by_fit, Estimate(0.05 / (2 * math.pi * 1.243), 0.0)) for d in found]
+    assert np.mean(np.array(off) < 1.96) >= 0.85
+
+
+def test_too_short_or_silent_records_give_no_decay():
+    assert read(ringing(span=2.0)) is None
+    assert read(ringing(losses=(0.0, 50.0, 0.0), noise=1e-5)) is None
+
+
+def test_pooled_estimates_that_contradict_each_other_say_so():
+    alike = pooled([Estimate(1.0, 0.1), Estimate(1.05, 0.1)])
+    assert alike.standard_error == pytest.approx(0.1 / math.sqrt(2))
+    assert pooled([Estimate(1.0, 0.1), Estimate(2.0, 0.1)]).standard_error == pytest.approx(0.5)
+
+
+def resonance(
+    frequency: float, ratio: float, amplitude: float = 0.05, noise: float = 0.0, seed: int = 0
+) -> Recording:
+    """A torque sweep over 3 to 12 Hz, and a strain that is one mode's answer to it."""
+    time = np.arange(0, 20, 0.002)
+    age = np.clip(time - 0.5, 0, 18)
+    torque = amplitude * np.sin(2 * np.pi * (3 * age + 4.5 * age**2 / 18)) * ((time > 0.5) & (time < 18.5))
+    omega = 2 * np.pi * frequency
+    mode = dlsim_of(omega, ratio, torque)
+    strain = 1e-2 * mode + noise * np.random.default_rng(seed).standard_normal(len(time))
+    return Recording(f"{amplitude}.csv", time, {"torque_command": torque, "strain_base": strain})
+
+
+def dlsim_of(omega: float, ratio: float, torque: np.ndarray) -> np.ndarray:
+    """Answer (n) of omega^2/(s^2 + 2 zeta omega s + omega^2) to a torque that is held for 2 ms."""
+    b, a, _ = cont2discrete(([omega**2], [1, 2 * ratio * omega, omega**2]), 0.002, "zoh")
+    return lfilter(b.ravel(), a, torque)
+
+
+def test_peak_of_a_planted_mode():
+    found = spectra.response([resonance(7.27, 0.034, noise=1e-6)])
+    [peak] = spectra.peaks(found)
+    assert abs(peak.frequency.value - 7.27) < 2 * peak.frequency.standard_error + 0.01
+    assert peak.damping_ratio.value == pytest.approx(0.034, rel=0.1)
+    near = np.abs(found.frequency - 7.27) < 1
+    assert (found.coherence[near] > 0.9).all()
+
+
+def test_without_noise_the_estimators_are_one_and_with_noise_h1_is_below_h2():
+    clean, noisy = (spectra.response([resonance(7.27, 0.034, noise=n)]) for n in (1e-9, 3e-5))
+    # Off the peak, where the average over a band does not count.
+    near = np.abs(clean.frequency - 5) < 1
+    assert np.abs(clean.h2[near] / clean.h1[near] - 1).max() < 0.02
+    off = np.abs(noisy.frequency - 11) < 0.5
+    assert np.mean(np.abs(noisy.h1[off])) < np.mean(np.abs(noisy.hv[off])) < np.mean(np.abs(noisy.h2[off]))
+
+
+def test_a_step_is_no_sweep():
+    recording = resonance(7.27, 0.034)
+    torque = np.where(recording.time > 1, 0.05, 0.0)
+    assert (
+        spectra.response([recording.replace(channels={**recording.channels, "torque_command": torque})])
+        is None
+    )
+
+
+def test_backbone_of_a_resonance_that_softens_with_amplitude():
+    sizes = np.array([0.01, 0.02, 0.03, 0.04])
+    softer = [resonance(7.27 * (1 - 0.05 * (a / 0.04) ** 2), 0.02, a, 1e-6, k) for k, a in enumerate(sizes)]
+    found = backbone(softer, 7.0)
+    assert found.moves
+    assert found.small.value == pytest.approx(7.27, abs=0.05)
+    assert found.slope.value == pytest.approx(-0.05, abs=0.01)
+    still = backbone([resonance(7.27, 0.02, a, 1e-6, k) for k, a in enumerate(sizes)], 7.0)
+    assert not still.moves
+    assert backbone(softer[:2], 7.0) is None
