@@ -17,6 +17,7 @@ from twin.calibration import Calibration
 from twin.campaign import Campaign
 from twin.conclude import conclude
 from twin.diagnosis import ChannelError, Diagnosis, Prediction
+from twin.effects import REGISTRY
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model, simulate
@@ -143,7 +144,26 @@ def find(
         progress(f"adopting {choice.effects[-1]}")
         current = on_fine_chain(bench, choice.fit)
         adopted.append(replace(choice, fit=current))
-    return Found(start, tuple(adopted), tuple(rounds), tuple(thresholds))
+    return on_sound_channels(Found(start, tuple(adopted), tuple(rounds), tuple(thresholds)))
+
+
+def on_sound_channels(found: Found) -> Found:
+    """The same, but its last fit made without the sensors of the link that nothing explains while others agree.
+
+    A fault of one sensor is no calibration: the link's parameters would bend to it, and the hub's with them. Where no
+    sensor of the link is explained, it may be the link.
+    """
+    bench, best = found.bench, found.best
+    link = bench.channels() - {"hub_angle", "motor_torque"}
+    faulty = link & set(verdict.unexplained(bench, best))
+    fitted = {p.channel for name in best.model.effects for p in REGISTRY[name].parameters}
+    if not faulty or faulty == link or faulty & fitted:
+        return found
+    sound = bench.without(faulty)
+    fit_again = fit.minimise(sound, best.model, best.starts, best.unknowns, best.values, iterations=_LONG)
+    if not found.adopted:
+        return replace(found, start=replace(found.start, base=fit_again))
+    return replace(found, adopted=(*found.adopted[:-1], replace(found.adopted[-1], fit=fit_again)))
 
 
 def on_fine_chain(bench: Workbench, found: Fit) -> Fit:

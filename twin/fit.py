@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -189,6 +190,12 @@ class Workbench:
     def channels(self) -> set[str]:
         """Channels that are compared in any recording."""
         return {c for p in self.prepared for c in p.channels}
+
+    def without(self, channels: Collection[str]) -> Workbench:
+        """The same, but what these channels say counts for nothing."""
+        bench = copy(self)
+        bench.count = np.where([g.channel in channels for g in self.groups], 0.0, self.count)
+        return bench
 
     def residuals(self, jobs: Sequence[tuple[Model, Sequence[Start], int | None]]) -> list[np.ndarray]:
         """Measured minus simulated in noise units (n) of each (model, starts, only recording or None).

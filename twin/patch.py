@@ -101,11 +101,11 @@ def smooth(
     x, keep = np.unique(x, return_index=True)
     if len(x) < _LEAST:
         return None
-    weight = 1 / np.maximum(variance[keep], 1e-3 * np.median(variance))
-    # Scaled, so that the spline's search for its stiffness is not lost in SI units.
-    scale, unit = max(float(np.abs(y).max()), 1e-30), (x - x[0]) / (x[-1] - x[0])
-    curve = make_smoothing_spline(unit, y[keep] / scale, weight / weight.max())
-    return Patch(channel, variable, x, scale * curve(unit), count[keep])
+    weight = 1 / np.clip(variance[keep], 1e-2 * np.median(variance), 1e2 * np.median(variance))
+    # Over the number of the bin and scaled: the spline's search for its stiffness is lost where points nearly coincide.
+    scale, bin_number = max(float(np.abs(y).max()), 1e-30), np.arange(len(x), dtype=float)
+    curve = make_smoothing_spline(bin_number, y[keep] / scale, weight / weight.max())
+    return Patch(channel, variable, x, scale * curve(bin_number), count[keep])
 
 
 def _point(left: np.ndarray, values: np.ndarray) -> tuple[float, float, int, float]:
