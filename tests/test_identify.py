@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
+from typer.testing import CliRunner
 
+from twin import cli
+from twin.augmented import read_rig_file
 from twin.errors import InputError
-from twin.identify import decay, load_line, spectra
+from twin.identify import decay, load_line, sentences, spectra
 from twin.identify.backbone import backbone
+from twin.identify.break_away import StaticFriction
 from twin.identify.results import Estimate, disagreement, pooled
 from twin.recording import Recording
+from twin.virtual_rig import UNCERTAINTY, make_campaign
+from twin.virtual_rig.experiments import Experiment
 
 # Bossi et al. 2009, Table I: masses on the plate [kg], displacements [m]; length from Table II [m].
 MASSES = np.array([0.005, 0.010, 0.015, 0.020, 0.025])
@@ -196,3 +203,129 @@ def test_backbone_of_a_resonance_that_softens_with_amplitude():
     still = backbone([resonance(7.27, 0.02, a, 1e-6, k) for k, a in enumerate(sizes)], 7.0)
     assert not still.moves
     assert backbone(softer[:2], 7.0) is None
+
+
+RATE = 500  # Hz
+
+
+def experiments() -> list[Experiment]:
+    """A sweep, a decay and a ramp to fit, a slew to predict; 17 s in all."""
+    t = np.arange(6 * RATE) / RATE
+    age = np.clip(t - 0.3, 0, 5)
+    sweep = 0.1 * np.sin(2 * np.pi * (2 * age + 1.9 * age**2)) * ((t > 0.3) & (t < 5.3))
+    ramp = 0.03 * np.clip(np.arange(4 * RATE) / RATE - 1, 0, None)
+    slew = np.zeros(2 * RATE)
+    slew[100:250], slew[250:400] = 0.15, -0.15
+    at_rest = np.zeros(5 * RATE)
+    return [
+        Experiment("sweep", "torque-sweep", "fit", 0.0, sweep),
+        Experiment("decay", "free-vibration", "fit", 0.0, at_rest, tip_deflection=0.02),
+        Experiment("ramp", "break-away", "fit", 0.0, ramp, ramps=((RATE, 4 * RATE),)),
+        Experiment("slew", "slew", "holdout", 0.0, slew),
+    ]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A campaign of the virtual rig with a static test, its truth, and the folder that the command wrote."""
+    root = tmp_path_factory.mktemp("identify")
+    truth = make_campaign(root / "rig-7", {}, 7, perturb=1.0, experiments=experiments())
+    force = np.array([0.05, 0.1, 0.15, 0.2, 0.25])
+    compliance = truth.true["length"] ** 3 / (3 * truth.true["bending_stiffness"])
+    rows = force * compliance + 1e-5 * np.array([1, -1, 0, -1, 1])
+    table = "\n".join(f"{f},{y:.6f}" for f, y in zip(force, rows, strict=True))
+    (root / "rig-7" / "static.csv").write_text(f"tip_force,tip_deflection\n{table}\n")
+    json_file = root / "said.json"
+    arguments = ["identify", str(root / "rig-7"), "--out", str(root / "out"), "--json", str(json_file)]
+    result = CliRunner().invoke(cli.app, arguments)
+    assert result.exit_code == 0, result.output
+    return truth.true, root, json.loads(json_file.read_text()), result.output
+
+
+def test_planted_parameters_are_recovered(run):
+    true, _, said, _ = run
+    off = {n: (p["value"] - true[n]) / p["standard_error"] for n, p in said["parameters"].items()}
+    assert set(off) == set(true) - {"torque_limit"}
+    assert max(abs(z) for z in off.values()) < 3.5, off
+    # They say more than was declared.
+    for name in ("bending_stiffness", "hub_inertia", "tip_mass", "static_friction"):
+        p = said["parameters"][name]
+        assert p["standard_error"] < 0.3 * abs(p["declared"]) * UNCERTAINTY[name], name
+
+
+def test_each_procedure_holds_the_truth_by_itself(run):
+    true, _, said, _ = run
+    seen = {(n, m) for n, p in said["parameters"].items() for m in p["methods"]}
+    expected = {
+        *(("bending_stiffness", m) for m in ("static", "clamped-frequency", "joint")),
+        *(("damping_ratio", m) for m in ("decay", "joint")),
+        *(("hub_inertia", m) for m in ("hub-balance", "joint")),
+        *(("coulomb_friction", m) for m in ("hub-balance", "joint")),
+        ("static_friction", "break-away"),
+    }
+    assert expected <= seen
+    for name, method in expected:
+        e = said["parameters"][name]["methods"][method]
+        assert abs(e["value"] - true[name]) < 3.5 * e["standard_error"], (name, method)
+
+
+def test_json_is_what_others_read(run):
+    _, _, said, _ = run
+    for p in said["parameters"].values():
+        assert {"value", "standard_error", "unit", "declared", "methods"} <= set(p)
+        assert all(set(e) == {"value", "standard_error"} for e in p["methods"].values())
+    clamped = [m for m in said["modes"] if m["boundary"] == "clamped"]
+    assert clamped[0]["kind"] == "bending"
+    assert clamped[0]["frequency_hz"] == pytest.approx(1.24, rel=0.05)
+    assert clamped[0]["damping_ratio"] == pytest.approx(0.0057, rel=0.3)
+    assert isinstance(said["not_determined"], dict)
+    assert {e["recording"] for e in said["held_out"]} == {"slew.csv"}
+
+
+def test_the_identified_rig_is_read_by_every_command(run):
+    _, root, said, _ = run
+    file = root / "out" / "identified-rig.toml"
+    rig, _ = read_rig_file(file)
+    for name, p in said["parameters"].items():
+        assert rig[name] == pytest.approx(p["value"], rel=1e-12)
+        assert rig.parameters[name].uncertainty == pytest.approx(p["standard_error"] / p["value"], rel=1e-9)
+    result = CliRunner().invoke(cli.app, ["run", "bang-bang-20", "--plant", "modal", "--rig", str(file)])
+    assert result.exit_code == 0, result.output
+
+
+def test_the_page_shows_what_was_found(run):
+    _, root, _, output = run
+    page = (root / "out" / "identification.html").read_text(encoding="utf-8")
+    for title in ("Stiffness from a static test", "Damping from free vibration", "Joint estimate"):
+        assert title in page
+        assert title in output
+    assert page.count("Plotly.newPlot") >= 6
+
+
+def test_a_folder_of_something_else_is_not_written_into(run, tmp_path):
+    _, root, _, _ = run
+    (tmp_path / "mine.txt").write_text("keep")
+    result = CliRunner().invoke(cli.app, ["identify", str(root / "rig-7"), "--out", str(tmp_path)])
+    assert isinstance(result.exception, InputError)
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_bad_input_is_one_message_and_writes_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(cli.app, ["identify", "no-such-folder"])
+    assert isinstance(result.exception, InputError)
+    assert "no-such-folder" in str(result.exception)
+    assert CliRunner().invoke(cli.app, ["identify"]).exit_code == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_recordings_do_not_allow_is_said_in_a_sentence():
+    nothing = StaticFriction((), (), {}, None, math.nan)
+    found = [
+        sentences.static(None, Estimate(0.25, 0.005)),
+        sentences.decays(()),
+        sentences.break_aways(nothing),
+        sentences.inertia(None, None, Estimate(0.03, 0.001)),
+        sentences.spectra(None, (), None),
+    ]
+    assert all(f.missing and not f.sentences for f in found)
