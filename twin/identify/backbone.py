@@ -51,10 +51,10 @@ def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | Non
     rows = []
     for recording in recordings:
         found = spectra.response([recording], least=_BAND)
-        frequency = _resonance(found, expected) if found else None
-        if found and frequency:
-            size = _amplitude(recording, found.channel, frequency.value)
-            rows.append((size, frequency, recording.name, found.channel))
+        top = _resonance(found, expected) if found else None
+        if found and top:
+            size = _amplitude(recording, found.channel, top.value)
+            rows.append((size, top, recording.name, found.channel))
     channels = {channel for *_, channel in rows}
     if len(rows) < LEAST_SWEEPS or len(channels) > 1:
         return None

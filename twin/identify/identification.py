@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import label
 from threadpoolctl import threadpool_limits
 
 from twin import beam, modal, search
 from twin.campaign import Campaign
+from twin.fit import Prepared
 from twin.identify import (
     backbone,
     balance,
@@ -44,10 +46,12 @@ from twin.identify.results import (
 from twin.identify.spectra import Response
 from twin.identify.static_test import StaticTest
 from twin.parameters import Rig
+from twin.planar import STUCK
 from twin.search import Progress, silent
 
 _MODES = 4
 _SOFTER, _STIFFER = 0.2, 0.08  # relative distance of a resonance from a mode up to which it is that mode
+_CLEAR = 0.02  # relative error of a frequency up to which a decay at rest is one
 _KNOWN_BEFORE = 0.7  # of the declared uncertainty: an error above it is hardly news
 
 
@@ -121,7 +125,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
         found = joint.estimate(campaign, pool, progress)
         progress("reading decays and break-aways")
-        decays = ring_downs(campaign)
+        decays = ring_downs(campaign) or decays_at_rest(found.prepared)
         model, starts = found.fit.model, found.fit.starts
         friction = break_away.read(model, found.prepared, starts)
         progress("balancing torques")
@@ -131,7 +135,8 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
     seen = spectra.response(campaign.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
     moved = backbone.backbone(campaign.fit, _first(beam.modes(found.fit.model.declared, 1)))
-    total = _total_inertia(campaign.rig, found)
+    figures = _figures(campaign.rig, found)
+    total = found.figure(beam.rigid_inertia, campaign.rig)
     progress("predicting the held-out recordings")
     methods = _methods(campaign.rig, found, decays, friction, hub, load)
     parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
@@ -149,7 +154,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
             sentences.coulomb(hub, found),
             sentences.inertia(hub, whole, total),
             sentences.spectra(seen, free_modes, moved),
-            sentences.joint(found),
+            sentences.joint(found, figures),
         ),
         notes=(*campaign.warnings, *found.notes),
         decays=decays,
@@ -179,6 +184,22 @@ def ring_downs(campaign: Campaign) -> tuple[Decay, ...]:
     return tuple(d for d in found if d is not None)
 
 
+def decays_at_rest(prepared: Sequence[Prepared]) -> tuple[Decay, ...]:
+    """Decays of the link while a free hub rests: its friction is the clamp. The longest of each recording."""
+    found = []
+    for p in prepared:
+        channel = decay.link_channel(p.recording)
+        if p.hub is None or channel is None:
+            continue
+        runs, count = label(p.hub.observed == STUCK)
+        spans = [p.recording.time[runs == k][[0, -1]] for k in range(1, count + 1)]
+        rings = [decay.ring_down(p.recording, channel, first, last) for first, last in spans]
+        sure = [d for d in rings if d is not None and d.frequency.standard_error < _CLEAR * d.frequency.value]
+        if sure:
+            found.append(max(sure, key=lambda d: len(d.middle)))
+    return tuple(found)
+
+
 def _clamped_mode(found: Decay) -> Mode:
     source = f"{found.recording}, {found.channel}"
     return Mode("clamped", found.frequency, found.damping_ratio, "bending", source)
@@ -193,6 +214,8 @@ def _methods(
     load: StaticTest | None,
 ) -> dict[str, dict[str, Estimate]]:
     """Parameter -> procedure -> what it says by itself."""
+    if hub is not None and hub.determination < sentences.EXPLAINED:
+        hub = None
     own: dict[str, dict[str, Estimate]] = {name: {} for name in found.names}
     said = {
         ("bending_stiffness", "static"): load.stiffness if load else None,
@@ -301,11 +324,19 @@ def _first(found: beam.Modes) -> float:
     return float(found.frequencies[0]) / (2 * np.pi)
 
 
-def _total_inertia(rig: Rig, found: Joint) -> Estimate:
-    """J = J0 + rho l^3/3 + mp l^2 + Jp at the joint estimate [kg m^2]."""
-    values = dict(zip(found.names, found.values, strict=True))
-    here = beam.rigid_inertia({**rig, **values})
-    slopes = np.array(
-        [(beam.rigid_inertia({**rig, **values, n: v * 1.001}) - here) / (v * 1e-3) for n, v in values.items()]
+def _figures(rig: Rig, found: Joint) -> tuple[tuple[str, Estimate, str], ...]:
+    """What the joint estimate makes of the whole rig: name, value, unit."""
+    return (
+        (
+            "a first frequency, hub clamped, of",
+            found.figure(lambda p: _first(beam.modes(p, 1, "clamped")), rig),
+            "Hz",
+        ),
+        ("a first frequency, hub free, of", found.figure(lambda p: _first(beam.modes(p, 1)), rig), "Hz"),
+        ("a total inertia of", found.figure(beam.rigid_inertia, rig), "kg m^2"),
+        (
+            "a tip stiffness 3 EI/l^3 of",
+            found.figure(lambda p: 3 * p["bending_stiffness"] / p["length"] ** 3, rig),
+            "N/m",
+        ),
     )
-    return Estimate(here, float(np.sqrt(slopes @ found.covariance @ slopes)))

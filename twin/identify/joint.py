@@ -8,7 +8,7 @@ recording is left out in turn, and where the estimate moves by more than the cov
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -18,6 +18,7 @@ from twin import calibration, chain, fit, search
 from twin.campaign import Campaign
 from twin.fit import Fit, Prepared, Workbench
 from twin.identify.exact_torque import ExactTorqueData
+from twin.identify.results import Estimate
 from twin.parameters import Rig
 from twin.search import Progress, silent
 from twin.timing import Clock
@@ -88,6 +89,23 @@ class Joint:
             for j in range(i + 1, len(r))
         ]
         return sorted((p for p in pairs if abs(p[2]) > _TIED), key=lambda p: -abs(p[2]))
+
+    def combination(self, a: str, b: str) -> tuple[float, float]:
+        """The power s with which a b^s is known best, and its relative standard error [1]."""
+        i, j = self.names.index(a), self.names.index(b)
+        values = self.values[[i, j]]
+        C = self.covariance[np.ix_([i, j], [i, j])] / np.outer(values, values)
+        power = -float(C[0, 1] / C[1, 1])
+        return power, float(np.sqrt(max(C[0, 0] - C[0, 1] ** 2 / C[1, 1], 0.0)))
+
+    def figure(self, of: Callable[[Mapping[str, float]], float], rig: Mapping[str, float]) -> Estimate:
+        """A figure of the rig at the estimate, with the covariance's error; `rig` has the parameters that are fixed."""
+        values = {**rig, **dict(zip(self.names, self.values, strict=True))}
+        here = of(values)
+        slopes = np.array(
+            [(of({**values, n: values[n] * 1.001}) - here) / (values[n] * 1e-3) for n in self.names]
+        )
+        return Estimate(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
 
     def not_elliptic(self) -> list[str]:
         """Parameters whose likelihood falls off otherwise than the covariance says."""

@@ -14,6 +14,8 @@ from twin.identify.results import Estimate, Finding, Mode, disagreement
 from twin.identify.spectra import Response
 from twin.identify.static_test import LOADS, StaticTest
 
+EXPLAINED = 0.9
+"""Share of the torque that the hub's balance has to explain to be believed."""
 _APART = 3.0  # standard errors of the difference from which two estimates are said to disagree
 
 
@@ -74,10 +76,15 @@ def decays(found: Sequence[Decay]) -> Finding:
     """The ring-downs."""
     title = "Damping from free vibration"
     if not found:
-        return Finding("decay", title, (), "no recording with clamped = true that rings for four periods")
+        return Finding(
+            "decay",
+            title,
+            (),
+            "no clamped recording, and no rest of the hub, in which the link rings for four periods",
+        )
     said = []
     for d in found:
-        where = f"{d.recording}, {d.channel}"
+        where = f"{d.recording}, {d.channel}, {d.time[0]:.1f} to {d.time[-1]:.1f} s"
         said.append(f"{where}: {shown(d.frequency, 'Hz')}, damping ratio {shown(d.damping_ratio)}.")
         said.append(agreement(d.by_decrement, d.by_fit, ("Logarithmic decrement", "fit of the decay")))
         if d.law == "proportional":
@@ -128,6 +135,10 @@ def coulomb(hub: Balance | None, found: Joint) -> Finding:
         f"{shown(hub.coulomb[-1], 'N m')} towards negative ones.",
         f"The balance explains {100 * hub.determination:.3g} % of the torque's variance.",
     ]
+    if hub.determination < EXPLAINED:
+        said.append(
+            "What is left is large: the hub obeys other laws beside, and these numbers are no estimates."
+        )
     if "coulomb_friction" in found.names:
         said.append(
             agreement(hub.both, _joint(found, "coulomb_friction"), ("The balance", "the joint estimate"))
@@ -172,17 +183,21 @@ def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | Non
     return Finding("spectra", title, tuple(said))
 
 
-def joint(found: Joint) -> Finding:
-    """The joint estimate: what moves together, and how the errors were checked."""
+def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding:
+    """The joint estimate: what moves together, what follows from it, and how the errors were checked."""
     said = [
         f"{len(found.names)} parameters from {len(found.without)} recordings, "
         "each with its declared uncertainty as prior."
     ]
     for a, b, r in found.tied()[:5]:
         way = "together" if r > 0 else "against each other"
+        power, error = found.combination(a, b)
+        alone = [100 * e.standard_error / abs(e.value) for e in (_joint(found, a), _joint(found, b))]
         said.append(
-            f"{a} and {b} move {way} (correlation {r:.3f}): a combination of them is known better than each."
+            f"{a} and {b} move {way} (correlation {r:.3f}): {a} times {b} to the power {power:.2g} is known to "
+            f"{100 * error:.2g} %, each alone to {alone[0]:.2g} and {alone[1]:.2g} %."
         )
+    said += [f"It adds up to {what} {shown(value, unit)}." for what, value, unit in figures]
     off = found.not_elliptic()
     if off:
         said.append(f"The likelihood is not elliptic in {', '.join(off)}: its interval is rough.")
