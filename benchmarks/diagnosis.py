@@ -1,9 +1,10 @@
 """How often the diagnosis is right, on campaigns of the virtual rig whose truth is known.
 
     python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--pairs 20] [--outside 20] [--seed 1000] [--jobs 2]
-        [--whole]
+        [--whole] [--minutes M]
 
-WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. The verdict and the
+WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
+campaign is begun later than that, and the table is of those that are there. The verdict and the
 ranking come from the search; `--whole` also runs the last fit and simulates the held-out recordings.
 """
 
@@ -32,11 +33,16 @@ from twin.verdict import misfit
 from twin.virtual_rig import make_campaign
 
 
-def answer(case: Case, work: Path, whole: bool) -> dict:
-    """Makes the campaign, diagnoses it and writes the answer down; an answer that is there is kept."""
+def answer(case: Case, work: Path, whole: bool, latest: float) -> dict | None:
+    """Makes the campaign, diagnoses it and writes the answer down; an answer that is there is kept.
+
+    None where there is no answer and it is later than `latest`, in seconds since the epoch.
+    """
     path = work / f"{case.name}.json"
     if path.exists():
         return json.loads(path.read_text())
+    if time.time() > latest:
+        return None
     folder = work / case.name
     truth = make_campaign(
         folder, case.effects(), case.seed, perturb=case.perturb, dirty=case.dirty, force=True
@@ -236,19 +242,25 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--whole", action="store_true", help="with the last fit and the held-out recordings")
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), help="begin no campaign later than that"
+    )
     options = parser.parse_args()
+    latest = time.time() + 60 * options.minutes
     options.work.mkdir(parents=True, exist_ok=True)
     todo = list(cases(options.each, options.nulls, options.pairs, options.outside, options.seed))
-    answers = []
+    answers: list[dict | None] = []
     with ProcessPoolExecutor(options.jobs) as pool:
-        jobs = [pool.submit(answer, case, options.work, options.whole) for case in todo]
+        jobs = [pool.submit(answer, case, options.work, options.whole, latest) for case in todo]
         for job in track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty()):
             answers.append(job.result())
+    found = [a for a in answers if a is not None]
     given = " ".join(f"--{k} {getattr(options, k)}" for k in ("each", "nulls", "pairs", "outside", "seed"))
     print(
-        f"`python benchmarks/diagnosis.py WORK {given}{' --whole' if options.whole else ''}`, {describe()}\n"
+        f"`python benchmarks/diagnosis.py WORK {given}{' --whole' if options.whole else ''}`, {describe()},"
+        f" {len(found)} of {len(todo)} campaigns\n"
     )
-    print(table(answers))
+    print(table(found))
 
 
 if __name__ == "__main__":
