@@ -29,7 +29,8 @@ from twin.conclude import said, variables
 from twin.diagnose import Found, diagnose, find
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
-from twin.verdict import misfit
+from twin.fit import Fit
+from twin.verdict import alternatives, misfit, probabilities
 from twin.virtual_rig import make_campaign
 
 
@@ -86,12 +87,26 @@ def _searched(campaign: Campaign) -> dict:
         "verdict": said(found),
         "adopted": [c.effects[-1] for c in found.adopted],
         "ranking": [c.effects[-1] for c in found.rounds[0]],
+        "probabilities": {
+            c.effects[-1]: probabilities(ranked)[c.effects[-1]]
+            for c, ranked in zip(found.adopted, found.rounds, strict=False)
+        },
         "values": {name: dict(p) for name, p in found.best.model.effects.items()},
-        "errors": {},
-        "alike": [],
+        "errors": _errors(found.best),
+        "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
         "depends": list(variables(found)),
         "rounds": _rounds(found),
     }
+
+
+def _errors(best: Fit) -> dict[str, dict[str, float]]:
+    """Standard errors of the effects' parameters by the search."""
+    errors: dict[str, dict[str, float]] = {name: {} for name in best.model.effects}
+    for u, error in zip(best.unknowns, best.errors, strict=True):
+        if u.owner in errors:
+            value = best.model.effects[u.owner][u.name]
+            errors[u.owner][u.name] = float(error) * (value**2 if u.inverse else 1.0)
+    return errors
 
 
 def _rounds(found: Found) -> list[dict]:
@@ -161,6 +176,7 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
         f"- Outside the library: recognised in {seen} of {len(kinds['outside'])}, a right variable first in {named}.",
         f"- Outside the library claimed of {claimed} others.",
         *_held_out(answers),
+        *_reliability(answers),
         f"- Time for a campaign: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s, one thread each.",
         "",
         "Not exactly right: " + (", ".join(f"{k} ({n})" for k, n in sorted(others.items())) or "none") + ".",
@@ -182,6 +198,22 @@ def _held_out(answers: Sequence[dict]) -> list[str]:
             f"- 95 % intervals of adopted effects that hold the truth: {share:.0f} % of {len(covered)}."
         )
     return lines
+
+
+def _reliability(answers: Sequence[dict]) -> list[str]:
+    """How often an adopted effect is missing indeed, by the probability stated for it."""
+    said = [(p, name in a["missing"]) for a in answers for name, p in a["probabilities"].items()]
+    edges = (0.0, 0.6, 0.9, 0.99, 1.0 + 1e-9)
+    parts = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        inside = [right for p, right in said if low <= p < high]
+        if inside:
+            parts.append(f"{100 * low:.0f} to {100 * min(high, 1):.0f} %: {sum(inside)} of {len(inside)}")
+    return (
+        [f"- Adopted effects that are missing indeed, by stated probability: {'; '.join(parts)}."]
+        if parts
+        else []
+    )
 
 
 def _covered(a: dict) -> list[bool]:
