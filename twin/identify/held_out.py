@@ -2,6 +2,8 @@
 
 Free-running from the first samples and the command alone, a stick more or less decides the rest of a run; following,
 the hub is held and released when the measured one rests and moves, so that the errors are those of link and slides.
+In windows, only what the hub's error changes by within a quarter of a second counts. By steps, the measured hub moves
+the link at every instant and nothing adds up: what is left is in the link, the gauges or the torque of that instant.
 """
 
 from __future__ import annotations
@@ -10,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import calibration, fit, search, timing
+from twin import calibration, driven, fit, search, timing
 from twin.campaign import Campaign
 from twin.fit import Prepared
 from twin.identify.joint import Joint
-from twin.model import Model, simulate
+from twin.model import Model, Start, simulate
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
 
@@ -28,6 +30,8 @@ class HeldOutError:
       noise: standard deviation of the sensor.
       declared, identified: free-running.
       following: of the identified rig, resting and moving as the measured hub did.
+      windowed: as following, of the hub only what the error changes by within `fit.MEMORY`.
+      by_steps: of the identified link under the measured hub; None for the hub itself.
     """
 
     recording: str
@@ -37,6 +41,8 @@ class HeldOutError:
     declared: float
     identified: float
     following: float
+    windowed: float
+    by_steps: float | None
 
 
 def errors(campaign: Campaign, found: Joint, rig: Rig) -> tuple[HeldOutError, ...]:
@@ -61,11 +67,27 @@ def _rows(prepared: Prepared, declared: Model, identified: Model) -> list[HeldOu
         simulate(identified, recording, start),
         simulate(identified, recording, start, guide),
     ]
+    windows = fit.whitened(identified, prepared, start)
+    steps = _by_steps(prepared, identified, start)
     rows = []
     for channel in prepared.channels:
         known = np.isfinite(recording[channel])
-        off = [float(np.sqrt(np.mean((recording[channel] - r[channel])[known] ** 2))) for r in runs]
+        free, better, following = (_rms((recording[channel] - r[channel])[known]) for r in runs)
+        noise, unit = prepared.noise[channel], CHANNEL_UNITS[channel]
+        windowed = noise * _rms(windows[channel][known])
+        by_steps = steps.get(channel)
         rows.append(
-            HeldOutError(recording.name, channel, CHANNEL_UNITS[channel], prepared.noise[channel], *off)
+            HeldOutError(recording.name, channel, unit, noise, free, better, following, windowed, by_steps)
         )
     return rows
+
+
+def _by_steps(prepared: Prepared, model: Model, start: Start) -> dict[str, float]:
+    """Channel of the link -> its error under the measured hub, behind the low-pass of `twin.driven`."""
+    view = driven.look(prepared, model)
+    found = driven.residual(view, prepared, model, start, white=False)
+    return {c: view.noise[c] * _rms(found[c][view.known[c]]) for c in view.measured if c != "motor_torque"}
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
