@@ -151,3 +151,12 @@ def test_one_torque_for_all_angles_gives_the_published_simulation_and_one_durati
     one_duration = table3.reconstruct(Family(0.214, 1.0, 0.3))
     assert math.degrees(one_torque.rms) < 1.3
     assert math.degrees(one_duration.rms) > 5
+
+
+def test_document_shows_the_table_of_the_benchmark():
+    document = (ROOT / "docs" / "table3.md").read_text(encoding="utf-8")
+    result = (ROOT / "benchmarks" / "results" / "table3.md").read_text(encoding="utf-8")
+    shown = [line for line in document.splitlines() if line.startswith("| ")]
+    quoted = [line for line in shown if line in result.splitlines()]
+    assert "python benchmarks/table3.py" in document
+    assert len(quoted) >= 5
