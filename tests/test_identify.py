@@ -10,14 +10,16 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 from typer.testing import CliRunner
 
-from twin import cli
+from twin import chain, cli, fit
 from twin.augmented import read_rig_file
 from twin.errors import InputError
-from twin.identify import decay, load_line, sentences, spectra
+from twin.identify import decay, friction_map, load_line, sentences, spectra
 from twin.identify.backbone import backbone
 from twin.identify.break_away import StaticFriction
 from twin.identify.results import Estimate, disagreement, pooled
-from twin.recording import Recording
+from twin.model import Model, Start, simulate
+from twin.recording import Recording, Sensor
+from twin.rigs import preset
 from twin.virtual_rig import UNCERTAINTY, make_campaign
 from twin.virtual_rig.experiments import Experiment
 
@@ -333,3 +335,31 @@ def test_what_recordings_do_not_allow_is_said_in_a_sentence():
         sentences.spectra(None, (), None),
     ]
     assert all(f.missing and not f.sentences for f in found)
+
+
+def test_coulomb_friction_from_the_decay_of_an_unclamped_link():
+    true = preset("bossi2009").replace("low static friction", static_friction=0.02, coulomb_friction=0.0055)
+    sensors = {
+        "strain_base": Sensor("strain_base", 2e-6, 0.02, 0.0008),
+        "hub_angle": Sensor("hub_angle", 3e-4),
+    }
+    model = Model(true, sensors, chain.fit_shape(true, 5), step=1e-3)
+    time = np.arange(0, 2, 0.002)
+    still = np.zeros(len(time))
+    release = Recording(
+        "release.csv",
+        time,
+        {"torque_command": still, "hub_angle": still, "strain_base": still},
+        initial_tip_deflection=0.03,
+    )
+    seen = simulate(model, release, Start())
+    rng = np.random.default_rng(3)
+    noisy = {c: seen[c] + s.noise * rng.standard_normal(len(time)) for c, s in sensors.items()}
+    recording = release.replace(channels={"torque_command": still, **noisy})
+    prepared, _ = fit.prepare(recording, {c: s.noise for c, s in sensors.items()})
+    off = model.replace(declared=true.replace("believed", coulomb_friction=0.0045))
+    found = friction_map.read(off, [prepared], [prepared.start])
+    assert (np.diff(found.damping) > 0).all()
+    # Without friction there is the declared damping of the free modes.
+    assert found.damping[0] == pytest.approx(0.034, rel=0.1)
+    assert abs(found.level.value - 0.0055) < 2 * found.level.standard_error < 0.0015

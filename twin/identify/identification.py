@@ -21,6 +21,7 @@ from twin.identify import (
     balance,
     break_away,
     decay,
+    friction_map,
     held_out,
     joint,
     sentences,
@@ -31,6 +32,7 @@ from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
+from twin.identify.friction_map import FrictionMap
 from twin.identify.held_out import HeldOutError
 from twin.identify.joint import Joint
 from twin.identify.results import (
@@ -45,6 +47,7 @@ from twin.identify.results import (
 )
 from twin.identify.spectra import Response
 from twin.identify.static_test import StaticTest
+from twin.model import Model
 from twin.parameters import Rig
 from twin.planar import STUCK
 from twin.search import Progress, silent
@@ -69,6 +72,7 @@ class Identification:
       decays: ring-downs of the clamped link.
       static_friction: break-aways.
       hub, whole: torque balances; None where the recordings say too little.
+      released: map of the friction from a release of the unclamped link; None without one.
       load: the static test; None where there is none that can be used.
       spectrum: response of the link to the torque; None where no torque excites a broad band.
       moved: how the first resonance moves with amplitude; None where too few recordings tell.
@@ -88,6 +92,7 @@ class Identification:
     static_friction: StaticFriction
     hub: Balance | None
     whole: Balance | None
+    released: FrictionMap | None
     load: StaticTest | None
     spectrum: Response | None
     moved: Backbone | None
@@ -131,6 +136,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         progress("balancing torques")
         hub = balance.of_hub(found.data, search.fine(model), starts)
         whole = balance.of_rig(found.data, model, starts)
+        released = friction_map.read(_with_static(search.fine(model), friction), found.prepared, starts)
     load = static_test.read(campaign)
     seen = spectra.response(campaign.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
@@ -138,7 +144,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
     progress("predicting the held-out recordings")
-    methods = _methods(campaign.rig, found, decays, friction, hub, load)
+    methods = _methods(campaign.rig, found, decays, friction, hub, load, released)
     parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
     rig = campaign.rig.replace("identified", **{name: p.value for name, p in parameters.items()})
     return Identification(
@@ -151,7 +157,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
             sentences.static(load, _declared(campaign.rig, "bending_stiffness")),
             sentences.decays(decays),
             sentences.break_aways(friction),
-            sentences.coulomb(hub, found),
+            sentences.coulomb(hub, released, found),
             sentences.inertia(hub, whole, total),
             sentences.spectra(seen, free_modes, moved),
             sentences.joint(found, figures),
@@ -160,6 +166,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         decays=decays,
         static_friction=friction,
         hub=hub,
+        released=released,
         whole=whole,
         load=load,
         spectrum=seen,
@@ -168,6 +175,13 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         held_out=held_out.errors(campaign, found, rig),
         wall_s=time.perf_counter() - began,
     )
+
+
+def _with_static(model: Model, friction: StaticFriction) -> Model:
+    """The model with the static friction that was read at break-aways."""
+    if friction.level is None:
+        return model
+    return model.replace(declared=model.declared.replace("read", static_friction=friction.level.value))
 
 
 def _declared(rig: Rig, name: str) -> Estimate:
@@ -212,6 +226,7 @@ def _methods(
     friction: StaticFriction,
     hub: Balance | None,
     load: StaticTest | None,
+    released: FrictionMap | None,
 ) -> dict[str, dict[str, Estimate]]:
     """Parameter -> procedure -> what it says by itself."""
     if hub is not None and hub.determination < sentences.EXPLAINED:
@@ -223,6 +238,7 @@ def _methods(
         ("damping_ratio", "decay"): _damping(rig, decays) if decays else None,
         ("static_friction", "break-away"): friction.level,
         ("coulomb_friction", "hub-balance"): hub.both if hub else None,
+        ("coulomb_friction", "decay-map"): released.level if released else None,
         ("hub_inertia", "hub-balance"): _with_link(hub.inertia, found) if hub else None,
     }
     for (name, method), value in said.items():

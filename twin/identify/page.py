@@ -36,7 +36,10 @@ def _pictures(found: Identification, finding: Finding) -> list[str]:
         "break-away": lambda: (
             [pictures.break_aways(found.static_friction)] if found.static_friction.level else []
         ),
-        "coulomb": lambda: [pictures.friction(found.hub)] if found.hub else [],
+        "coulomb": lambda: [
+            *([pictures.friction(found.hub)] if found.hub else []),
+            *([pictures.friction_map(found.released)] if found.released else []),
+        ],
         "spectra": lambda: [
             *([pictures.response(found.spectrum)] if found.spectrum else []),
             *([pictures.backbone(found.moved)] if found.moved else []),

@@ -10,6 +10,7 @@ from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
+from twin.identify.friction_map import FrictionMap
 from twin.identify.joint import Joint
 from twin.identify.load_line import LoadLine
 from twin.identify.spectra import Response, peaks
@@ -99,6 +100,21 @@ def friction(hub: Balance) -> Figure:
         )
     figure.update_xaxes(title_text="rate of the hub [rad/s]")
     figure.update_yaxes(title_text="friction torque [mN m]")
+    return figure
+
+
+def friction_map(found: FrictionMap) -> Figure:
+    """Equivalent damping of the unclamped decay over the Coulomb friction that was simulated, and the measured one."""
+    figure = _figure(360)
+    x, y = 1e3 * found.coulomb, 100 * found.damping
+    figure.add_scatter(x=x, y=y, mode="lines+markers", name="simulated", line={"color": FITTED})
+    figure.add_hline(y=100 * found.measured.value, line={"color": MEASURED, "dash": "dot"})
+    if found.level is not None:
+        bars = {"type": "data", "array": [1.96e3 * found.level.standard_error]}
+        point = {"x": [1e3 * found.level.value], "y": [100 * found.measured.value], "error_x": bars}
+        figure.add_scatter(mode="markers", name="measured", marker=_dot(MEASURED), **point)
+    figure.update_xaxes(title_text="Coulomb friction [mN m]")
+    figure.update_yaxes(title_text="equivalent damping ratio [%]")
     return figure
 
 

@@ -8,6 +8,7 @@ from twin.identify.backbone import LEAST_SWEEPS, Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
+from twin.identify.friction_map import FrictionMap
 from twin.identify.joint import Joint
 from twin.identify.load_line import odd_row
 from twin.identify.results import Estimate, Finding, Mode, disagreement
@@ -125,25 +126,47 @@ def break_aways(found: StaticFriction) -> Finding:
     return Finding("break-away", title, tuple(said))
 
 
-def coulomb(hub: Balance | None, found: Joint) -> Finding:
-    """The Coulomb friction."""
-    title = "Coulomb friction from the hub's torque balance"
-    if hub is None:
+def coulomb(hub: Balance | None, released: FrictionMap | None, found: Joint) -> Finding:
+    """The Coulomb friction: by the torque balance, and by the decay of the unclamped link."""
+    title = "Coulomb friction"
+    if hub is None and released is None:
         return Finding("coulomb", title, (), "no recording in which a free hub slides for long enough")
+    said = _of_balance(hub, found) if hub else []
+    if released is None:
+        said.append(
+            "By the decay of the unclamped link: no unclamped recording with initial_tip_deflection swings four times."
+        )
+    elif released.level is None:
+        said.append(
+            f"By the decay of the unclamped link ({released.recording}): its equivalent damping ratio, "
+            f"{shown(released.measured)}, is none that a simulation gives for any Coulomb friction."
+        )
+    else:
+        said.append(
+            f"By the decay of the unclamped link ({released.recording}), with an equivalent damping ratio of "
+            f"{shown(released.measured)} and a map by simulation: {shown(released.level, 'N m')}."
+        )
+        if hub:
+            said.append(agreement(hub.both, released.level, ("The balance", "the decay")))
+    return Finding("coulomb", title, tuple(said))
+
+
+def _of_balance(hub: Balance, found: Joint) -> list[str]:
     said = [
-        f"{shown(hub.both, 'N m')}; {shown(hub.coulomb[1], 'N m')} towards positive angles, "
-        f"{shown(hub.coulomb[-1], 'N m')} towards negative ones.",
+        f"By the hub's torque balance: {shown(hub.both, 'N m')}.",
+        f"Towards positive angles {shown(hub.coulomb[1], 'N m')}, "
+        f"towards negative ones {shown(hub.coulomb[-1], 'N m')}.",
         f"The balance explains {100 * hub.determination:.3g} % of the torque's variance.",
     ]
     if hub.determination < EXPLAINED:
         said.append(
             "What is left is large: the hub obeys other laws beside, and these numbers are no estimates."
         )
-    if "coulomb_friction" in found.names:
+    elif "coulomb_friction" in found.names:
         said.append(
             agreement(hub.both, _joint(found, "coulomb_friction"), ("The balance", "the joint estimate"))
         )
-    return Finding("coulomb", title, tuple(said))
+    return said
 
 
 def inertia(hub: Balance | None, whole: Balance | None, total: Estimate) -> Finding:

@@ -1,0 +1,123 @@
+"""Coulomb friction the paper's way: from how fast a free vibration of the unclamped rig dies away.
+
+Friction at the hub takes energy from the vibration: the decay has an equivalent damping ratio, larger the larger
+tau_c is. Simulations of the same release for growing tau_c give the map from tau_c to it, and its inverse gives tau_c
+(Bossi et al. 2009, section on the identification of the friction).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, find_peaks, sosfiltfilt
+
+from twin.fit import Prepared, reading_start
+from twin.identify import decay
+from twin.identify.results import Estimate
+from twin.model import Model, Start, simulate
+from twin.recording import Recording
+
+_LEAST_SWINGS = 4
+_BAND = 1.5  # corner of a low-pass, in parts of the free frequency
+_APART = 0.6  # of half a period, between two extremes at least
+_ODD = 0.3  # relative distance of a swing's duration from half a period, from which it is another vibration's
+_SEEN = 20.0  # noise levels above which a swing counts
+_LEVELS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5])
+"""Coulomb frictions that are tried, in parts of the model's."""
+
+
+@dataclass(frozen=True)
+class FrictionMap:
+    """The map and where the measurement lies on it.
+
+    Attributes:
+      recording: of the release.
+      coulomb: (n) levels that were simulated [N m].
+      damping: (n) equivalent damping ratios of their decays [1].
+      measured: equivalent damping ratio of the measured decay.
+      level: Coulomb friction; None where the map does not rise through the measured ratio.
+    """
+
+    recording: str
+    coulomb: np.ndarray
+    damping: np.ndarray
+    measured: Estimate
+    level: Estimate | None
+
+
+def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> FrictionMap | None:
+    """The map of the first recording of an unclamped rig whose tip is drawn aside and released; None without one.
+
+    Args:
+      model: the identified rig; of its friction only the static level counts.
+      prepared: recordings.
+      starts: states at their first samples.
+    """
+    for p, start in zip(prepared, starts, strict=True):
+        recording = p.recording
+        channel = decay.link_channel(recording)
+        if recording.clamped or recording.initial_tip_deflection is None or channel is None:
+            continue
+        frequency = float(model.chain.modes("free")[0][0]) / (2 * math.pi)
+        noise = p.noise.get(channel, 0.0)
+        measured = _equivalent(recording, channel, frequency, noise)
+        if measured is None:
+            continue
+        levels = _LEVELS * model.declared["coulomb_friction"]
+        runs = [_released(model, p, start, float(level)) for level in levels]
+        ratios = [_equivalent(run, channel, frequency, noise) for run in runs]
+        damping = np.array([np.nan if r is None else r.value for r in ratios])
+        seen = np.isfinite(damping)
+        return FrictionMap(
+            recording.name,
+            levels[seen],
+            damping[seen],
+            measured,
+            _inverse(levels[seen], damping[seen], measured),
+        )
+    return None
+
+
+def _equivalent(recording: Recording, channel: str, frequency: float, noise: float) -> Estimate | None:
+    """Equivalent damping ratio by the logarithmic decrement of the first swings, while their period is the free one.
+
+    A hub that sticks makes them longer: from there on it is another vibration.
+    """
+    known = np.isfinite(recording[channel])
+    time, values = recording.time[known], recording[channel][known]
+    period = float(np.median(np.diff(time)))
+    half = 0.5 / frequency / period
+    # The release rings in higher modes too.
+    smooth = sosfiltfilt(butter(3, _BAND * frequency, fs=1 / period, output="sos"), values)
+    tops = np.sort(
+        np.r_[find_peaks(smooth, distance=_APART * half)[0], find_peaks(-smooth, distance=_APART * half)[0]]
+    )
+    swings = np.abs(np.diff(smooth[tops]))
+    odd = (np.abs(np.diff(tops) / half - 1) > _ODD) | (swings < _SEEN * noise)
+    count = int(np.argmax(odd)) if odd.any() else len(swings)
+    if count < _LEAST_SWINGS:
+        return None
+    # A swing is half a period: ln(a_k/a_k+1) = pi zeta/sqrt(1 - zeta^2).
+    line, covariance = np.polyfit(np.arange(count), np.log(swings[:count]), 1, cov=True)
+    return Estimate(-float(line[0]) / math.pi, math.sqrt(covariance[0, 0]) / math.pi)
+
+
+def _released(model: Model, prepared: Prepared, start: Start, level: float) -> Recording:
+    """The release, simulated with this Coulomb friction [N m]."""
+    tried = model.replace(declared=model.declared.replace("tried", coulomb_friction=level))
+    return simulate(tried, prepared.recording, reading_start(tried, prepared, start))
+
+
+def _inverse(levels: np.ndarray, damping: np.ndarray, measured: Estimate) -> Estimate | None:
+    """The level at which the map crosses the measured ratio; its error by the map's slope there."""
+    rising = np.diff(damping) > 0
+    crossing = (damping[:-1] <= measured.value) & (measured.value < damping[1:])
+    if not rising.all() or not crossing.any():
+        return None
+    k = int(np.argmax(crossing))
+    slope = (damping[k + 1] - damping[k]) / (levels[k + 1] - levels[k])
+    level = levels[k] + (measured.value - damping[k]) / slope
+    return Estimate(float(level), float(measured.standard_error / slope))
