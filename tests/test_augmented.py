@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin.augmented import read_rig_file, read_standard_errors, to_toml, write_augmented
+from twin.augmented import (
+    read_correlations,
+    read_rig_file,
+    read_standard_errors,
+    to_toml,
+    write_augmented,
+)
+from twin.correlations import of_covariance
 from twin.errors import InputError
 from twin.parameters import Rig
 
@@ -52,6 +59,22 @@ def test_standard_errors_of_effects_are_read_back(diagnosis, tmp_path):
     [effect] = diagnosis.effects
     path = write_augmented(diagnosis, tmp_path)
     assert read_standard_errors(path) == {"cable-torsion": dict(effect.standard_errors)}
+
+
+def test_correlations_are_read_back(diagnosis, tmp_path):
+    names = ("bending_stiffness", "length", "cable-torsion.stiffness")
+    covariance = np.array([[4.0, 1.8, 0.0], [1.8, 1.0, -0.1], [0.0, -0.1, 0.25]])
+    found = of_covariance(names, covariance)
+    read = read_correlations(write_augmented(replace(diagnosis, correlations=found), tmp_path))
+    assert read.names == names
+    np.testing.assert_allclose(read.matrix, [[1.0, 0.9, 0.0], [0.9, 1.0, -0.2], [0.0, -0.2, 1.0]], atol=1e-4)
+    root = read.root(["length", "tip_mass", "bending_stiffness"])
+    np.testing.assert_allclose(root @ root.T, [[1.0, 0.0, 0.9], [0.0, 1.0, 0.0], [0.9, 0.0, 1.0]], atol=1e-4)
+
+
+def test_no_correlations_are_none(diagnosis, tmp_path):
+    assert read_correlations(write_augmented(diagnosis, tmp_path)).names == ()
+    assert of_covariance(["a", "b"], np.diag([1.0, np.inf])).names == ("a",)
 
 
 def test_odd_names_survive(diagnosis, tmp_path):
@@ -105,6 +128,22 @@ def test_parameters_left_out_of_an_effect_are_neutral(tmp_path):
         (MINIMAL + "[effects.cable-torsion]\nstifness = 1\n", "unknown key effects.cable-torsion.stifness"),
         (MINIMAL + "[effects.cable-torsion]\nstiffness = 'x'\n", "stiffness is 'x'; expected a number"),
         (MINIMAL + "[effects.cable-torsion]\nstiffness = inf\n", "stiffness is inf; expected a finite"),
+        (MINIMAL + "[correlations]\nof = ['length']\n", r"expected of = \[names\] and matrix = \[rows\]"),
+        (MINIMAL + "[correlations]\nof = ['foo']\nmatrix = [[1]]\n", "'foo' is no number of the rig"),
+        (
+            MINIMAL + "[correlations]\nof = ['length', 'tip_mass']\nmatrix = [[1, 2], [2, 1]]\n",
+            "numbers from -1",
+        ),
+        (
+            MINIMAL + "[correlations]\nof = ['length', 'tip_mass']\nmatrix = [[1, 0.5], [0, 1]]\n",
+            "not symmetric",
+        ),
+        (
+            MINIMAL
+            + "[correlations]\nof = ['length', 'tip_mass', 'tip_inertia']\n"
+            + "matrix = [[1, 0.9, 0.9], [0.9, 1, -0.9], [0.9, -0.9, 1]]\n",
+            "expected none below 0",
+        ),
         (MINIMAL + "[standard_errors.cogging]\n", "standard_errors.cogging is of no effect of the rig"),
         (
             MINIMAL + "[effects.torque-bias]\nbias=1e-3\n[standard_errors.torque-bias]\nbias = -1\n",

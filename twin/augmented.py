@@ -14,6 +14,8 @@ stiffness = 0.0101  # N*m/rad, standard error 0.0003
 
 [standard_errors.cable-torsion]
 stiffness = 0.0003
+
+and how these errors go together: see `twin.correlations`.
 """
 
 from __future__ import annotations
@@ -26,14 +28,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from twin import schema
+from twin import correlations, schema
+from twin.correlations import Correlations
 from twin.diagnosis import AdoptedEffect, Diagnosis
 from twin.errors import InputError, nearest
 from twin.parameters import Parameter, Rig
 
 FILE = "augmented-rig.toml"
 
-_KEYS = ("format", "name", "parameters", "effects", "standard_errors")
+_KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlations")
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
 
 
@@ -65,6 +68,7 @@ def to_toml(diagnosis: Diagnosis) -> str:
         lines += ["", *_parameter_lines(diagnosis, parameter)]
     for effect in diagnosis.effects:
         lines += ["", *_effect_lines(effect)]
+    lines += diagnosis.correlations.lines()
     return "\n".join(lines) + "\n"
 
 
@@ -134,6 +138,7 @@ def read_rig_file(path: str | PathLike[str]) -> tuple[Rig, dict[str, dict[str, f
         rig = Rig(name, _parameters(_table(content, "parameters")))
         effects = _effects(_table(content, "effects"), rig)
         _standard_errors(_table(content, "standard_errors"), effects)
+        _correlations(content, rig, effects)
         return rig, effects
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
@@ -147,6 +152,22 @@ def read_standard_errors(path: str | PathLike[str]) -> dict[str, dict[str, float
     """
     _, effects = read_rig_file(path)
     return _standard_errors(_table(_content(Path(path)), "standard_errors"), effects)
+
+
+def read_correlations(path: str | PathLike[str]) -> Correlations:
+    """Reads how the errors of a parameter file go together; empty where it does not say.
+
+    Raises:
+      InputError: the file cannot be used; the message names file and field.
+    """
+    return _correlations(_content(Path(path)), *read_rig_file(path))
+
+
+def _correlations(
+    content: Mapping[str, Any], rig: Rig, effects: Mapping[str, Mapping[str, float]]
+) -> Correlations:
+    known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
+    return correlations.read(_table(content, "correlations"), known)
 
 
 def _content(path: Path) -> dict[str, Any]:

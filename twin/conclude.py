@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from twin import planning, traces, verdict
 from twin.campaign import Campaign
+from twin.correlations import Correlations, of_covariance
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Patched, Prediction, Verdict
 from twin.effects import REGISTRY
 from twin.fit import ASSUMED_UNCERTAINTY, Fit
@@ -53,6 +56,7 @@ def conclude(
         wall_s=wall_s,
         threshold=found.thresholds[0] if found.thresholds else None,
         patched=patched,
+        correlations=_correlations(polished.augmented),
     )
 
 
@@ -89,6 +93,15 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
             unit = campaign.rig.parameters[u.name].unit
             found[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
     return found
+
+
+def _correlations(fit: Fit) -> Correlations:
+    """Of the rig's parameters and the effects' own; a number that stands for its inverse turns its sign."""
+    kept = [i for i, u in enumerate(fit.unknowns) if u.owner != "start"]
+    unknowns = [fit.unknowns[i] for i in kept]
+    names = [u.name if u.owner == "rig" else f"{u.owner}.{u.name}" for u in unknowns]
+    sign = np.array([-1.0 if u.inverse else 1.0 for u in unknowns])
+    return of_covariance(names, fit.covariance[np.ix_(kept, kept)] * np.outer(sign, sign))
 
 
 def variables(found: Found) -> tuple[str, ...]:

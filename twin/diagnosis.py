@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
+from twin.correlations import Correlations
 from twin.parameters import Rig
 from twin.patch import Patch
 from twin.recording import CHANNEL_UNITS, Recording
@@ -152,6 +153,7 @@ class Diagnosis:
       wall_s: how long it took [s].
       threshold: score that the first round asked for.
       patched: what is outside the library as a lookup, where it is a function of one variable.
+      correlations: of the errors of fitted parameters, declared ones and those of effects.
     """
 
     campaign: str
@@ -171,6 +173,7 @@ class Diagnosis:
     wall_s: float = 0.0
     threshold: float | None = None
     patched: Patched | None = None
+    correlations: Correlations = field(default_factory=Correlations)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the answer as a dictionary of plain values."""

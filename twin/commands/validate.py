@@ -37,17 +37,20 @@ def validate(
     """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
     check_writable(json_file, report_file)
     declared, effects = load_rig(rig)
-    from twin.augmented import read_standard_errors
+    from twin.augmented import read_correlations, read_standard_errors
+    from twin.rigs import PRESETS
     from twin.validation.requirements import defaults, read_requirements
+    from twin.validation.rigs import INDEPENDENT
 
     errors = read_standard_errors(rig) if effects else {}
+    together = INDEPENDENT if rig in PRESETS else read_correlations(rig)
     limits = defaults() if requirements is None else read_requirements(requirements)
     with progress() as report:
         report("loading the equations of motion")
         from twin.validation import validation
 
         job = validation.Job(controller, declared, scenario)
-        result = validation.validate(job, effects, errors, limits, rigs, seed, report)
+        result = validation.validate(job, effects, errors, limits, rigs, seed, report, together)
     if json_file is not None:
         write_json(json_file, validation.to_json(result))
     if report_file is not None:

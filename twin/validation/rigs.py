@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.parameters import Rig
 
 Effects = Mapping[str, Mapping[str, float]]
+INDEPENDENT = Correlations()
 
 
 @dataclass(frozen=True)
@@ -74,15 +76,23 @@ def unknowns(rig: Rig, effects: Effects, errors: Effects | None = None) -> tuple
     return tuple(u for u in found if u.deviation > 0)
 
 
-def draw(rig: Rig, effects: Effects, uncertain: tuple[Unknown, ...], count: int, seed: int) -> list[DrawnRig]:
-    """Returns the rig as believed and `count` drawn ones: normal, independent, cut off at the bounds.
+def draw(
+    rig: Rig,
+    effects: Effects,
+    uncertain: tuple[Unknown, ...],
+    count: int,
+    seed: int,
+    correlations: Correlations = INDEPENDENT,
+) -> list[DrawnRig]:
+    """Returns the rig as believed and `count` drawn ones: normal, correlated, cut off at the bounds.
 
     The k-th rig of a seed is the same however many are drawn.
     """
     rigs = [DrawnRig(0, rig, effects, {u.name: 0.0 for u in uncertain})]
+    root = correlations.root([u.name for u in uncertain])
     for number in range(1, count + 1):
-        random = np.random.default_rng([seed, number])
-        values = {u.name: _within(u, random) for u in uncertain}
+        normal = root @ np.random.default_rng([seed, number]).standard_normal(len(uncertain))
+        values = {u.name: _within(u, z) for u, z in zip(uncertain, normal, strict=True)}
         rigs.append(_changed(number, rig, effects, uncertain, values))
     return rigs
 
@@ -94,11 +104,12 @@ def _of_effect(effect: str, name: str, value: float, error: float) -> Unknown:
     return Unknown(f"{effect}.{name}", value, error, parameter.bounds, parameter.unit)
 
 
-def _within(unknown: Unknown, random: np.random.Generator) -> float:
-    from scipy.stats import truncnorm
+def _within(unknown: Unknown, normal: float) -> float:
+    """The value at a standard normal number: a normal distribution cut off at the bounds."""
+    from scipy.stats import norm, truncnorm
 
     low, high = ((bound - unknown.value) / unknown.deviation for bound in unknown.bounds)
-    return unknown.value + unknown.deviation * float(truncnorm.rvs(low, high, random_state=random))
+    return unknown.value + unknown.deviation * float(truncnorm.ppf(norm.cdf(normal), low, high))
 
 
 def _changed(number, rig: Rig, effects: Effects, uncertain, values: Mapping[str, float]) -> DrawnRig:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from twin import scenarios
+from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.validation.fleet import Bench, Job, Outcome, run_fleet
 from twin.validation.loop import Margins
 from twin.validation.requirements import LINEAR, Requirement, Requirements
-from twin.validation.rigs import Effects, Unknown, draw, unknowns
+from twin.validation.rigs import INDEPENDENT, Effects, Unknown, draw, unknowns
 
 CONFIDENCE = 0.95
 _DRIVERS = 3
@@ -132,6 +133,7 @@ def validate(
     count: int,
     seed: int,
     report: Callable[[str], None],
+    correlations: Correlations = INDEPENDENT,
 ) -> Validation:
     """Judges a controller on the rig as believed and on `count` drawn ones.
 
@@ -143,6 +145,7 @@ def validate(
       count: number of rigs to draw.
       seed: of the draw.
       report: told how far it is.
+      correlations: of the errors of parameters, those of effects included.
 
     Raises:
       InputError: something of this cannot be used.
@@ -154,7 +157,8 @@ def validate(
     report("preparing the controller")
     bench = Bench(job)
     no_margins, by_modes = bench.no_form, bench.by_modes(job.rig, effects)
-    nominal, *outcomes = run_fleet(job, draw(job.rig, effects, uncertain, count, seed), report)
+    drawn = draw(job.rig, effects, uncertain, count, seed, correlations)
+    nominal, *outcomes = run_fleet(job, drawn, report)
     limits = [r for r in requirements.limits.values() if not (no_margins and r.name in LINEAR)]
     verdicts = tuple(_verdict(r, nominal, outcomes) for r in limits)
     share = requirements.share
