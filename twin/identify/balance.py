@@ -20,7 +20,7 @@ from scipy.signal import butter, sosfiltfilt
 from twin import driven
 from twin.driven import DrivenData, View
 from twin.fit import Prepared
-from twin.identify.exact_torque import free_hub_inertia, mean_torque, one_way, twice_averaged
+from twin.identify.exact_torque import free_hub_inertia, mean_torque, twice_averaged
 from twin.identify.results import Estimate
 from twin.model import Model, Start
 
@@ -73,6 +73,29 @@ def of_hub(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance |
       starts: states at the first samples.
     """
     return _balance(data, model, starts, _torques, HUB_BAND)
+
+
+def with_loss(found: Balance, lossier: Balance | None) -> Balance:
+    """The hub's balance, its errors grown by what the uncertainty of the link's damping changes.
+
+    Losses of the link that the model has not look like friction of the hub.
+
+    Args:
+      found: the balance.
+      lossier: the same with the damping ratio one standard error larger.
+    """
+    if lossier is None:
+        return found
+
+    def grown(a: Estimate, b: Estimate) -> Estimate:
+        return Estimate(a.value, math.hypot(a.standard_error, a.value - b.value))
+
+    return replace(
+        found,
+        inertia=grown(found.inertia, lossier.inertia),
+        coulomb={d: grown(level, lossier.coulomb[d]) for d, level in found.coulomb.items()},
+        both=grown(found.both, lossier.both),
+    )
 
 
 def of_rig(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance | None:
@@ -147,8 +170,7 @@ def _torques(prepared: Prepared, view: View, model: Model, start: Start, band: f
     hub = make_interp_spline(t, view.reading, k=7)
     required = required - free_hub_inertia(model) * (view.acceleration - hub(t, 2))
     link = twice_averaged(required - model.declared["hub_inertia"] * hub(t, 2))
-    share = one_way(view)
-    forward, backward = share * (view.direction > 0), share * (view.direction < 0)
+    forward, backward = (view.direction > 0).astype(float), (view.direction < 0).astype(float)
     columns = np.column_stack([low(v) for v in (twice_averaged(hub(t, 2)), forward, -backward)])
     kept = binary_erosion(view.sliding, iterations=int(_REACH / band / (t[1] - t[0])))
     if not kept.any():

@@ -134,7 +134,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         model, starts = found.fit.model, found.fit.starts
         friction = break_away.read(model, found.prepared, starts)
         progress("balancing torques")
-        hub = balance.of_hub(found.data, search.fine(model), starts)
+        hub = _hub_balance(found)
         whole = balance.of_rig(found.data, model, starts)
         released = friction_map.read(_with_static(search.fine(model), friction), found.prepared, starts)
     load = static_test.read(campaign)
@@ -175,6 +175,16 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
         held_out=held_out.errors(campaign, found, rig),
         wall_s=time.perf_counter() - began,
     )
+
+
+def _hub_balance(found: Joint) -> Balance | None:
+    model, starts = search.fine(found.fit.model), found.fit.starts
+    hub = balance.of_hub(found.data, model, starts)
+    if hub is None or "damping_ratio" not in found.names:
+        return hub
+    more = found.values[found.names.index("damping_ratio")] + found.errors[found.names.index("damping_ratio")]
+    lossier = model.replace(declared=model.declared.replace("lossier", damping_ratio=float(more)))
+    return balance.with_loss(hub, balance.of_hub(found.data, lossier, starts))
 
 
 def _with_static(model: Model, friction: StaticFriction) -> Model:

@@ -158,14 +158,19 @@ def _refine(bench: Workbench, base: Fit, segments: int) -> None:
 
 
 def _discretisation(bench: Workbench, base: Fit) -> np.ndarray:
-    """By how much (p) a chain that is a little less fine moves the estimate, by one Gauss-Newton step."""
+    """How far (p) the finest chain may leave the estimate from the limit.
+
+    What a chain a little less fine changes, by one Gauss-Newton step, carried on at the chain's second order
+    (L. F. Richardson, 1911): n0^2/(n^2 - n0^2) of it are still to come.
+    """
     finest = bench.defect
     _refine(bench, base, FINEST_SEGMENTS - _FINER_BY)
     change = (finest - bench.defect) * bench.weight
     bench.defect = finest
     information, _ = fit.normal_equations(bench, base)
     pull = base.jacobian.T @ (fit.row_weights(bench, base.residual) * change)
-    return -np.linalg.pinv(information, hermitian=True) @ pull
+    coarser, finer = (FINEST_SEGMENTS - _FINER_BY) ** 2, FINEST_SEGMENTS**2
+    return -np.linalg.pinv(information, hermitian=True) @ pull * coarser / (finer - coarser)
 
 
 def _on_finest_chain(bench: Workbench, base: Fit) -> Fit:
