@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 
+from twin.correlations import of_covariance
 from twin.identify.identification import Identification
 from twin.parameters import Parameter
 
@@ -16,6 +17,7 @@ def to_toml(found: Identification) -> str:
     lines = ["# A rig as it was identified. SI units.", "format = 1", f"name = {json.dumps(found.campaign)}"]
     for parameter in found.rig.parameters.values():
         lines += ["", *_lines(found, parameter)]
+    lines += of_covariance(found.joint.names, found.joint.covariance).lines()
     return "\n".join(lines) + "\n"
 
 
