@@ -51,7 +51,7 @@ def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | Non
     rows = []
     for recording in recordings:
         found = spectra.response([recording], least=_BAND)
-        top = _resonance(found, expected) if found else None
+        top = resonance(found, expected) if found else None
         if found and top:
             size = _amplitude(recording, found.channel, top.value)
             rows.append((size, top, recording.name, found.channel))
@@ -65,7 +65,7 @@ def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | Non
     return Backbone(tuple(row[2] for row in rows), channels.pop(), amplitude, frequency, small, slope)
 
 
-def _resonance(found: Response, expected: float) -> Estimate | None:
+def resonance(found: Response, expected: float) -> Estimate | None:
     """The resonance near a frequency [Hz]: a fitted peak, or the top of one that is no mode's, as a softening's is."""
     fitted = [p for p in spectra.peaks(found) if abs(p.frequency.value / expected - 1) < _REACH]
     if fitted:

@@ -343,6 +343,10 @@ def _free_modes(rig: Rig, found: Response | None) -> tuple[Mode, ...]:
         off = peak.frequency.value / expected - 1
         kind: Kind = "bending" if ((off > -_SOFTER) & (off < _STIFFER)).any() else "not bending"
         modes.append(Mode("free", peak.frequency, peak.damping_ratio, kind, source))
+    first = backbone.resonance(found, float(expected[0]))
+    if first is not None and all(abs(m.frequency.value / expected[0] - 1) > _SOFTER for m in modes):
+        # The top of a peak that friction and large bends have made no mode's.
+        modes.insert(0, Mode("free", first, None, "bending", source))
     return tuple(modes)
 
 

@@ -48,7 +48,9 @@ def decay(found: Decay) -> Figure:
     for sign in (1, -1):
         style = {"color": FITTED, "width": 2}
         y = sign * factor * envelope
-        figure.add_scatter(x=found.middle, y=y, name="envelope", line=style, showlegend=sign > 0)
+        figure.add_scatter(
+            x=found.middle, y=y, mode="lines", name="envelope", line=style, showlegend=sign > 0
+        )
     bars = {"type": "data", "array": factor * found.amplitude_error}
     points = {"x": found.middle, "y": factor * found.amplitude, "error_y": bars, "marker": _dot(MEASURED)}
     figure.add_scatter(mode="markers", name="amplitude of a period", **points)
@@ -79,7 +81,8 @@ def break_aways(found: StaticFriction) -> Figure:
             x, y = [np.degrees(e.angle) for e, _ in mine], [abs(e.torque) for e, _ in mine]
             figure.add_scatter(x=x, y=y, error_y=bars, mode="markers", name=name, marker=_dot(colour))
     figure.update_xaxes(title_text="hub angle [°]")
-    figure.update_yaxes(title_text="torque that the resting hub bore [N m]")
+    # From zero: a spread of percents is not to look like one of halves.
+    figure.update_yaxes(title_text="torque at break-away [N m]", rangemode="tozero")
     return figure
 
 

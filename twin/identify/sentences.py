@@ -46,10 +46,11 @@ def static(load: StaticTest | None, declared: Estimate) -> Finding:
             f"EI = {shown(load.stiffness, 'N m^2')} by a line with its own zero through {len(load.line.x)} loads."
         )
         tare = load.line.intercept.value / load.line.slope.value
-        said.append(
-            f"The line crosses zero displacement {tare:.3g} N below no load: what else hung there, or the zero of the "
-            "ruler."
-        )
+        if abs(load.line.intercept.value) > 2 * load.line.intercept.standard_error:
+            said.append(
+                f"The line crosses zero displacement {tare:.3g} N below no load: what else hung there, or the zero "
+                "of the ruler."
+            )
         if declared.standard_error > 0:
             said.append(agreement(load.stiffness, declared, ("The static test", "the declared stiffness")))
     else:
