@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from twin import chain, cli, fit
 from twin.augmented import read_rig_file
 from twin.errors import InputError
-from twin.identify import decay, friction_map, load_line, sentences, spectra
+from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra
 from twin.identify.backbone import backbone
 from twin.identify.break_away import StaticFriction
 from twin.identify.results import Estimate, disagreement, pooled
@@ -363,3 +363,27 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link():
     # Without friction there is the declared damping of the free modes.
     assert found.damping[0] == pytest.approx(0.034, rel=0.1)
     assert abs(found.level.value - 0.0055) < 2 * found.level.standard_error < 0.0015
+
+
+def test_break_away_on_a_staircase_lies_between_two_stairs():
+    true = preset("bossi2009").replace("even", static_friction=0.042, coulomb_friction=0.03)
+    sensors = {
+        "strain_base": Sensor("strain_base", 2e-6, 0.02, 0.0008),
+        "hub_angle": Sensor("hub_angle", 3e-4),
+    }
+    model = Model(true, sensors, chain.fit_shape(true, 5), step=1e-3)
+    time = np.arange(0, 5.5, 0.004)
+    stairs = -0.01 * np.floor(time)
+    still = np.zeros(len(time))
+    climb = Recording(
+        "stairs.csv", time, {"torque_command": stairs, "hub_angle": still, "strain_base": still}
+    )
+    seen = simulate(model, climb, Start())
+    rng = np.random.default_rng(1)
+    noisy = {c: seen[c] + s.noise * rng.standard_normal(len(time)) for c, s in sensors.items()}
+    recording = climb.replace(channels={"torque_command": stairs, **noisy})
+    prepared, _ = fit.prepare(recording, {c: s.noise for c, s in sensors.items()})
+    found = break_away.read(model, [prepared], [prepared.start])
+    assert set(found.by_direction) == {-1}
+    assert found.level.value == pytest.approx(0.045)
+    assert found.level.standard_error == pytest.approx(0.01 / math.sqrt(12))

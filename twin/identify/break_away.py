@@ -24,6 +24,8 @@ _REST, _END = (
     0.06,
 )  # s before the break-away between which the hub surely rests and the command has no step
 _QUIET = 0.1  # share of the torque up to which the link may add to the drive's
+_CLIMB = 0.8  # s before the first visible motion in which a slow one may have begun
+_LOWEST = 0.7  # of the stair on which the hub moved, that on which it rested at least
 _STEP = 0.02  # of the largest command there, above which a change between two samples is a step
 
 
@@ -51,8 +53,13 @@ def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) ->
     all_events = breakaway.find(model, prepared, starts)
     ramps = tuple(e for e in all_events if _ends_a_ramp(model, prepared[e.recording], e))
     read_off = [_read(model, prepared[e.recording], e) for e in ramps]
-    events = tuple(replace(e, torque=torque) for e, (torque, _) in zip(ramps, read_off, strict=True))
-    errors = tuple(error for _, error in read_off)
+    ramped = {e.recording for e in ramps}
+    stairs = [s for i, p in enumerate(prepared) if i not in ramped for s in _stairs(model, p, i)]
+    events = (
+        *(replace(e, torque=torque) for e, (torque, _) in zip(ramps, read_off, strict=True)),
+        *(event for event, _ in stairs),
+    )
+    errors = (*(error for _, error in read_off), *(error for _, error in stairs))
     seen = [Estimate(abs(e.torque), s) for e, s in zip(events, errors, strict=True)]
     by_direction = {}
     for direction in (1, -1):
@@ -93,3 +100,28 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     of_link = abs(event.torque - float(model.drive(prepared.recording).at(np.array([event.time]))[0]))
     error = math.hypot(event.slope * math.hypot(unseen / 2, period / 2), _MODEL * of_link)
     return event.torque - event.direction * event.slope * late, error
+
+
+def _stairs(model: Model, prepared: Prepared, index: int) -> list[tuple[BreakAway, float]]:
+    """Break-aways at a stair of a staircase of commands, and their errors [N m].
+
+    The level lies somewhere between the stair on which the hub still rested and the one on which it moved.
+    """
+    if prepared.hub is None:
+        return []
+    time, observed = prepared.recording.time, prepared.hub.observed
+    command = model.drive(prepared.recording).at(time)
+    found: dict[tuple[float, float], tuple[BreakAway, float]] = {}
+    for onset, direction in prepared.hub.onsets:
+        first = int(np.searchsorted(time, time[onset] - _CLIMB))
+        before = (time > time[first] - _REST) & (time <= time[first])
+        if time[first] - _REST < time[0] or not (observed[before] == STUCK).all():
+            continue
+        climb = direction * command[first : onset + 1]
+        low, high = float(climb[0]), float(climb[-1])
+        if (np.diff(climb) >= 0).all() and _LOWEST * high < low < high:
+            angle, instant = float(prepared.hub.reading[first]), float(time[onset])
+            event = BreakAway(direction * (low + high) / 2, direction, angle, index, instant, 0.0)
+            # A hub that stops and goes on the same stair says the same once more.
+            found.setdefault((low, high), (event, (high - low) / math.sqrt(12)))
+    return list(found.values())
