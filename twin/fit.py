@@ -527,15 +527,19 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
 
 
 def slope_move(bench: Workbench, base: Fit, column: np.ndarray) -> float:
-    """Value of one unknown with this slope (n x 1) at which the linearised cost is least, the base's free."""
+    """Value of one unknown with this slope (n x 1) at which the linearised cost is least, the base's free.
+
+    What changes nothing stays where it is.
+    """
     weights = row_weights(bench, base.residual)
     information, gradient = normal_equations(bench, base)
     J = np.hstack([base.jacobian, column])
     normal = J.T @ (weights[:, None] * J)
     normal[:-1, :-1] = information
-    scale = np.sqrt(np.diag(normal))
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     slope = np.r_[gradient, column[:, 0] @ (weights * base.residual)]
-    return float(-np.linalg.solve(normal / np.outer(scale, scale), slope / scale)[-1] / scale[-1])
+    move, *_ = np.linalg.lstsq(normal / np.outer(scale, scale), -slope / scale)
+    return float(move[-1] / scale[-1])
 
 
 def _bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
