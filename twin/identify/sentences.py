@@ -171,16 +171,20 @@ def _of_balance(hub: Balance, found: Joint) -> list[str]:
 
 
 def inertia(hub: Balance | None, whole: Balance | None, total: Estimate) -> Finding:
-    """The inertias."""
+    """The inertias; a balance that explains too little is left out."""
     title = "Inertias from slews"
     if hub is None and whole is None:
         return Finding("inertia", title, (), "no recording in which a free hub slides for long enough")
     said = []
-    if hub is not None:
+    if hub is not None and hub.determination >= EXPLAINED:
         said.append(f"J0 = {shown(hub.inertia, 'kg m^2')} by the hub's torque balance.")
-    if whole is not None:
+    if whole is not None and whole.determination >= EXPLAINED:
         said.append(f"J = {shown(whole.inertia, 'kg m^2')} of the whole rig by its angular momentum.")
         said.append(agreement(whole.inertia, total, ("It", "what the joint estimate adds up to")))
+    if not said:
+        return Finding(
+            "inertia", title, (), "a hub whose torque a balance explains: other laws act on this one"
+        )
     return Finding("inertia", title, tuple(said))
 
 
