@@ -8,12 +8,13 @@ import pytest
 from test_effects import PLANTED
 
 from twin.campaign import Campaign, read_campaign
-from twin.conclude import said
+from twin.conclude import said, variables
 from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
+from twin.patches import of_worst
 from twin.rigs import preset
 from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.effects import EFFECTS
+from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.experiments import planned_campaign
 
 SEED = 4100
@@ -31,9 +32,8 @@ def searched(folder, effects, seed):
     plan = [e for e in planned_campaign(Rig(), Sensors(), np.random.default_rng(seed)) if e.role == "fit"]
     slews = [e for e in plan if e.name.startswith("bang-bang")]
     seen = [e for e in plan if e.name != "torque-sweep" and e not in slews[:-1]]
-    known = {
-        name: {p: v for p, v in values.items() if p in EFFECTS[name]} for name, values in effects.items()
-    }
+    every = {**EFFECTS, **OUTSIDE_EFFECTS}
+    known = {name: {p: v for p, v in values.items() if p in every[name]} for name, values in effects.items()}
     make_campaign(folder, known, seed, experiments=seen, perturb=0.5)
     with ThreadPoolExecutor(2) as pool:
         return find(read_campaign(folder), pool)
@@ -65,6 +65,22 @@ def test_nothing_is_named_where_nothing_is_missing(tmp_path, seed):
     assert said(found) == "no-missing-effect"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
+
+
+def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(tmp_path):
+    found = searched(tmp_path / "rig", {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250)
+    assert said(found) == "outside-library"
+    assert not found.adopted
+    assert variables(found)[0] == "strain_base"
+    for u, value in zip(found.base.unknowns, found.base.values, strict=True):
+        assert abs(value - u.start) < 3 * u.scale, u.name
+    lookup = of_worst(found)
+    assert (lookup.channel, lookup.variable) == ("strain_base", "strain_base")
+    # A clipped reading stays where it was: beyond 100 microstrain all that is more is taken away.
+    at = np.array([-3e-4, -2e-4, 2e-4, 3e-4])
+    seen = at[(at > lookup.x[0]) & (at < lookup.x[-1])]
+    assert len(seen) >= 2
+    np.testing.assert_allclose(lookup.at(seen), np.clip(seen, -1e-4, 1e-4) - seen, atol=2e-5)
 
 
 def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(tmp_path, monkeypatch):
