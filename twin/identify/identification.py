@@ -157,7 +157,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
             sentences.static(load, _declared(campaign.rig, "bending_stiffness")),
             sentences.decays(decays),
             sentences.break_aways(friction),
-            sentences.coulomb(hub, released, found),
+            sentences.coulomb(hub, released, found, friction.level),
             sentences.inertia(hub, whole, total),
             sentences.spectra(seen, free_modes, moved),
             sentences.joint(found, figures),

@@ -127,12 +127,18 @@ def break_aways(found: StaticFriction) -> Finding:
     return Finding("break-away", title, tuple(said))
 
 
-def coulomb(hub: Balance | None, released: FrictionMap | None, found: Joint) -> Finding:
-    """The Coulomb friction: by the torque balance, and by the decay of the unclamped link."""
+def coulomb(
+    hub: Balance | None, released: FrictionMap | None, found: Joint, level: Estimate | None
+) -> Finding:
+    """The Coulomb friction: by the torque balance, and by the decay of the unclamped link; `level` is the static one."""
     title = "Coulomb friction"
     if hub is None and released is None:
         return Finding("coulomb", title, (), "no recording in which a free hub slides for long enough")
     said = _of_balance(hub, found) if hub else []
+    if hub and level and hub.both.value > level.value and disagreement(hub.both, level) > _APART:
+        said.append(
+            "That is more than the resting hub bore, which dry friction cannot be: part of it grows with the rate."
+        )
     if released is None:
         said.append(
             "By the decay of the unclamped link: no unclamped recording with initial_tip_deflection swings four times."
