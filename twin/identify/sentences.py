@@ -130,7 +130,7 @@ def break_aways(found: StaticFriction) -> Finding:
 def coulomb(
     hub: Balance | None, released: FrictionMap | None, found: Joint, level: Estimate | None
 ) -> Finding:
-    """The Coulomb friction: by the torque balance, and by the decay of the unclamped link; `level` is the static one."""
+    """The Coulomb friction by the torque balance and by the decay of the unclamped link; `level` is the static one."""
     title = "Coulomb friction"
     if hub is None and released is None:
         return Finding("coulomb", title, (), "no recording in which a free hub slides for long enough")
