@@ -145,7 +145,8 @@ def _summary(
     depends: Sequence[str],
     predictions: Mapping[str, Prediction],
 ) -> str:
-    names = " and ".join(e.name for e in effects)
+    *first, last = [e.name for e in effects] or [""]
+    names = f"{', '.join(first)} and {last}" if first else last
     held = _held_out(predictions)
     if answer == "no-missing-effect":
         return f"The declared model, calibrated within its uncertainty, explains the recordings. {held}"
@@ -153,7 +154,8 @@ def _summary(
         return held
     where = " and ".join(_place(channel) for channel in left)
     known = f" It depends on {', '.join(depends[:3])}." if depends else ""
-    partly = f" {names.capitalize()} explains a part of it." if effects else ""
+    part = "explain a part" if len(effects) > 1 else "explains a part"
+    partly = f" {names.capitalize()} {part} of it." if effects else ""
     return f"Something outside the library is missing: {where} is not explained.{known}{partly} {held}"
 
 

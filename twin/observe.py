@@ -13,6 +13,7 @@ from twin.planar import STUCK, UNSURE
 from twin.recording import Recording
 
 _LONG_GAP = 0.1  # s without a reading of the hub beyond which its motion is not known
+_BESIDE_GAP = 0.02  # s beside a gap or jump that are left out with it
 _OUTLIER = 12.0  # noise standard deviations beyond which a lone sample is no measurement
 _REST_SPAN = 0.08  # s, shortest rest that counts
 _EDGE = 0.02  # s, margin to a change between rest and motion
@@ -107,6 +108,12 @@ def longest_sound_stretch(
         np.argmax([time[known[b]] - time[known[a + 1]] for a, b in zip(edges[:-1], edges[1:], strict=True)])
     )
     first, last = known[edges[longest] + 1], known[edges[longest + 1]]
+    # A wiper at the edge of its gap reads anything.
+    long = time[last] - time[first] > 10 * _BESIDE_GAP
+    if long and longest > 0:
+        first = int(np.searchsorted(time, time[first] + _BESIDE_GAP))
+    if long and longest < len(edges) - 2:
+        last = int(np.searchsorted(time, time[last] - _BESIDE_GAP, side="right")) - 1
     kept = slice(int(first), int(last) + 1)
     begins = "unknown" if first > 0 else recording.start
     held = None if recording.command_time is None else recording.command_time[kept]

@@ -211,7 +211,8 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "no-missing-effect":
         return "Nothing is missing: the declared model explains these recordings."
     if names:
-        return f"{_listed(names).capitalize()} explains part of it; the rest is outside the library."
+        explain = "explains" if len(names) == 1 else "explain"
+        return f"{_listed(names).capitalize()} {explain} part of it; the rest is outside the library."
     return "Something is missing that no effect in the library explains."
 
 

@@ -1,0 +1,51 @@
+"""What is sound in a recording: stretches between gaps and jumps of the hub angle."""
+
+import numpy as np
+import pytest
+
+from twin.observe import longest_sound_stretch
+from twin.recording import Recording
+
+TIME = np.arange(0.0, 4.0, 1e-3)
+NOISE, STRONGEST = 3e-4, 500.0
+
+
+def recording(angle, **channels):
+    return Recording("run", TIME, {"torque_command": np.zeros(len(TIME)), "hub_angle": angle, **channels})
+
+
+def swing():
+    return 0.8 * np.sin(3 * TIME)
+
+
+def test_a_sound_recording_is_kept_whole():
+    whole = recording(swing())
+    assert longest_sound_stretch(whole, NOISE, STRONGEST) == (whole, None)
+
+
+def test_the_longest_stretch_is_kept_without_the_readings_beside_the_gap():
+    angle = swing()
+    angle[(TIME > 1.0) & (TIME < 1.2)] = np.nan
+    at = np.searchsorted(TIME, 1.2)
+    angle[at : at + 5] += 0.07  # the wiper is not yet on its track
+    cut, note = longest_sound_stretch(recording(angle, strain_base=TIME.copy()), NOISE, STRONGEST)
+    assert cut.time[0] == pytest.approx(1.22, abs=2e-3)
+    assert cut.time[-1] == TIME[-1]
+    assert cut.start == "unknown"
+    np.testing.assert_array_equal(cut["strain_base"], cut.time)
+    np.testing.assert_allclose(cut["hub_angle"], 0.8 * np.sin(3 * cut.time), atol=1e-12)
+    assert "used from 1.2" in note
+
+
+def test_a_turn_lost_in_unwrapping_ends_a_stretch():
+    angle = swing()
+    angle[3000:] += 2 * np.pi
+    cut, _ = longest_sound_stretch(recording(angle), NOISE, STRONGEST)
+    assert cut.start == "rest"
+    assert cut.time[0] == 0.0
+    assert cut.time[-1] == pytest.approx(2.98, abs=2e-3)
+
+
+def test_a_clamped_hub_has_nothing_to_follow():
+    held = recording(swing()).replace(clamped=True)
+    assert longest_sound_stretch(held, NOISE, STRONGEST) == (held, None)
