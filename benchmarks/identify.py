@@ -1,8 +1,9 @@
 """How right identified parameters are, and how honest their intervals, on virtual rigs whose truth is known.
 
-    python benchmarks/identify.py WORK [--campaigns 50] [--seed 9000] [--jobs 1]
+    python benchmarks/identify.py WORK [--campaigns 50] [--seed 9000] [--jobs 1] [--minutes M]
 
-WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. The true parameters of
+WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
+campaign is begun later than that, and the table is of those that are there. The true parameters of
 each campaign are drawn from the uncertainty that it declares; nothing else is missing in the model.
 """
 
@@ -25,11 +26,16 @@ from twin.identify.identification import identify
 from twin.virtual_rig import make_campaign
 
 
-def answer(seed: int, work: Path) -> dict:
-    """Makes the campaign, identifies it and writes the answer down; an answer that is there is kept."""
+def answer(seed: int, work: Path, latest: float) -> dict | None:
+    """Makes the campaign, identifies it and writes the answer down; an answer that is there is kept.
+
+    None where there is no answer and it is later than `latest`, in seconds since the epoch.
+    """
     path = work / f"{seed}.json"
     if path.exists():
         return json.loads(path.read_text())
+    if time.time() > latest:
+        return None
     folder = work / str(seed)
     truth = make_campaign(folder, {}, seed, perturb=1.0, force=True)
     began = time.perf_counter()
@@ -82,15 +88,19 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=50)
     parser.add_argument("--seed", type=int, default=9000, help="of the first campaign")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), help="begin no campaign later than that"
+    )
     options = parser.parse_args()
+    latest = time.time() + 60 * options.minutes
     options.work.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(options.jobs) as pool:
         seeds = range(options.seed, options.seed + options.campaigns)
-        jobs = [pool.submit(answer, seed, options.work) for seed in seeds]
+        jobs = [pool.submit(answer, seed, options.work, latest) for seed in seeds]
         done = track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty())
-        answers = [job.result() for job in done]
+        answers = [found for job in done if (found := job.result()) is not None]
     given = f"--campaigns {options.campaigns} --seed {options.seed}"
-    print(f"`python benchmarks/identify.py WORK {given}`, {describe()}\n")
+    print(f"`python benchmarks/identify.py WORK {given}`, {describe()}, {len(answers)} campaigns\n")
     print(table(answers))
 
 

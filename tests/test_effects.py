@@ -113,3 +113,10 @@ def test_parameters_have_units_bounds_and_a_docstring(name):
         assert p.unit
         assert p.bounds[0] < p.bounds[1]
         assert p.step != 0
+
+
+def test_a_simulation_that_ran_away_is_no_error_of_a_late_sensor():
+    late = {"delay": 2e-3, "hub_angle": 1.0, "strain": 1.0}
+    lost = np.array([0.0, 1e-4, np.nan, np.nan])
+    said = REGISTRY["sensor-delay"].sensing(np.arange(4) * 1e-2, {"strain_base": lost}, late)
+    np.testing.assert_array_equal(said["strain_base"], lost)

@@ -291,6 +291,8 @@ def _tip_acceleration(links: Chain, motion: Motion) -> np.ndarray:
     """Absolute acceleration of the tip across the link's end (m) [m/s^2]."""
     swept = links.lengths * motion.rates
     velocity = np.stack([-np.sum(np.sin(motion.angles) * swept, 1), np.sum(np.cos(motion.angles) * swept, 1)])
+    if not np.isfinite(velocity).all():  # a simulation that ran away
+        return np.full(len(motion.time), np.nan)
     acceleration = CubicSpline(motion.time, velocity, axis=1).derivative()(motion.time)
     tip = motion.angles[:, -1]
     return acceleration[1] * np.cos(tip) - acceleration[0] * np.sin(tip)

@@ -111,9 +111,9 @@ def longest_sound_stretch(
     # A wiper at the edge of its gap reads anything.
     long = time[last] - time[first] > 10 * _BESIDE_GAP
     if long and longest > 0:
-        first = int(np.searchsorted(time, time[first] + _BESIDE_GAP))
+        first = known[np.searchsorted(time[known], time[first] + _BESIDE_GAP)]
     if long and longest < len(edges) - 2:
-        last = int(np.searchsorted(time, time[last] - _BESIDE_GAP, side="right")) - 1
+        last = known[np.searchsorted(time[known], time[last] - _BESIDE_GAP, side="right") - 1]
     kept = slice(int(first), int(last) + 1)
     begins = "unknown" if first > 0 else recording.start
     held = None if recording.command_time is None else recording.command_time[kept]

@@ -31,7 +31,10 @@ class SensorDelay(Effect):
 
 
 def _read_at(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (m) at other instants; the first and the last one hold beyond the ends."""
-    if len(time) < 2 or np.array_equal(at, time):
+    """Values (m) at other instants; the first and the last one hold beyond the ends.
+
+    A simulation that ran away stays as it is.
+    """
+    if len(time) < 2 or np.array_equal(at, time) or not np.isfinite(values).all():
         return values
     return CubicSpline(time, values)(np.clip(at, time[0], time[-1]))
