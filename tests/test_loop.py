@@ -19,7 +19,7 @@ from twin.virtual_rig.experiments import planned_campaign
 
 SEED = 4100
 # Not in four short recordings: a late reading of everything is a late drive, a soft clamp's value and the flanks of a
-# play are another engine's, and Stribeck's fall hides in the stretches that may stick.
+# play are another engine's, and Stribeck's fall is loud in one recording alone, the slow ramp.
 LEFT_OPEN = ("sensor-delay", "root-compliance", "backlash", "stribeck-friction")
 
 

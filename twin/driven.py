@@ -297,6 +297,12 @@ def unmodelled(
     return low_passed(required - laws, GRID) - delivered
 
 
+def near_reversals(view: View) -> np.ndarray:
+    """Whether the hub turns round within the filter's memory of an instant (m)."""
+    turned = np.diff(np.signbit(view.rate), prepend=np.signbit(view.rate[0]))
+    return binary_dilation(turned, iterations=round(1 / BAND / GRID))
+
+
 def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
     """Torque (m) of all hub laws and sliding friction along a motion [N m]."""
     return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], motion.modes)

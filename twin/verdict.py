@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin import evidence
+from twin import driven, evidence
 from twin.fit import Fit, Workbench
+from twin.patch import HUB
 from twin.search import Candidate
 
 LEAST_SHARE = (
@@ -63,7 +64,7 @@ def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
 
 def unexplained(bench: Workbench, fit: Fit) -> tuple[str, ...]:
     """Channels whose residual stays far above the noise in several recordings, the worst first."""
-    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight)
+    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * _timed(bench, fit))
     worst: dict[str, list[float]] = {}
     for group, size in zip(bench.data.groups, sizes, strict=True):
         if size > LARGE_MISFIT and group.channel != "break_away":
@@ -72,6 +73,21 @@ def unexplained(bench: Workbench, fit: Fit) -> tuple[str, ...]:
         c: float(np.median(s)) for c, s in worst.items() if len(s) >= min(REPEATED, len(bench.prepared))
     }
     return tuple(sorted(repeated, key=lambda c: -repeated[c]))
+
+
+def _timed(bench: Workbench, fit: Fit) -> np.ndarray:
+    """1 where a torque can be told in time, 0 about fast reversals under a sliding friction that falls with speed (n).
+
+    There it jumps by twice the break-away torque within milliseconds: when the measured hub turns round is not known
+    so well, and the filter spreads the jump.
+    """
+    known = np.ones(len(fit.residual))
+    if not fit.model.plant.stribeck_velocity > 0:
+        return known
+    for group in bench.data.groups:
+        if group.channel == HUB and isinstance(bench.data, driven.DrivenData):
+            known[group.rows] = ~driven.near_reversals(bench.data.views[group.recording])
+    return known
 
 
 def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]:
