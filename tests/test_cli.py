@@ -148,6 +148,19 @@ def test_unfinite_errors_are_null(answer, tmp_path):
     assert said == {"stiffness": None, "rest_angle": None}
 
 
+def test_the_rig_of_a_file_is_declared_in_the_campaigns_place(run, campaign, tmp_path, answer, monkeypatch):
+    declared = []
+    loop = SimpleNamespace(diagnose=lambda given, *_, **__: declared.append(given.rig) or answer)
+    monkeypatch.setitem(sys.modules, "twin.diagnose", loop)
+    folder = deliver(replace(answer, effects=()), synthetic.SENSORS, tmp_path / "earlier").paths["rig"]
+    assert run("diagnose", campaign, "--rig", folder)[0] == 0
+    assert dict(declared[0]) == dict(answer.fitted)
+    augmented = deliver(answer, synthetic.SENSORS, tmp_path / "augmented").paths["rig"]
+    code, _, error = run("diagnose", campaign, "--rig", augmented)
+    assert code == 2
+    assert "has the effect cable-torsion; expected a rig without effects" in " ".join(error.split())
+
+
 # Bad input
 
 

@@ -373,7 +373,9 @@ def twin(monkeypatch, capsys, tmp_path):
 
 
 def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
-    code, out, err = twin("validate", "lqi", "--rigs", 4, "--seed", 1, "--json", "v.json", "--report", "v.html")
+    code, out, err = twin(
+        "validate", "lqi", "--rigs", 4, "--seed", 1, "--json", "v.json", "--report", "v.html"
+    )
     assert (code, err) == (0, "")
     assert "passed" in out
     answer = json.loads((tmp_path / "v.json").read_text())

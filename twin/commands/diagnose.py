@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from twin.commands.shared import Force, JsonFile, console, progress
+from twin.errors import InputError
 from twin.json_file import write_json
+
+if TYPE_CHECKING:
+    from twin.parameters import Rig
 
 OutFolder = Annotated[
     Path | None,
@@ -34,13 +39,40 @@ def diagnose(
     false_alarm_rate: Annotated[
         float, typer.Option(metavar="RATE", help="How often something may be found where nothing is missing.")
     ] = 0.01,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Parameter file (TOML) to declare the rig by, say an identified one.",
+            show_default="as the campaign declares it",
+        ),
+    ] = None,
 ) -> None:
     """Find which physical effect a model lacks; write report, rerun recording and augmented model."""
-    _diagnose(campaign, out, json_file, force, false_alarm_rate)
+    _diagnose(campaign, out, json_file, force, false_alarm_rate, rig)
+
+
+def _declared(file: Path) -> Rig:
+    """The rig of a parameter file.
+
+    Raises:
+      InputError: it cannot be used, or has effects: which one is missing is what a diagnosis is to find.
+    """
+    from twin.augmented import read_rig_file
+
+    declared, effects = read_rig_file(file)
+    if effects:
+        raise InputError(f"{file.name} has the effect {next(iter(effects))}; expected a rig without effects")
+    return declared
 
 
 def _diagnose(
-    campaign: Path, out: Path | None, json_file: Path | None, force: bool, rate: float = 0.01
+    campaign: Path,
+    out: Path | None,
+    json_file: Path | None,
+    force: bool,
+    rate: float = 0.01,
+    rig: Path | None = None,
 ) -> None:
     from twin import deliver
     from twin.campaign import read_campaign
@@ -51,6 +83,8 @@ def _diagnose(
     if json_file is not None:
         deliver.check_file(json_file, folder)
     given = read_campaign(campaign)
+    if rig is not None:
+        given = replace(given, rig=_declared(rig))
     with progress() as report:
         report("loading the equations of motion; the first time they are compiled, which takes minutes")
         from twin.diagnose import diagnose as loop
