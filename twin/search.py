@@ -16,7 +16,6 @@ from twin.model import Model, Start
 from twin.waves import Peak
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
-_MULTIPLES = (1.0, 20.0, 300.0)
 _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
 _STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
@@ -216,7 +215,7 @@ def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> dict[str, 
         step, _ = visible(bench, base, name, neutral, ray)
         points = [
             _on_ray(effect, neutral, ray, sign * step * multiple)
-            for multiple in _MULTIPLES
+            for multiple in effect.multiples
             for sign in (1, -1)
         ]
         points = [p for p in points if p is not None]

@@ -1,5 +1,7 @@
 """Play between the motor and the hub."""
 
+import numpy as np
+
 from twin import planar
 from twin.effects.base import Effect, EffectParameter
 
@@ -17,9 +19,11 @@ class Backlash(Effect):
         EffectParameter("motor_inertia_share", "1", 0.4, (0.05, 0.9), 0.05),
     )
     along = ("motor_inertia_share",)
+    # A wide gap with a light motor does much what a narrow one with a heavy motor does: a fit settles in either.
+    multiples = tuple(np.geomspace(1, 300, 13).tolist())
 
     def starts(self, rig):
-        return tuple({"gap": 2e-3, "motor_inertia_share": share} for share in (0.25, 0.5))
+        return tuple({"gap": 2e-3, "motor_inertia_share": share} for share in (0.2, 0.3, 0.4, 0.5, 0.65))
 
     def plant(self, plant, p):
         if p["gap"] <= 0:

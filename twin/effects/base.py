@@ -120,6 +120,7 @@ class Effect:
         a start gives them as they are, it does not scale them.
       wave: how the effect repeats, if it does with an order that a search has to look for.
       replaces: declared parameters that the effect takes over: they no longer count as calibration.
+      multiples: of the first visible size, at which a search looks before it fits.
     """
 
     name: str
@@ -127,6 +128,7 @@ class Effect:
     replaces: tuple[str, ...] = ()
     along: tuple[str, ...] = ()
     wave: Wave | None = None
+    multiples: tuple[float, ...] = (1.0, 20.0, 300.0)
 
     @property
     def joint(self) -> bool:
