@@ -2,17 +2,20 @@
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from test_effects import PLANTED
 
+from twin.calibration import calibrate
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
-from twin.diagnose import diagnose, find
+from twin.diagnose import diagnose, find, freely_decided
 from twin.effects import REGISTRY
 from twin.patches import of_worst
 from twin.rigs import preset
+from twin.search import Candidate, tried
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.experiments import planned_campaign
@@ -111,3 +114,21 @@ def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(tmp_path, m
         assert error.after < levels * error.noise
         assert error.after < error.before / 10
     assert json.loads(json.dumps(result.to_json(), allow_nan=False))["verdict"] == "explained"
+
+
+def test_of_equal_explanations_the_one_with_closer_free_runs_comes_first(tmp_path):
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(4400))
+    slews = [e for e in plan if e.name.startswith(("bang-bang", "free-vibration"))]
+    make_campaign(tmp_path / "rig", {"viscous-friction": {"viscous": 0.004}}, 4400, experiments=slews)
+    with ThreadPoolExecutor(2) as pool:
+        start = calibrate(read_campaign(tmp_path / "rig"), pool)
+        right = tried(start.bench, start.base, "viscous-friction")
+        # As if the local view had found nothing to choose between the right effect and none.
+        wrong = Candidate(("strain-drift",), start.base, right.score + 1.0)
+        ranked = freely_decided(start.bench, [wrong, right])
+        assert [c.effects for c in ranked] == [right.effects, wrong.effects]
+        assert ranked[0].score == right.score > ranked[1].score
+        alone = [right, replace(wrong, score=0.5 * right.score)]
+        assert freely_decided(start.bench, alone) is alone
+        same = [right, replace(right, effects=("air-drag",))]
+        assert freely_decided(start.bench, same) is same

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import calibration, chance, fit, patches, planning, polish, search, timing, verdict
+from twin import calibration, chance, evidence, fit, patches, planning, polish, search, timing, verdict
 from twin.calibration import Calibration
 from twin.campaign import Campaign
 from twin.conclude import conclude
@@ -31,6 +31,7 @@ _LONG = 12  # iterations of a fit that is to arrive
 _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
 _CONTENDERS = 3  # candidates that are fitted to the end
 _CLOSE = 0.3  # share of the best score that they need
+_CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
 _ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
 
 
@@ -135,7 +136,7 @@ def find(
         by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
         ranked = explored.ranked
         if verdict.worth_adopting(bench, current, ranked, by_chance):
-            ranked = settled(bench, current, ranked, progress)
+            ranked = freely_decided(bench, settled(bench, current, ranked, progress))
         rounds.append(tuple(ranked))
         thresholds.append(max(by_chance, verdict.LEAST_SCORE))
         choice = verdict.worth_adopting(bench, current, ranked, by_chance)
@@ -192,6 +193,27 @@ def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
     alike = [c for c in ranked if c.score > ranked[0].score - max(5.0, _ABOUT * ranked[0].score)]
     simplest = min(alike, key=lambda c: len(c.fit.unknowns))
     return [simplest, *(c for c in ranked if c is not simplest)]
+
+
+def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
+    """The candidates; of those that explain about as much, one whose free runs stay much closer first.
+
+    Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides.
+    """
+    alike = [c for c in ranked[:_CONTENDERS] if c.score > ranked[0].score - verdict.decisive(ranked[0].score)]
+    if len(alike) < 2:
+        return ranked
+    free = Workbench(fit.FreeData(bench.prepared), bench.pool)
+    cost = [
+        float(free.count @ evidence.loss(free.sizes(r)))
+        for r in free.residuals([(c.fit.model, c.fit.starts, None) for c in alike])
+    ]
+    closest = alike[int(np.argmin(cost))]
+    if cost[0] - min(cost) < _CLEARLY * free.count.sum():
+        return ranked
+    most = closest.score - 0.5 * verdict.decisive(ranked[0].score)
+    rest = [replace(c, score=min(c.score, most)) for c in ranked if c is not closest]
+    return [closest, *sorted(rest, key=lambda c: -c.score)]
 
 
 def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:

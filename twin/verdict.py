@@ -95,7 +95,7 @@ def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]
     sets = []
     for ranked in rounds:
         best = ranked[0]
-        alike = [c.effects[-1] for c in ranked if c.score > best.score - _decisive(best.score)]
+        alike = [c.effects[-1] for c in ranked if c.score > best.score - decisive(best.score)]
         if len(alike) > 1:
             sets.append(tuple(alike))
     return sets
@@ -104,12 +104,12 @@ def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]
 def closest(rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, Candidate] | None:
     """The adopted and the next best candidate of the first round in which they explain about as much."""
     for ranked in rounds:
-        if len(ranked) > 1 and ranked[1].score > ranked[0].score - _decisive(ranked[0].score):
+        if len(ranked) > 1 and ranked[1].score > ranked[0].score - decisive(ranked[0].score):
             return ranked[0], ranked[1]
     return None
 
 
-def _decisive(score: float) -> float:
+def decisive(score: float) -> float:
     """Difference in score that decides: what the model gets wrong itself grows with what there is to explain."""
     return max(5.0, (1 - ALIKE) * 0.25 * score)
 
