@@ -249,10 +249,10 @@ def test_planted_parameters_are_recovered(run):
     off = {n: (p["value"] - true[n]) / p["standard_error"] for n, p in said["parameters"].items()}
     assert set(off) == set(true) - {"torque_limit"}
     assert max(abs(z) for z in off.values()) < 3.5, off
-    # They say more than was declared.
+    # They say at least twice as much as was declared.
     for name in ("bending_stiffness", "hub_inertia", "tip_mass", "static_friction"):
         p = said["parameters"][name]
-        assert p["standard_error"] < 0.3 * abs(p["declared"]) * UNCERTAINTY[name], name
+        assert p["standard_error"] < 0.5 * abs(p["declared"]) * UNCERTAINTY[name], name
 
 
 def test_each_procedure_holds_the_truth_by_itself(run):
