@@ -7,9 +7,8 @@ import pytest
 import synthetic_diagnosis as synthetic
 
 from twin.augmented import (
-    read_correlations,
     read_rig_file,
-    read_standard_errors,
+    read_uncertainty,
     to_toml,
     write_augmented,
 )
@@ -58,14 +57,14 @@ def test_file_names_units_and_errors(diagnosis):
 def test_standard_errors_of_effects_are_read_back(diagnosis, tmp_path):
     [effect] = diagnosis.effects
     path = write_augmented(diagnosis, tmp_path)
-    assert read_standard_errors(path) == {"cable-torsion": dict(effect.standard_errors)}
+    assert read_uncertainty(path)[0] == {"cable-torsion": dict(effect.standard_errors)}
 
 
 def test_correlations_are_read_back(diagnosis, tmp_path):
     names = ("bending_stiffness", "length", "cable-torsion.stiffness")
     covariance = np.array([[4.0, 1.8, 0.0], [1.8, 1.0, -0.1], [0.0, -0.1, 0.25]])
     found = of_covariance(names, covariance)
-    read = read_correlations(write_augmented(replace(diagnosis, correlations=found), tmp_path))
+    _, read = read_uncertainty(write_augmented(replace(diagnosis, correlations=found), tmp_path))
     assert read.names == names
     np.testing.assert_allclose(read.matrix, [[1.0, 0.9, 0.0], [0.9, 1.0, -0.2], [0.0, -0.2, 1.0]], atol=1e-4)
     root = read.root(["length", "tip_mass", "bending_stiffness"])
@@ -73,7 +72,7 @@ def test_correlations_are_read_back(diagnosis, tmp_path):
 
 
 def test_no_correlations_are_none(diagnosis, tmp_path):
-    assert read_correlations(write_augmented(diagnosis, tmp_path)).names == ()
+    assert read_uncertainty(write_augmented(diagnosis, tmp_path))[1].names == ()
     assert of_covariance(["a", "b"], np.diag([1.0, np.inf])).names == ("a",)
 
 

@@ -125,9 +125,29 @@ def read_rig_file(path: str | PathLike[str]) -> tuple[Rig, dict[str, dict[str, f
     Raises:
       InputError: the file cannot be used; the message names file and field.
     """
-    path = Path(path)
+    return _read(Path(path))[:2]
+
+
+def read_uncertainty(path: str | PathLike[str]) -> tuple[dict[str, dict[str, float]], Correlations]:
+    """Reads what a parameter file says of its errors, apart from the uncertainty of the rig's parameters.
+
+    Args:
+      path: the file.
+
+    Returns:
+      Effect name -> parameter name -> standard error (SI), and how all errors go together; empty where it has none.
+
+    Raises:
+      InputError: the file cannot be used; the message names file and field.
+    """
+    return _read(Path(path))[2:]
+
+
+def _read(
+    path: Path,
+) -> tuple[Rig, dict[str, dict[str, float]], dict[str, dict[str, float]], Correlations]:
+    """Rig, effects, their standard errors, and correlations."""
     content = _content(path)
-    where = path.name
     try:
         _check_keys(content, _KEYS, "")
         if content.get("format") != 1:
@@ -137,37 +157,11 @@ def read_rig_file(path: str | PathLike[str]) -> tuple[Rig, dict[str, dict[str, f
             raise InputError(f'name is {_found(name)}; expected name = "..." of the rig')
         rig = Rig(name, _parameters(_table(content, "parameters")))
         effects = _effects(_table(content, "effects"), rig)
-        _standard_errors(_table(content, "standard_errors"), effects)
-        _correlations(content, rig, effects)
-        return rig, effects
+        errors = _standard_errors(_table(content, "standard_errors"), effects)
+        known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
+        return rig, effects, errors, correlations.read(_table(content, "correlations"), known)
     except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
-def read_standard_errors(path: str | PathLike[str]) -> dict[str, dict[str, float]]:
-    """Reads effect name -> parameter name -> standard error (SI) from a parameter file; {} where it has none.
-
-    Raises:
-      InputError: the file cannot be used; the message names file and field.
-    """
-    _, effects = read_rig_file(path)
-    return _standard_errors(_table(_content(Path(path)), "standard_errors"), effects)
-
-
-def read_correlations(path: str | PathLike[str]) -> Correlations:
-    """Reads how the errors of a parameter file go together; empty where it does not say.
-
-    Raises:
-      InputError: the file cannot be used; the message names file and field.
-    """
-    return _correlations(_content(Path(path)), *read_rig_file(path))
-
-
-def _correlations(
-    content: Mapping[str, Any], rig: Rig, effects: Mapping[str, Mapping[str, float]]
-) -> Correlations:
-    known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
-    return correlations.read(_table(content, "correlations"), known)
+        raise InputError(f"{path.name}: {error}") from None
 
 
 def _content(path: Path) -> dict[str, Any]:

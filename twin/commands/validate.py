@@ -37,13 +37,12 @@ def validate(
     """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
     check_writable(json_file, report_file)
     declared, effects = load_rig(rig)
-    from twin.augmented import read_correlations, read_standard_errors
+    from twin.augmented import read_uncertainty
     from twin.rigs import PRESETS
     from twin.validation.requirements import defaults, read_requirements
     from twin.validation.rigs import INDEPENDENT
 
-    errors = read_standard_errors(rig) if effects else {}
-    together = INDEPENDENT if rig in PRESETS else read_correlations(rig)
+    errors, together = ({}, INDEPENDENT) if rig in PRESETS else read_uncertainty(rig)
     limits = defaults() if requirements is None else read_requirements(requirements)
     with progress() as report:
         report("loading the equations of motion")
