@@ -25,11 +25,10 @@ from machine import describe
 from rich.progress import track
 
 from twin.campaign import Campaign, read_campaign
-from twin.conclude import said, variables
+from twin.conclude import errors_of, said, variables
 from twin.diagnose import Found, diagnose, find
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
-from twin.fit import Fit
 from twin.verdict import alternatives, misfit, probabilities
 from twin.virtual_rig import make_campaign
 
@@ -92,21 +91,11 @@ def _searched(campaign: Campaign) -> dict:
             for c, ranked in zip(found.adopted, found.rounds, strict=False)
         },
         "values": {name: dict(p) for name, p in found.best.model.effects.items()},
-        "errors": _errors(found.best),
+        "errors": {name: errors_of(found.best, name) for name in found.best.model.effects},
         "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
         "depends": list(variables(found)),
         "rounds": _rounds(found),
     }
-
-
-def _errors(best: Fit) -> dict[str, dict[str, float]]:
-    """Standard errors of the effects' parameters by the search."""
-    errors: dict[str, dict[str, float]] = {name: {} for name in best.model.effects}
-    for u, error in zip(best.unknowns, best.errors, strict=True):
-        if u.owner in errors:
-            value = best.model.effects[u.owner][u.name]
-            errors[u.owner][u.name] = float(error) * (value**2 if u.inverse else 1.0)
-    return errors
 
 
 def _rounds(found: Found) -> list[dict]:

@@ -100,7 +100,7 @@ def _losses(
     J = base.jacobian[:, kept] if columns is None else np.hstack([base.jacobian[:, kept], columns])
     scale = np.sqrt(np.maximum(J.T**2 @ weights, 1e-300))
     J = J / scale
-    prior = np.array([1 / u.scale**2 if u.prior else 0.0 for u in base.unknowns])[kept]
+    prior = fit.prior_precision(base.unknowns)[kept]
     ridge = np.full(J.shape[1], 1e-9)
     ridge[: len(prior)] += prior / scale[: len(prior)] ** 2
     slopes, products, normal = _by_group(bench, base.residual, J, weights)

@@ -72,15 +72,15 @@ def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
     for candidate, ranked in zip(found.adopted, found.rounds, strict=False):
         name = candidate.effects[-1]
         units = {p.name: p.unit for p in REGISTRY[name].parameters}
-        errors = _errors_of(found, polished, name)
+        errors = errors_of(polished.augmented, name)
         values = dict(polished.augmented.model.effects[name])
         share = verdict.probabilities(ranked).get(name, 0.0)
         adopted.append(AdoptedEffect(name, share, values, errors, {n: units[n] for n in values}))
     return tuple(adopted)
 
 
-def _errors_of(found: Found, polished: Polished, name: str) -> dict[str, float]:
-    fit = polished.augmented
+def errors_of(fit: Fit, name: str) -> dict[str, float]:
+    """Standard errors of an effect's parameters; where one over a value was fitted, those of the value."""
     pairs = [(u, float(e)) for u, e in zip(fit.unknowns, fit.errors, strict=True) if u.owner == name]
     values = fit.model.effects[name]
     return {u.name: e * values[u.name] ** 2 if u.inverse else e for u, e in pairs}

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import calibration, chance, evidence, fit, patches, planning, polish, search, timing, verdict
+from twin import calibration, chance, fit, patches, planning, polish, search, timing, verdict
 from twin.calibration import Calibration
 from twin.campaign import Campaign
 from twin.conclude import conclude
@@ -204,10 +204,7 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     if len(alike) < 2:
         return ranked
     free = Workbench(fit.FreeData(bench.prepared), bench.pool)
-    cost = [
-        float(free.count @ evidence.loss(free.sizes(r)))
-        for r in free.residuals([(c.fit.model, c.fit.starts, None) for c in alike])
-    ]
+    cost = [free.cost(r) for r in free.residuals([(c.fit.model, c.fit.starts, None) for c in alike])]
     closest = alike[int(np.argmin(cost))]
     if cost[0] - min(cost) < _CLEARLY * free.count.sum():
         return ranked

@@ -226,6 +226,10 @@ class Workbench:
         """Root-mean-square of each group (g), noise units."""
         return evidence.sizes(residual, self.groups, self.weight)
 
+    def cost(self, residual: np.ndarray) -> float:
+        """What a residual (n) costs, priors apart."""
+        return float(self.count @ evidence.loss(self.sizes(residual)))
+
     def refine(self, model: Model, fine: Model, starts: Sequence[Start]) -> None:
         """Takes the discretisation error of `model` at this point into all later residuals, as `fine` shows it."""
         self.defect = np.zeros(len(self.weight))
@@ -405,7 +409,7 @@ def minimise(
     fixed = fixed_jacobian or {}
     [r] = bench.residuals([(placed(model, unknowns, x), placed_starts(starts, unknowns, x), None)])
     count = bench.count
-    cost = _cost(bench, unknowns, x, r, count)
+    cost = _cost(bench, unknowns, x, r)
     damping, J = 1e-3, np.zeros((len(r), len(unknowns)))
     for iteration in range(iterations):
         J, steps = _jacobian(bench, model, starts, unknowns, x, r, steps, fixed)
@@ -414,7 +418,7 @@ def minimise(
             trial = _step(bench, unknowns, x, r, J, count, damping)
             model_at, starts_at = placed(model, unknowns, trial), placed_starts(starts, unknowns, trial)
             [r_trial] = bench.residuals([(model_at, starts_at, None)])
-            cost_trial = _cost(bench, unknowns, trial, r_trial, count)
+            cost_trial = _cost(bench, unknowns, trial, r_trial)
             if cost_trial < cost:
                 gained = cost - cost_trial
                 x, r, cost, damping = trial, r_trial, cost_trial, damping / 10
@@ -438,12 +442,11 @@ def costs(
 ) -> np.ndarray:
     """Cost at each of some points (p,) of the unknowns."""
     jobs = [(placed(model, unknowns, x), placed_starts(starts, unknowns, x), None) for x in points]
-    count = bench.count
     residuals = bench.residuals(jobs)
-    return np.array([_cost(bench, unknowns, x, r, count) for x, r in zip(points, residuals, strict=True)])
+    return np.array([_cost(bench, unknowns, x, r) for x, r in zip(points, residuals, strict=True)])
 
 
-def _prior_precision(unknowns: Sequence[Unknown]) -> np.ndarray:
+def prior_precision(unknowns: Sequence[Unknown]) -> np.ndarray:
     """One over the variance of each prior (p); 0 where there is none."""
     return np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
 
@@ -472,11 +475,9 @@ def _covariance(
     return inverse + inverse @ spread @ inverse
 
 
-def _cost(
-    bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray, count: np.ndarray
-) -> float:
+def _cost(bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray) -> float:
     prior = sum(0.5 * ((v - u.start) / u.scale) ** 2 for u, v in zip(unknowns, x, strict=True) if u.prior)
-    return float(count @ evidence.loss(bench.sizes(r)) + prior)
+    return float(bench.cost(r) + prior)
 
 
 def row_weights(bench: Workbench, r: np.ndarray) -> np.ndarray:
@@ -490,7 +491,7 @@ def row_weights(bench: Workbench, r: np.ndarray) -> np.ndarray:
 def _normal(bench: Workbench, unknowns: Sequence[Unknown], r: np.ndarray, J: np.ndarray) -> np.ndarray:
     """Information matrix (p x p)."""
     weights = row_weights(bench, r)
-    prior = _prior_precision(unknowns)
+    prior = prior_precision(unknowns)
     return J.T @ (weights[:, None] * J) + np.diag(prior)
 
 
@@ -498,7 +499,7 @@ def normal_equations(bench: Workbench, base: Fit) -> tuple[np.ndarray, np.ndarra
     """Information (p x p) and gradient (p) of a fit's unknowns where it stands."""
     weights = row_weights(bench, base.residual)
     away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])
-    prior = _prior_precision(base.unknowns)
+    prior = prior_precision(base.unknowns)
     information = _normal(bench, base.unknowns, base.residual, base.jacobian)
     return information, base.jacobian.T @ (weights * base.residual) + prior * away
 
@@ -511,7 +512,7 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     """
     weights = row_weights(bench, base.residual)
     kept = np.array([u.owner != "rig" or u.name not in replaced for u in base.unknowns])
-    prior = _prior_precision(base.unknowns)[kept]
+    prior = prior_precision(base.unknowns)[kept]
     away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])[kept]
     J = np.hstack([base.jacobian[:, kept], columns])
     normal = J.T @ (weights[:, None] * J) + np.diag(np.r_[prior, np.zeros(columns.shape[1])])
@@ -521,9 +522,7 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     beyond = np.full(columns.shape[1], np.inf)
     move = _bounded_move(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
     after = base.residual + J @ move * bench.weight
-    return float(
-        bench.count @ (evidence.loss(bench.sizes(base.residual)) - evidence.loss(bench.sizes(after)))
-    )
+    return bench.cost(base.residual) - bench.cost(after)
 
 
 def slope_move(bench: Workbench, base: Fit, column: np.ndarray) -> float:
@@ -562,7 +561,7 @@ def _step(
     damping: float,
 ) -> np.ndarray:
     weights = row_weights(bench, r)
-    prior = _prior_precision(unknowns)
+    prior = prior_precision(unknowns)
     away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
     normal = _normal(bench, unknowns, r, J)
     gradient = J.T @ (weights * r) + prior * away

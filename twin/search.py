@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import chain, evidence, fit, waves
+from twin import chain, fit, waves
 from twin.chain import ChainShape
 from twin.chance import Slopes
 from twin.effects import REGISTRY
@@ -222,7 +222,7 @@ def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> dict[str, 
         if not points:
             continue
         jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
-        cost = [_plain_cost(bench, r) for r in bench.residuals(jobs)]
+        cost = [bench.cost(r) for r in bench.residuals(jobs)]
         if min(cost) < best_cost:
             best, best_cost = points[int(np.argmin(cost))], min(cost)
     return best
@@ -234,7 +234,7 @@ def at_peak(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> dic
     found = [effect.at_order(top.order, top.coefficients) for top in tops]
     points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in found]
     jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
-    return points[int(np.argmin([_plain_cost(bench, r) for r in bench.residuals(jobs)]))]
+    return points[int(np.argmin([bench.cost(r) for r in bench.residuals(jobs)]))]
 
 
 def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:
@@ -286,7 +286,3 @@ def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], leng
             return None
         point[p.name] = p.turned(value)
     return point
-
-
-def _plain_cost(bench: Workbench, r: np.ndarray) -> float:
-    return float(bench.count @ evidence.loss(bench.sizes(r)))

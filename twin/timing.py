@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import driven, evidence, fit, observe, search
+from twin import driven, fit, observe, search
 from twin.effects import REGISTRY
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
@@ -55,7 +55,7 @@ def on_best_clock(
         if len(options) > 1:
             bench = Workbench(driven.DrivenData(prepared, model), pool)
             [r] = bench.residuals([(model, [p.start for p in prepared], None)])
-            value = float(bench.count @ evidence.loss(bench.sizes(r)))
+            value = bench.cost(r)
         if value < cost:
             best, cost, kept = name, value, prepared
             notes = [note for _, said in pairs for note in said]
