@@ -50,7 +50,7 @@ def deliver(found: Identification, folder: Path) -> dict[str, Path]:
         folder.mkdir(exist_ok=True)
         # First, because by it the folder is known as ours.
         write_json(paths["answer"], found.to_json())
-        paths["report"].write_text(page.render(found), encoding="utf-8", errors="replace")
+        paths["report"].write_text(page.render(found), encoding="utf-8")
         paths["rig"].write_text(rig_file.to_toml(found), encoding="utf-8", errors="replace")
     except OSError as error:
         raise InputError(f"cannot write {folder}: {error.strerror}") from error

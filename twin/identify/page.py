@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from twin import pages
 from twin.identify import pictures
 from twin.identify.identification import Identification
 from twin.identify.results import Finding
@@ -10,26 +11,12 @@ from twin.identify.sentences import shown
 
 def render(found: Identification) -> str:
     """Returns the page."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-    from plotly.offline import get_plotlyjs
-
-    environment = Environment(
-        loader=PackageLoader("twin", "identify"),
-        autoescape=select_autoescape(("html", "j2")),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("page.html.j2").render(
-        d=found, shown=shown, procedures=[(f, _pictures(found, f)) for f in found.findings]
-    )
-    return page.replace("/*plotly.js*/", get_plotlyjs(), 1)
+    procedures = [(finding, _pictures(found, finding)) for finding in found.findings]
+    return pages.render("identify/page.html.j2", d=found, shown=shown, procedures=procedures)
 
 
 def _pictures(found: Identification, finding: Finding) -> list[str]:
     """The figures of one procedure as HTML."""
-    from twin.validation.pictures import to_html
-
     figures = {
         "static": lambda: [pictures.load_line(found.load.line, found.load.column)] if found.load else [],
         "decay": lambda: [pictures.decay(d) for d in found.decays],
@@ -47,4 +34,4 @@ def _pictures(found: Identification, finding: Finding) -> list[str]:
         "joint": lambda: [pictures.correlation(found.joint)],
     }
     made = figures.get(finding.procedure, list)()
-    return [to_html(figure, f"{finding.procedure}-{k}") for k, figure in enumerate(made)]
+    return [pages.figure_html(figure, f"{finding.procedure}-{k}") for k, figure in enumerate(made)]

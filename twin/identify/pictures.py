@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin import pages
 from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
@@ -19,8 +20,7 @@ from twin.report.decimate import thin
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-# Okabe and Ito's palette, apart for every common kind of colour vision.
-MEASURED, FITTED, OTHER, SOFT = "#2b2b2b", "#0072b2", "#d55e00", "#9aa3ab"
+MEASURED, FITTED, OTHER, SOFT = pages.INK, pages.BLUE, pages.VERMILION, pages.GREY
 _POINTS = 2000
 _MICRO = {"strain_base", "strain_mid"}
 
@@ -182,9 +182,4 @@ def _figure(height: int) -> Figure:
 
 
 def _styled(figure: Figure, height: int) -> Figure:
-    font = {"family": 'system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif', "size": 13}
-    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
-    margin = {"l": 70, "r": 12, "t": 40, "b": 46}
-    return figure.update_layout(
-        template="plotly_white", height=height, font=font, legend=legend, margin=margin
-    )
+    return pages.styled(figure, height, {"l": 70, "r": 12, "t": 40, "b": 46})

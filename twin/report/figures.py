@@ -10,24 +10,24 @@ from typing import Any
 
 import numpy as np
 
+from twin import pages
 from twin.diagnosis import Patched, Prediction, Trace
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report.decimate import decimate, thin
 from twin.report.display import NOISE_LIKE, channel, over_noise, variable
 
-# Okabe and Ito's palette: apart for every common kind of colour vision, and in grey.
 COLOURS: Mapping[str, str] = {
-    "measured": "#2b2b2b",
-    "before": "#d55e00",
+    "measured": pages.INK,
+    "before": pages.VERMILION,
     "calibrated": "#b3558f",
-    "after": "#0072b2",
+    "after": pages.BLUE,
     "cloud": "#8d96a0",
     "noise": "#e3efe6",
 }
 
 MODELS = ("before", "calibrated", "after")
 _FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
-_GRID, _AXIS = "#e9ecef", "#9aa3ab"
+_GRID, _AXIS = "#e9ecef", pages.GREY
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from twin import pages
 from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
 from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures
@@ -30,24 +31,12 @@ def write_report(diagnosis: Diagnosis, path: Path) -> None:
 
 def render(diagnosis: Diagnosis) -> str:
     """Returns the page."""
-    # jinja2 and plotly cost 0.1 s: `twin --help` does not wait for them.
-    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-    from plotly.offline import get_plotlyjs
-
-    loader = PackageLoader("twin", "report")
-    escape = select_autoescape(("html", "j2"))
-    environment = Environment(
-        loader=loader, autoescape=escape, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    return pages.render(
+        "report/report.html.j2",
+        filters={"words": display.words, "ratio": display.ratio, "probability": display.probability},
+        page=_content(diagnosis),
+        d=diagnosis,
     )
-    environment.filters |= {
-        "words": display.words,
-        "ratio": display.ratio,
-        "probability": display.probability,
-    }
-    page = environment.get_template("report.html.j2").render(page=_content(diagnosis), d=diagnosis)
-    # Last, because a page with a lone surrogate, from a file name that is not UTF-8, cannot be written.
-    page = page.encode("utf-8", "replace").decode("utf-8")
-    return page.replace("/*plotly.js*/", get_plotlyjs(), 1)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from twin import pages
 from twin.errors import InputError
 from twin.validation import pictures, text
 from twin.validation.validation import Validation
@@ -18,31 +19,21 @@ def write_page(result: Validation, path: Path) -> None:
       InputError: the file cannot be written.
     """
     try:
-        path.write_text(render(result), encoding="utf-8", errors="replace")
+        path.write_text(render(result), encoding="utf-8")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
 def render(result: Validation) -> str:
     """Returns the page."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-    from plotly.offline import get_plotlyjs
-
-    environment = Environment(
-        loader=PackageLoader("twin", "validation"),
-        autoescape=select_autoescape(("html", "j2")),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     spreads = pictures.spreads(result)
     missing = [o for o in result.outcomes if not result.keeps(o)]
-    page = environment.get_template("page.html.j2").render(
+    return pages.render(
+        "validation/page.html.j2",
         v=result,
         text=text,
         missing=[(o, result.missed(o), text.farthest(result, o)) for o in missing[:_LISTED]],
         more=max(len(missing) - _LISTED, 0),
-        runs=pictures.to_html(pictures.runs(result), "runs"),
-        spreads="" if spreads is None else pictures.to_html(spreads, "spreads"),
+        runs=pages.figure_html(pictures.runs(result), "runs"),
+        spreads="" if spreads is None else pages.figure_html(spreads, "spreads"),
     )
-    return page.replace("/*plotly.js*/", get_plotlyjs(), 1)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin import pages
 from twin.validation import text
 from twin.validation.fleet import Outcome
 from twin.validation.validation import Validation, Verdict
@@ -14,8 +15,7 @@ from twin.validation.validation import Validation, Verdict
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-# Okabe and Ito's palette, apart for every common kind of colour vision.
-KEPT, MISSED, BELIEVED, LIMIT = "#9aa3ab", "#d55e00", "#0072b2", "#2b2b2b"
+KEPT, MISSED, BELIEVED = pages.GREY, pages.VERMILION, pages.BLUE
 _SHOWN: Mapping[str, tuple[str, float]] = {
     "hub_angle": ("hub angle [°]", float(np.degrees(1))),
     "tip_deflection": ("tip deflection [mm]", 1e3),
@@ -73,12 +73,6 @@ def spreads(result: Validation) -> Figure | None:
     return _styled(figure, 60 + 190 * rows)
 
 
-def to_html(figure: Figure, name: str) -> str:
-    """Returns a figure as part of a page that has plotly.js already."""
-    options = {"displaylogo": False, "responsive": True}
-    return figure.to_html(full_html=False, include_plotlyjs=False, config=options, div_id=name)
-
-
 def _spread(verdict: Verdict) -> bool:
     finite = verdict.values[np.isfinite(verdict.values)]
     return len(finite) > 1 and text.number(finite.min()) != text.number(finite.max())
@@ -94,10 +88,5 @@ def _joined(outcomes: Iterable[Outcome], channel: str, scale: float) -> tuple[li
 
 
 def _styled(figure: Figure, height: int) -> Figure:
-    font = {"family": 'system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif', "size": 13}
-    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
-    margin = {"l": 62, "r": 12, "t": 52, "b": 46}
-    figure.update_layout(
-        template="plotly_white", height=height, font=font, legend=legend, margin=margin, bargap=0.02
-    )
-    return figure.update_annotations(font_size=13)
+    pages.styled(figure, height, {"l": 62, "r": 12, "t": 52, "b": 46})
+    return figure.update_layout(bargap=0.02).update_annotations(font_size=13)

@@ -1,0 +1,59 @@
+"""HTML pages that need no network: plotly.js is in the page, and figures share palette and lettering."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+# Okabe and Ito's palette: apart for every common kind of colour vision, and in grey.
+INK, BLUE, VERMILION, GREY = "#2b2b2b", "#0072b2", "#d55e00", "#9aa3ab"
+
+_FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif'
+_PLOTLY = "/*plotly.js*/"  # where a template wants it
+
+
+def render(template: str, filters: Mapping[str, Callable[..., Any]] | None = None, **content: Any) -> str:
+    """Returns a page.
+
+    Args:
+      template: its file below this package.
+      filters: name -> filter of the template.
+      content: name -> value of the template.
+    """
+    # jinja2 and plotly cost 0.1 s: `twin --help` does not wait for them.
+    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(
+        loader=PackageLoader("twin", "."),
+        autoescape=select_autoescape(("html", "j2")),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= filters or {}
+    page = environment.get_template(template).render(content)
+    # A page with a lone surrogate, from a file name that is not UTF-8, cannot be written.
+    page = page.encode("utf-8", "replace").decode("utf-8")
+    return page.replace(_PLOTLY, get_plotlyjs(), 1)
+
+
+def figure_html(figure: Figure, name: str) -> str:
+    """Returns a figure as the part of a page that is called `name`."""
+    options = {"displaylogo": False, "responsive": True}
+    return figure.to_html(full_html=False, include_plotlyjs=False, config=options, div_id=name)
+
+
+def styled(figure: Figure, height: int, margin: Mapping[str, int]) -> Figure:
+    """Gives a figure its height and margins [px] and the look that all have; returns it."""
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    return figure.update_layout(
+        template="plotly_white",
+        height=height,
+        margin=dict(margin),
+        legend=legend,
+        font={"family": _FONT, "size": 13},
+    )
