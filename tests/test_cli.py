@@ -17,7 +17,7 @@ import synthetic_diagnosis as synthetic
 
 from twin import cli
 from twin.commands import shared
-from twin.deliver import ANSWER, FILES, default_folder, deliver
+from twin.deliver import ANSWER, FILES, FOLDER, deliver
 from twin.diagnosis import Patched
 from twin.json_file import to_text
 from twin.patch import HUB, Patch
@@ -131,8 +131,8 @@ def test_empty_folder_is_used(run, campaign):
 
 def test_folder_is_named_even_where_the_path_has_no_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert default_folder(Path()) == Path(f"{tmp_path.name}-diagnosis")
-    assert default_folder(Path("/")) == Path("campaign-diagnosis")
+    assert FOLDER.named_after(Path()) == Path(f"{tmp_path.name}-diagnosis")
+    assert FOLDER.named_after(Path("/")) == Path("campaign-diagnosis")
 
 
 @pytest.mark.parametrize("make", [synthetic.outside, synthetic.nothing_missing])
@@ -180,6 +180,9 @@ BAD = {
     "json nowhere": (["diagnose", "{campaign}", "--json", "no/a.json"], "there is no folder no"),
     "json is a folder": (["diagnose", "{campaign}", "--json", "{campaign}"], "it is a folder"),
     "demo into a file": (["demo", "--out", "{campaign}/push.csv"], "is a file"),
+    "identify into the campaign": (["identify", "{campaign}", "--out", "{campaign}"], "holds campaign.toml"),
+    "identify below a file": (["identify", "{campaign}", "--out", "{campaign}/push.csv/x"], "cannot"),
+    "identify, json nowhere": (["identify", "{campaign}", "--json", "no/a.json"], "there is no folder no"),
 }
 
 
@@ -212,7 +215,7 @@ def test_a_full_disk_is_told_without_a_traceback(run, campaign, monkeypatch):
 
     monkeypatch.setattr("twin.deliver.write_report", full)
     code, _, error = run("diagnose", campaign)
-    assert (code, error) == (2, "Error: cannot write to bench-diagnosis: No space left on device\n")
+    assert (code, error) == (2, "Error: cannot write bench-diagnosis: No space left on device\n")
 
 
 # The process

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from twin import augmented
 from twin.diagnosis import Diagnosis, Patched
-from twin.errors import InputError
 from twin.json_file import write_json
+from twin.outputs import ResultsFolder, writing
 from twin.recording import Sensor
 from twin.report import write_report
 from twin.stream import write_rrd
@@ -27,6 +25,8 @@ FILES: Mapping[str, str] = {
 }
 """What each file is -> its name in the folder. A patch is written where something is outside the library."""
 
+FOLDER = ResultsFolder("diagnosis", FILES, ANSWER, frozenset({"verdict", "ranking", "errors"}))
+
 
 @dataclass(frozen=True)
 class Delivery:
@@ -39,44 +39,6 @@ class Delivery:
 
     paths: Mapping[str, Path]
     left_out: tuple[str, ...]
-
-
-def default_folder(campaign: Path) -> Path:
-    """Returns the folder, in the working directory, that is named after a campaign."""
-    return Path(f"{campaign.resolve().name or 'campaign'}-diagnosis")
-
-
-def check_folder(folder: Path, force: bool = False) -> None:
-    """Makes sure that writing to a folder overwrites nothing but an earlier diagnosis.
-
-    Raises:
-      InputError: the folder holds something else, or is not a folder.
-    """
-    with _readable(folder):
-        if not folder.exists():
-            return
-        if not folder.is_dir():
-            raise InputError(f"{folder} is a file; expected a folder for the results, new or empty")
-        names = sorted(path.name for path in folder.iterdir())
-    foreign = names if not _is_ours(folder) else [name for name in names if name not in FILES.values()]
-    if foreign and not force:
-        raise InputError(
-            f"{folder} holds {foreign[0]}{' and more' if foreign[1:] else ''}, which no diagnosis wrote; "
-            "name another folder with --out, or write into this one with --force"
-        )
-
-
-def check_file(file: Path, folder: Path) -> None:
-    """Makes sure that a file can be written once the folder of the results is there.
-
-    Raises:
-      InputError: it is a folder, or it would be in one that is not there.
-    """
-    with _readable(file):
-        if file.is_dir():
-            raise InputError(f"cannot write {file}: it is a folder")
-        if not file.parent.is_dir() and file.parent.resolve() != folder.resolve():
-            raise InputError(f"cannot write {file}: there is no folder {file.parent}")
 
 
 def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -> Delivery:
@@ -95,7 +57,7 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     paths = {what: folder / name for what, name in FILES.items()}
     patch = paths.pop("patch")
     mjcf = augmented_mjcf.to_mjcf(diagnosis, sensors)
-    with _writable(folder):
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # First, because by it the folder is known as ours.
         write_json(paths["answer"], diagnosis.to_json())
@@ -116,28 +78,3 @@ def _patch_table(patched: Patched) -> str:
     patch = patched.patch
     rows = [f"{x:.9g},{y:.9g},{n:.0f}" for x, y, n in zip(patch.x, patch.y, patch.count, strict=True)]
     return "\n".join([f"{patch.variable},added_to_{patch.channel},samples", *rows]) + "\n"
-
-
-def _is_ours(folder: Path) -> bool:
-    """Whether an earlier diagnosis wrote to a folder."""
-    try:
-        content = json.loads((folder / ANSWER).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(content, dict) and {"verdict", "ranking", "errors"} <= content.keys()
-
-
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot look at {path}: {error.strerror}") from error
-
-
-@contextmanager
-def _writable(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot write to {folder}: {error.strerror}") from error

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from twin.errors import InputError
+from twin.outputs import writing
 
 
 def to_text(content: Any) -> str:
@@ -22,10 +22,8 @@ def write_json(path: Path, content: Any) -> None:
     Raises:
       InputError: the path cannot be written.
     """
-    try:
+    with writing(path):
         path.write_text(to_text(content), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
 def _plain(value: Any) -> Any:

@@ -15,6 +15,7 @@ from twin.calibration import Calibration, calibrate
 from twin.campaign import Campaign
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
+from twin.outputs import writing
 from twin.planning import Plan
 from twin.search import Candidate, Progress, silent
 
@@ -75,16 +76,12 @@ def write_torque(best: Plan, path: Path) -> None:
       InputError: the path cannot be written.
     """
     recording = best.experiment.recording
-    try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(["time", "torque_command"])
-            writer.writerows(
-                [f"{t:.6g}", f"{u:.6g}"]
-                for t, u in zip(recording.time, recording["torque_command"], strict=True)
-            )
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+    with writing(path), path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", "torque_command"])
+        writer.writerows(
+            [f"{t:.6g}", f"{u:.6g}"] for t, u in zip(recording.time, recording["torque_command"], strict=True)
+        )
 
 
 def to_json(names: tuple[str, str], plans: list[Plan]) -> dict[str, Any]:

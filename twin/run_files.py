@@ -13,6 +13,7 @@ from twin.campaign import read_campaign
 from twin.closed_loop import Run
 from twin.errors import InputError
 from twin.mjcf import GAUGES
+from twin.outputs import writing
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.rigs import preset
 from twin.run_stream import Track, of_recording
@@ -33,13 +34,10 @@ def write_csv(run: Run, path: Path) -> None:
       InputError: the path cannot be written.
     """
     table = columns(run)
-    try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(table)
-            writer.writerows(_rows(table))
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+    with writing(path), path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(table)
+        writer.writerows(_rows(table))
 
 
 def _rows(table: Mapping[str, np.ndarray]):

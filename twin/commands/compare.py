@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from twin.commands.shared import JsonFile, check_writable, console, progress
+from twin.commands.shared import JsonFile, console, progress
 from twin.json_file import write_json
+from twin.outputs import check_writable
 
 
 def compare(

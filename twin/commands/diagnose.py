@@ -11,6 +11,7 @@ import typer
 from twin.commands.shared import Force, JsonFile, console, progress
 from twin.errors import InputError
 from twin.json_file import write_json
+from twin.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.parameters import Rig
@@ -78,10 +79,9 @@ def _diagnose(
     from twin.campaign import read_campaign
     from twin.report import print_summary
 
-    folder = out if out is not None else deliver.default_folder(campaign)
-    deliver.check_folder(folder, force)
-    if json_file is not None:
-        deliver.check_file(json_file, folder)
+    folder = out if out is not None else deliver.FOLDER.named_after(campaign)
+    deliver.FOLDER.check(folder, force)
+    check_writable(json_file, made=folder)
     given = read_campaign(campaign)
     if rig is not None:
         given = replace(given, rig=_declared(rig))

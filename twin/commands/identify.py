@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import Force, JsonFile, check_writable, console, progress
+from twin.commands.shared import Force, JsonFile, console, progress
 from twin.json_file import write_json
+from twin.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.identify.identification import Identification
@@ -29,9 +30,9 @@ def identify(
     from twin.campaign import read_campaign
     from twin.identify import deliver
 
-    check_writable(json_file)
-    folder = out if out is not None else deliver.default_folder(campaign)
-    deliver.check_folder(folder, force)
+    folder = out if out is not None else deliver.FOLDER.named_after(campaign)
+    deliver.FOLDER.check(folder, force)
+    check_writable(json_file, made=folder)
     given = read_campaign(campaign)
     with progress() as report:
         report("loading the equations of motion; the first time they are compiled, which takes minutes")

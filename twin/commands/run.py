@@ -10,13 +10,13 @@ import typer
 from twin.commands.shared import (
     JsonFile,
     RigOption,
-    check_writable,
     console,
     load_rig,
     progress,
     require_display,
 )
 from twin.json_file import write_json
+from twin.outputs import check_writable
 
 Scenario = Annotated[
     str,

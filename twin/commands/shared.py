@@ -71,21 +71,6 @@ def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
     return read_rig_file(path)
 
 
-def check_writable(*files: Path | None) -> None:
-    """Makes sure, before anything is computed, that files can be written.
-
-    Raises:
-      InputError: one is a folder, or would be in one that is not there.
-    """
-    for file in files:
-        if file is None:
-            continue
-        if file.is_dir():
-            raise InputError(f"cannot write {file}: it is a folder")
-        if not file.parent.is_dir():
-            raise InputError(f"cannot write {file}: there is no folder {file.parent}")
-
-
 def require_display(what: str) -> None:
     """Makes sure that there is a screen to show a window on.
 

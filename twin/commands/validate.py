@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import JsonFile, RigOption, check_writable, console, load_rig, progress
+from twin.commands.shared import JsonFile, RigOption, console, load_rig, progress
 from twin.json_file import write_json
+from twin.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.validation.validation import Validation

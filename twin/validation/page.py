@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from twin import pages
-from twin.errors import InputError
+from twin.outputs import writing
 from twin.validation import pictures, text
 from twin.validation.validation import Validation
 
@@ -18,10 +18,8 @@ def write_page(result: Validation, path: Path) -> None:
     Raises:
       InputError: the file cannot be written.
     """
-    try:
+    with writing(path):
         path.write_text(render(result), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
 def render(result: Validation) -> str:

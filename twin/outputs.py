@@ -1,0 +1,102 @@
+"""Where results go: looked at before anything is computed, so that nothing of the user's is overwritten."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from twin.errors import InputError
+
+
+@dataclass(frozen=True)
+class ResultsFolder:
+    """A folder that a command fills.
+
+    Attributes:
+      kind: what it is of, say "diagnosis".
+      files: what each file is -> its name in the folder.
+      answer: the name of the JSON file by which a folder is known as such a one.
+      keys: what that file has.
+    """
+
+    kind: str
+    files: Mapping[str, str]
+    answer: str
+    keys: frozenset[str]
+
+    def named_after(self, campaign: Path) -> Path:
+        """Returns the folder, in the working directory, that is named after a campaign."""
+        return Path(f"{campaign.resolve().name or 'campaign'}-{self.kind}")
+
+    def check(self, folder: Path, force: bool = False) -> None:
+        """Makes sure that writing to a folder overwrites nothing but earlier results of the same kind.
+
+        Raises:
+          InputError: the folder holds something else, or is not a folder.
+        """
+        with _readable(folder):
+            if not folder.exists():
+                return
+            if not folder.is_dir():
+                raise InputError(f"{folder} is a file; expected a folder for the results, new or empty")
+            names = sorted(path.name for path in folder.iterdir())
+        ours = self.files.values() if self._wrote(folder) else ()
+        foreign = [name for name in names if name not in ours]
+        if foreign and not force:
+            raise InputError(
+                f"{folder} holds {foreign[0]}{' and more' if foreign[1:] else ''}, which no {self.kind} wrote; "
+                "name another folder with --out, or write into this one with --force"
+            )
+
+    def _wrote(self, folder: Path) -> bool:
+        """Whether an earlier run wrote to a folder."""
+        try:
+            content = json.loads((folder / self.answer).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return False
+        return isinstance(content, dict) and self.keys <= content.keys()
+
+
+def check_writable(*files: Path | None, made: Path | None = None) -> None:
+    """Makes sure that files can be written.
+
+    Args:
+      files: those that the user named; None for one that is not wanted.
+      made: a folder that will be there by then.
+
+    Raises:
+      InputError: one is a folder, or would be in one that is not there.
+    """
+    for file in files:
+        if file is None:
+            continue
+        with _readable(file):
+            if file.is_dir():
+                raise InputError(f"cannot write {file}: it is a folder")
+            there = file.parent.is_dir() or (made is not None and file.parent.resolve() == made.resolve())
+        if not there:
+            raise InputError(f"cannot write {file}: there is no folder {file.parent}")
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot look at {path}: {error.strerror}") from error
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Tells the user what came in the way of writing to a folder or a file.
+
+    Raises:
+      InputError: it cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
