@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin.augmented import (
-    read_rig_file,
-    read_uncertainty,
-    to_toml,
-    write_augmented,
-)
+from twin.augmented import to_toml, write_augmented
 from twin.correlations import of_covariance
 from twin.errors import InputError
 from twin.parameters import Rig
+from twin.rig_file import read_rig_file, read_uncertainty
 
 MINIMAL = """format = 1
 name = "mine"

@@ -11,7 +11,6 @@ from scipy.signal import cont2discrete, lfilter
 from typer.testing import CliRunner
 
 from twin import chain, cli, fit
-from twin.augmented import read_rig_file
 from twin.errors import InputError
 from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra
 from twin.identify.backbone import backbone
@@ -19,6 +18,7 @@ from twin.identify.break_away import StaticFriction
 from twin.identify.results import Estimate, disagreement, pooled
 from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
+from twin.rig_file import read_rig_file
 from twin.rigs import preset
 from twin.virtual_rig import UNCERTAINTY, make_campaign
 from twin.virtual_rig.experiments import Experiment

@@ -59,7 +59,7 @@ def _declared(file: Path) -> Rig:
     Raises:
       InputError: it cannot be used, or has effects: which one is missing is what a diagnosis is to find.
     """
-    from twin.augmented import read_rig_file
+    from twin.rig_file import read_rig_file
 
     declared, effects = read_rig_file(file)
     if effects:

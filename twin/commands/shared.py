@@ -62,7 +62,7 @@ def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
     Raises:
       InputError: neither a preset nor a file that can be read.
     """
-    from twin.augmented import read_rig_file
+    from twin.rig_file import read_rig_file
     from twin.rigs import PRESETS, preset
 
     path = Path(name_or_file)

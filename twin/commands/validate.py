@@ -38,7 +38,7 @@ def validate(
     """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
     check_writable(json_file, report_file)
     declared, effects = load_rig(rig)
-    from twin.augmented import read_uncertainty
+    from twin.rig_file import read_uncertainty
     from twin.rigs import PRESETS
     from twin.validation.requirements import defaults, read_requirements
     from twin.validation.rigs import INDEPENDENT

@@ -8,14 +8,14 @@ is linear, and the margins that textbooks ask for.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from twin.errors import InputError, nearest
+from twin.toml_file import read_toml
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def read_requirements(path: Path) -> Requirements:
     Raises:
       InputError: the file cannot be used; the message names file and key.
     """
-    content = _content(path)
+    content = read_toml(path, "requirements")
     known = defaults()
     limits, share = dict(known.limits), known.share
     for key, value in content.items():
@@ -107,8 +107,7 @@ def read_requirements(path: Path) -> Requirements:
         elif value is False:
             del limits[key]
         else:
-            r = limits[key]
-            limits[key] = Requirement(r.name, r.words, r.unit, _number(path, key, value), r.at_least)
+            limits[key] = replace(limits[key], limit=_number(path, key, value))
     if not limits:
         raise InputError(f"{path.name}: no requirement is left; expected at least one")
     return Requirements(MappingProxyType(limits), share)
@@ -118,14 +117,3 @@ def _number(path: Path, key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{path.name}: {key} is {value!r}; expected a number, or false for no limit")
     return float(value)
-
-
-def _content(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; expected requirements as TOML") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise InputError(f"{path.name} is not TOML in UTF-8: {error}") from None

@@ -1,0 +1,248 @@
+"""The parameter file of a rig: what `--rig` reads, and how such a file is written.
+
+format = 1
+name = "my-rig"
+
+[parameters.bending_stiffness]
+value = 0.2481
+unit = "N*m^2"
+standard_error = 0.0009
+source = "fitted to the recordings of my-rig; declared 0.24957"
+
+[effects.cable-torsion]
+stiffness = 0.0101  # N*m/rad, standard error 0.0003
+
+[standard_errors.cable-torsion]
+stiffness = 0.0003
+
+and how these errors go together: see `twin.correlations`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from twin import correlations, schema
+from twin.correlations import Correlations
+from twin.errors import InputError, nearest
+from twin.parameters import Parameter, Rig
+from twin.toml_file import read_toml
+
+_KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlations")
+_PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
+
+
+def header(name: str, what: str) -> list[str]:
+    """Returns the first lines of a file: the name of the rig, and a comment on what it is."""
+    return [f"# A rig {what}. SI units.", "format = 1", f"name = {_text(name)}"]
+
+
+def parameter_lines(parameter: Parameter, standard_error: float | None = None) -> Iterator[str]:
+    """Yields the table of a parameter.
+
+    Args:
+      parameter: what is known of it.
+      standard_error: of a fitted value, in its unit; None where it stands as it was declared.
+    """
+    yield ""
+    yield f"[parameters.{parameter.name}]"
+    yield f"value = {number(parameter.value)}"
+    yield f"unit = {_text(parameter.unit)}"
+    if standard_error is None:
+        if parameter.uncertainty is not None:
+            yield f"uncertainty = {number(parameter.uncertainty)}  # relative, as declared"
+    elif math.isfinite(standard_error):
+        yield f"standard_error = {number(standard_error)}"
+    yield f"source = {_text(parameter.source)}"
+
+
+def number(value: float) -> str:
+    """Returns a number as TOML, with all its digits."""
+    return repr(float(value))  # "inf" and "nan" are TOML too
+
+
+def _text(value: str) -> str:
+    # A JSON string is a TOML one but for DEL, and for lone surrogates, which no UTF-8 file can hold.
+    whole = value.encode("utf-8", "replace").decode("utf-8")
+    return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def read_rig_file(path: str | PathLike[str]) -> tuple[Rig, dict[str, dict[str, float]]]:
+    """Reads a rig with its effects from a parameter file, one that the twin wrote or a person did.
+
+    A parameter is a table as above or just a number. A standard error becomes its uncertainty.
+
+    Args:
+      path: the file.
+
+    Returns:
+      The rig, and effect name -> parameter name -> value (SI).
+
+    Raises:
+      InputError: the file cannot be used; the message names file and field.
+    """
+    return _read(Path(path))[:2]
+
+
+def read_uncertainty(path: str | PathLike[str]) -> tuple[dict[str, dict[str, float]], Correlations]:
+    """Reads what a parameter file says of its errors, apart from the uncertainty of the rig's parameters.
+
+    Args:
+      path: the file.
+
+    Returns:
+      Effect name -> parameter name -> standard error (SI), and how all errors go together; empty where it has none.
+
+    Raises:
+      InputError: the file cannot be used; the message names file and field.
+    """
+    return _read(Path(path))[2:]
+
+
+def _read(
+    path: Path,
+) -> tuple[Rig, dict[str, dict[str, float]], dict[str, dict[str, float]], Correlations]:
+    """Rig, effects, their standard errors, and correlations."""
+    content = read_toml(path, "a rig")
+    try:
+        _check_keys(content, _KEYS, "")
+        if content.get("format") != 1:
+            raise InputError(f"format is {_found(content.get('format'))}; expected format = 1")
+        name = content.get("name")
+        if not isinstance(name, str) or not name:
+            raise InputError(f'name is {_found(name)}; expected name = "..." of the rig')
+        rig = Rig(name, _parameters(_table(content, "parameters")))
+        effects = _effects(_table(content, "effects"), rig)
+        errors = _standard_errors(_table(content, "standard_errors"), effects)
+        known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
+        return rig, effects, errors, correlations.read(_table(content, "correlations"), known)
+    except InputError as error:
+        raise InputError(f"{path.name}: {error}") from None
+
+
+def _parameters(tables: Mapping[str, Any]) -> dict[str, Parameter]:
+    found = {name: _parameter(name, given) for name, given in tables.items()}
+    lacking = [name for name in schema.PARAMETERS if name not in schema.DEFAULTS and name not in found]
+    if lacking:
+        raise InputError(f"parameters: {', '.join(lacking)} missing; expected a value for each")
+    for name, value in schema.DEFAULTS.items():
+        unit, bounds = schema.PARAMETERS[name]
+        default = Parameter(name, value, unit, None, bounds, "default of the recording format")
+        found.setdefault(name, default)
+    return found
+
+
+def _parameter(name: str, given: Any) -> Parameter:
+    field = f"parameters.{name}"
+    if name not in schema.PARAMETERS:
+        hint = nearest(name, schema.PARAMETERS)
+        raise InputError(f"{field} is not a parameter; expected one of: {', '.join(schema.PARAMETERS)}{hint}")
+    table = given if isinstance(given, dict) else {"value": given}
+    _check_keys(table, _PARAMETER_KEYS, f"{field}.")
+    unit, bounds = schema.PARAMETERS[name]
+    value = _value(f"{field}.value", table.get("value"))
+    if table.get("unit", unit) != unit:
+        raise InputError(f"{field}.unit is {_found(table['unit'])}; expected '{unit}'")
+    try:
+        return Parameter(name, value, unit, _uncertainty(field, table, value), bounds, _source(field, table))
+    except ValueError as error:
+        raise InputError(f"{field}: {error}") from None
+
+
+def _uncertainty(field: str, table: Mapping[str, Any], value: float) -> float | None:
+    """Returns the relative standard deviation: given as such, or as a standard error, or not at all."""
+    if "standard_error" in table:
+        error = _value(f"{field}.standard_error", table["standard_error"])
+        if not 0 <= error < math.inf:
+            raise InputError(f"{field}.standard_error is {error:g}; expected a number >= 0")
+        return error / abs(value) if value else None
+    if "uncertainty" in table:
+        return _value(f"{field}.uncertainty", table["uncertainty"])
+    return None
+
+
+def _source(field: str, table: Mapping[str, Any]) -> str:
+    source = table.get("source", "parameter file")
+    if not isinstance(source, str):
+        raise InputError(f"{field}.source is {_found(source)}; expected a text in quotes")
+    return source
+
+
+def _effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, float]]:
+    if not tables:
+        return {}
+    from twin.effects import REGISTRY  # compiles equations of motion: only where it is needed
+
+    effects = {}
+    for name, given in tables.items():
+        if name not in REGISTRY:
+            known = ", ".join(REGISTRY)
+            raise InputError(
+                f"effects.{name} is not an effect; expected one of: {known}{nearest(name, REGISTRY)}"
+            )
+        if not isinstance(given, dict):
+            raise InputError(f"effects.{name} is {_found(given)}; expected a table")
+        neutral = REGISTRY[name].neutral(rig)
+        _check_keys(given, tuple(neutral), f"effects.{name}.")
+        values = {key: _value(f"effects.{name}.{key}", value) for key, value in given.items()}
+        infinite = [key for key, value in values.items() if not math.isfinite(value)]
+        if infinite:
+            raise InputError(
+                f"effects.{name}.{infinite[0]} is {values[infinite[0]]}; expected a finite number"
+            )
+        effects[name] = {**neutral, **values}
+    return effects
+
+
+def _standard_errors(
+    tables: Mapping[str, Any], effects: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    errors: dict[str, dict[str, float]] = {}
+    for name, given in tables.items():
+        field = f"standard_errors.{name}"
+        if name not in effects:
+            raise InputError(
+                f"{field} is of no effect of the rig; its effects are: {', '.join(effects) or 'none'}"
+            )
+        if not isinstance(given, dict):
+            raise InputError(f"{field} is {_found(given)}; expected a table")
+        _check_keys(given, tuple(effects[name]), f"{field}.")
+        errors[name] = {key: _value(f"{field}.{key}", value) for key, value in given.items()}
+        for key, error in errors[name].items():
+            if not 0 <= error < math.inf:
+                raise InputError(f"{field}.{key} is {error:g}; expected a number >= 0")
+    return errors
+
+
+def _table(content: Mapping[str, Any], key: str) -> dict[str, Any]:
+    table = content.get(key, {})
+    if not isinstance(table, dict):
+        raise InputError(f"{key} is {_found(table)}; expected a table")
+    return table
+
+
+def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], prefix: str) -> None:
+    for key in table:
+        if key not in known:
+            raise InputError(
+                f"unknown key {prefix}{key}; expected one of: {', '.join(known)}{nearest(key, known)}"
+            )
+
+
+def _value(field: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        raise InputError(f"{field} is {_found(value)}; expected a number")
+    return float(value)
+
+
+def _found(value: Any) -> str:
+    if value is None:
+        return "missing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"'{value}'" if isinstance(value, str) else "a table" if isinstance(value, dict) else str(value)

@@ -1,0 +1,30 @@
+"""TOML files that the user names."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from twin.errors import InputError
+
+
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """Returns what a file says.
+
+    Args:
+      path: the file.
+      what: what it should hold, for the message.
+
+    Raises:
+      InputError: there is no such file, it cannot be read, or it is not TOML in UTF-8.
+    """
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file; expected {what} as TOML") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        form = "UTF-8" if isinstance(error, UnicodeDecodeError) else "TOML"
+        raise InputError(f"{path.name} is not {form}: {error}") from None
