@@ -4,9 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from twin import cli
 from twin.check import check, fit_ring_down, to_json
 from twin.errors import InputError
 from twin.rigs import preset
@@ -75,18 +73,17 @@ def test_impossible_number_of_segments(segments):
         check(preset("bossi2009"), segments)
 
 
-def test_command_writes_json_and_prints_the_table(tmp_path):
-    file = tmp_path / "check.json"
-    result = CliRunner().invoke(cli.app, ["check", "--segments", "6", "--json", str(file)])
-    assert result.exit_code == 0
-    assert "1 clamped" in result.output
-    assert json.loads(file.read_text())["segments"] == 6
+def test_command_writes_json_and_prints_the_table(twin, tmp_path):
+    code, output, _ = twin("check", "--segments", 6, "--json", "check.json")
+    assert code == 0
+    assert "1 clamped" in output
+    assert json.loads((tmp_path / "check.json").read_text())["segments"] == 6
 
 
-def test_too_coarse_a_chain_fails_with_1():
-    result = CliRunner().invoke(cli.app, ["check", "--segments", "2"])
-    assert result.exit_code == 1
-    assert "FAILED" in result.output
+def test_too_coarse_a_chain_fails_with_1(twin):
+    code, output, _ = twin("check", "--segments", 2)
+    assert code == 1
+    assert "FAILED" in output
 
 
 @pytest.mark.parametrize(
@@ -97,12 +94,9 @@ def test_too_coarse_a_chain_fails_with_1():
         (["--segments", "4", "--json", "/nowhere/check.json"], "cannot write /nowhere/check.json"),
     ],
 )
-def test_bad_input_is_one_message_and_2(arguments, message, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["twin", "check", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert stop.value.code == 2
-    error = capsys.readouterr().err
+def test_bad_input_is_one_message_and_2(twin, arguments, message):
+    code, _, error = twin("check", *arguments)
+    assert code == 2
     assert error.startswith("Error: ")
     assert message in error
 

@@ -39,20 +39,13 @@ def campaign(tmp_path):
 
 
 @pytest.fixture
-def run(monkeypatch, capsys, tmp_path, answer):
+def run(twin, monkeypatch, tmp_path, answer):
     """Returns a function that runs `twin` in an empty working directory, the loop replaced by its answer."""
     work = tmp_path / "work"
     work.mkdir()
     monkeypatch.chdir(work)
     monkeypatch.setitem(sys.modules, "twin.diagnose", SimpleNamespace(diagnose=lambda *_, **__: answer))
-
-    def invoke(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["twin", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        return (stop.value.code or 0, *capsys.readouterr())
-
-    return invoke
+    return twin
 
 
 def files(folder: Path = Path()) -> list[str]:

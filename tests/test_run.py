@@ -2,13 +2,12 @@
 
 import json
 import math
-import sys
 
 import numpy as np
 import pytest
 from test_stream import read
 
-from twin import cli, scenarios
+from twin import scenarios
 from twin.compare import compare, read_tracks
 from twin.errors import InputError
 from twin.experiment import Experiment, run_shown
@@ -26,19 +25,6 @@ def experiment(name="lq-step-120", plant="compiled", **more) -> Experiment:
 @pytest.fixture(scope="module")
 def chain_run():
     return experiment(plant="chain").run()
-
-
-@pytest.fixture
-def twin(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def invoke(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["twin", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        return (stop.value.code or 0, *capsys.readouterr())
-
-    return invoke
 
 
 # The paper's figures: Bossi et al. 2009, section VI

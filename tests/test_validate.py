@@ -3,13 +3,12 @@
 import json
 import math
 import re
-import sys
 
 import control
 import numpy as np
 import pytest
 
-from twin import cli, closed_loop, plants
+from twin import closed_loop, plants
 from twin.closed_loop import Run
 from twin.control.base import LinearController
 from twin.control.library import CONTROLLERS, controller
@@ -357,19 +356,6 @@ def test_what_is_not_a_number_meets_nothing():
 
 
 # The command
-
-
-@pytest.fixture
-def twin(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-
-    def invoke(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["twin", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        return (stop.value.code or 0, *capsys.readouterr())
-
-    return invoke
 
 
 def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
