@@ -15,6 +15,7 @@ from twin.errors import InputError
 from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra
 from twin.identify.backbone import backbone
 from twin.identify.break_away import StaticFriction
+from twin.identify.deliver import FOLDER
 from twin.identify.results import Estimate, disagreement, pooled
 from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
@@ -288,15 +289,15 @@ def test_json_is_what_others_read(run):
     assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
 
 
-def test_the_identified_rig_is_read_by_every_command(run):
+def test_the_identified_rig_is_read_by_every_command(run, twin):
     _, root, said, _ = run
     file = root / "out" / "identified-rig.toml"
     rig, _ = read_rig_file(file)
     for name, p in said["parameters"].items():
         assert rig[name] == pytest.approx(p["value"], rel=1e-12)
         assert rig.parameters[name].uncertainty == pytest.approx(p["standard_error"] / p["value"], rel=1e-9)
-    result = CliRunner().invoke(cli.app, ["run", "bang-bang-20", "--plant", "modal", "--rig", str(file)])
-    assert result.exit_code == 0, result.output
+    code, _, error = twin("run", "bang-bang-20", "--plant", "modal", "--rig", file)
+    assert code == 0, error
 
 
 def test_the_page_shows_what_was_found(run):
@@ -308,20 +309,25 @@ def test_the_page_shows_what_was_found(run):
     assert page.count("Plotly.newPlot") >= 6
 
 
-def test_a_folder_of_something_else_is_not_written_into(run, tmp_path):
+def test_a_folder_of_something_else_is_not_written_into(run, twin, tmp_path):
     _, root, _, _ = run
     (tmp_path / "mine.txt").write_text("keep")
-    result = CliRunner().invoke(cli.app, ["identify", str(root / "rig-7"), "--out", str(tmp_path)])
-    assert isinstance(result.exception, InputError)
+    code, _, error = twin("identify", root / "rig-7", "--out", tmp_path)
+    assert code == 2
+    assert "holds mine.txt, which no identification wrote" in error
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_bad_input_is_one_message_and_writes_nothing(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(cli.app, ["identify", "no-such-folder"])
-    assert isinstance(result.exception, InputError)
-    assert "no-such-folder" in str(result.exception)
-    assert CliRunner().invoke(cli.app, ["identify"]).exit_code == 2
+def test_its_own_folder_is_known_again(run):
+    _, root, _, _ = run
+    FOLDER.check(root / "out")
+
+
+def test_bad_input_is_one_message_and_writes_nothing(twin, tmp_path):
+    code, _, error = twin("identify", "no-such-folder")
+    assert code == 2
+    assert "no-such-folder" in error
+    assert twin("identify")[0] == 2
     assert not list(tmp_path.iterdir())
 
 
@@ -337,13 +343,24 @@ def test_what_recordings_do_not_allow_is_said_in_a_sentence():
     assert all(f.missing and not f.sentences for f in found)
 
 
+SENSORS = {
+    "strain_base": Sensor("strain_base", 2e-6, 0.02, 0.0008),
+    "hub_angle": Sensor("hub_angle", 3e-4),
+}
+
+
+def recorded(model: Model, experiment: Recording, seed: int) -> fit.Prepared:
+    """What the sensors read where a model runs an experiment, ready to be fitted."""
+    seen = simulate(model, experiment, Start())
+    rng = np.random.default_rng(seed)
+    noisy = {c: seen[c] + s.noise * rng.standard_normal(len(seen.time)) for c, s in SENSORS.items()}
+    recording = experiment.replace(channels={"torque_command": experiment["torque_command"], **noisy})
+    return fit.prepare(recording, {c: s.noise for c, s in SENSORS.items()})[0]
+
+
 def test_coulomb_friction_from_the_decay_of_an_unclamped_link():
     true = preset("bossi2009").replace("low static friction", static_friction=0.02, coulomb_friction=0.0055)
-    sensors = {
-        "strain_base": Sensor("strain_base", 2e-6, 0.02, 0.0008),
-        "hub_angle": Sensor("hub_angle", 3e-4),
-    }
-    model = Model(true, sensors, chain.fit_shape(true, 5), step=1e-3)
+    model = Model(true, SENSORS, chain.fit_shape(true, 5), step=1e-3)
     time = np.arange(0, 2, 0.002)
     still = np.zeros(len(time))
     release = Recording(
@@ -352,11 +369,7 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link():
         {"torque_command": still, "hub_angle": still, "strain_base": still},
         initial_tip_deflection=0.03,
     )
-    seen = simulate(model, release, Start())
-    rng = np.random.default_rng(3)
-    noisy = {c: seen[c] + s.noise * rng.standard_normal(len(time)) for c, s in sensors.items()}
-    recording = release.replace(channels={"torque_command": still, **noisy})
-    prepared, _ = fit.prepare(recording, {c: s.noise for c, s in sensors.items()})
+    prepared = recorded(model, release, seed=3)
     off = model.replace(declared=true.replace("believed", coulomb_friction=0.0045))
     found = friction_map.read(off, [prepared], [prepared.start])
     assert (np.diff(found.damping) > 0).all()
@@ -367,22 +380,14 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link():
 
 def test_break_away_on_a_staircase_lies_between_two_stairs():
     true = preset("bossi2009").replace("even", static_friction=0.042, coulomb_friction=0.03)
-    sensors = {
-        "strain_base": Sensor("strain_base", 2e-6, 0.02, 0.0008),
-        "hub_angle": Sensor("hub_angle", 3e-4),
-    }
-    model = Model(true, sensors, chain.fit_shape(true, 5), step=1e-3)
+    model = Model(true, SENSORS, chain.fit_shape(true, 5), step=1e-3)
     time = np.arange(0, 5.5, 0.004)
     stairs = -0.01 * np.floor(time)
     still = np.zeros(len(time))
     climb = Recording(
         "stairs.csv", time, {"torque_command": stairs, "hub_angle": still, "strain_base": still}
     )
-    seen = simulate(model, climb, Start())
-    rng = np.random.default_rng(1)
-    noisy = {c: seen[c] + s.noise * rng.standard_normal(len(time)) for c, s in sensors.items()}
-    recording = climb.replace(channels={"torque_command": stairs, **noisy})
-    prepared, _ = fit.prepare(recording, {c: s.noise for c, s in sensors.items()})
+    prepared = recorded(model, climb, seed=1)
     found = break_away.read(model, [prepared], [prepared.start])
     assert set(found.by_direction) == {-1}
     assert found.level.value == pytest.approx(0.045)
