@@ -10,19 +10,17 @@ ranking come from the search; `--whole` also runs the last fit and simulates the
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import resumable
 from cases import DEPENDS, SIZES, Case, cases
 from machine import describe
-from rich.progress import track
 
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import errors_of, said, variables
@@ -33,35 +31,21 @@ from twin.verdict import alternatives, misfit, probabilities
 from twin.virtual_rig import make_campaign
 
 
-def answer(case: Case, work: Path, whole: bool, latest: float) -> dict | None:
-    """Makes the campaign, diagnoses it and writes the answer down; an answer that is there is kept.
-
-    None where there is no answer and it is later than `latest`, in seconds since the epoch.
-    """
-    path = work / f"{case.name}.json"
-    if path.exists():
-        return json.loads(path.read_text())
-    if time.time() > latest:
-        return None
-    folder = work / case.name
+def solve(case: Case, folder: Path, whole: bool) -> dict:
+    """Makes a campaign and diagnoses it."""
     truth = make_campaign(
         folder, case.effects(), case.seed, perturb=case.perturb, dirty=case.dirty, force=True
     )
     began = time.perf_counter()
     campaign = read_campaign(folder)
     found = _whole(diagnose(campaign, workers=1)) if whole else _searched(campaign)
-    found |= {
+    return found | {
         "kind": case.kind,
         "missing": list(case.missing),
         "truth": truth.effects,
         "dirty": list(case.dirty),
         "seconds": time.perf_counter() - began,
     }
-    path.write_text(json.dumps(found, indent=1))
-    for file in folder.glob("*"):
-        file.unlink()
-    folder.rmdir()
-    return found
 
 
 def _whole(result: Diagnosis) -> dict:
@@ -252,34 +236,21 @@ def parameter_error(a: dict) -> float | None:
 
 def main() -> None:
     """Runs what is not there yet and prints the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("work", type=Path)
+    parser = resumable.parser(__doc__, jobs=2)
     parser.add_argument("--each", type=int, default=5, help="campaigns of each effect")
     parser.add_argument("--nulls", type=int, default=20, help="campaigns with nothing missing")
     parser.add_argument("--pairs", type=int, default=20, help="campaigns with two effects")
     parser.add_argument("--outside", type=int, default=20, help="campaigns with a fault outside the library")
     parser.add_argument("--seed", type=int, default=1000)
-    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--whole", action="store_true", help="with the last fit and the held-out recordings")
-    parser.add_argument(
-        "--minutes", type=float, default=float("inf"), help="begin no campaign later than that"
-    )
     options = parser.parse_args()
-    latest = time.time() + 60 * options.minutes
-    options.work.mkdir(parents=True, exist_ok=True)
-    todo = list(cases(options.each, options.nulls, options.pairs, options.outside, options.seed))
-    answers: list[dict | None] = []
-    with ProcessPoolExecutor(options.jobs) as pool:
-        jobs = [pool.submit(answer, case, options.work, options.whole, latest) for case in todo]
-        for job in track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty()):
-            answers.append(job.result())
-    found = [a for a in answers if a is not None]
+    todo = cases(options.each, options.nulls, options.pairs, options.outside, options.seed)
+    tasks = {case.name: case for case in todo}
+    found = resumable.answers(tasks, partial(solve, whole=options.whole), options)
     given = " ".join(f"--{k} {getattr(options, k)}" for k in ("each", "nulls", "pairs", "outside", "seed"))
     print(
         f"`python benchmarks/diagnosis.py WORK {given}{' --whole' if options.whole else ''}`, {describe()},"
-        f" {len(found)} of {len(todo)} campaigns\n"
+        f" {len(found)} of {len(tasks)} campaigns\n"
     )
     print(table(found))
 

@@ -9,43 +9,25 @@ each campaign are drawn from the uncertainty that it declares; nothing else is m
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 import numpy as np
+import resumable
 from machine import describe
-from rich.progress import track
 
 from twin.campaign import read_campaign
 from twin.identify.identification import identify
 from twin.virtual_rig import make_campaign
 
 
-def answer(seed: int, work: Path, latest: float) -> dict | None:
-    """Makes the campaign, identifies it and writes the answer down; an answer that is there is kept.
-
-    None where there is no answer and it is later than `latest`, in seconds since the epoch.
-    """
-    path = work / f"{seed}.json"
-    if path.exists():
-        return json.loads(path.read_text())
-    if time.time() > latest:
-        return None
-    folder = work / str(seed)
+def solve(seed: int, folder: Path) -> dict:
+    """Makes a campaign and identifies it."""
     truth = make_campaign(folder, {}, seed, perturb=1.0, force=True)
     began = time.perf_counter()
     found = identify(read_campaign(folder)).to_json()
-    result = {"parameters": found["parameters"], "true": truth.true, "seconds": time.perf_counter() - began}
-    path.write_text(json.dumps(result, indent=1))
-    for file in folder.glob("*"):
-        file.unlink()
-    folder.rmdir()
-    return result
+    return {"parameters": found["parameters"], "true": truth.true, "seconds": time.perf_counter() - began}
 
 
 def table(answers: Sequence[dict]) -> str:
@@ -81,24 +63,12 @@ def _row(answers: Sequence[dict], name: str, method: str) -> str:
 
 def main() -> None:
     """Runs what is not there yet and prints the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("work", type=Path)
+    parser = resumable.parser(__doc__, jobs=1)
     parser.add_argument("--campaigns", type=int, default=50)
     parser.add_argument("--seed", type=int, default=9000, help="of the first campaign")
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument(
-        "--minutes", type=float, default=float("inf"), help="begin no campaign later than that"
-    )
     options = parser.parse_args()
-    latest = time.time() + 60 * options.minutes
-    options.work.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        seeds = range(options.seed, options.seed + options.campaigns)
-        jobs = [pool.submit(answer, seed, options.work, latest) for seed in seeds]
-        done = track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty())
-        answers = [found for job in done if (found := job.result()) is not None]
+    seeds = range(options.seed, options.seed + options.campaigns)
+    answers = resumable.answers({str(seed): seed for seed in seeds}, solve, options)
     given = f"--campaigns {options.campaigns} --seed {options.seed}"
     print(f"`python benchmarks/identify.py WORK {given}`, {describe()}, {len(answers)} campaigns\n")
     print(table(answers))
