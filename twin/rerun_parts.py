@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.recording import Recording, Sensor
+from twin.report import display
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -81,6 +82,20 @@ def _integral(values: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Returns the integral from the first point to each (k x p), by the trapezoidal rule."""
     steps = 0.5 * (values[:, 1:] + values[:, :-1]) * np.diff(s)
     return np.concatenate([np.zeros((len(values), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def lifted(line: np.ndarray, level: int, length: float) -> np.ndarray:
+    """Returns a link's line (k x p x 2) as (k x p x 3) [m], a little above the one of the level below.
+
+    Where arms coincide all can still be seen.
+    """
+    height = np.full((*line.shape[:2], 1), 0.012 * length * level)
+    return np.concatenate([line, height], axis=2)
+
+
+def entity_name(name: str) -> str:
+    """Returns a name made safe for the path of an entity."""
+    return "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in name)
 
 
 def send_scenery(stream: rr.RecordingStream, root: str, length: float) -> None:
@@ -168,3 +183,23 @@ def series_view(origin: str, title: str) -> rrb.TimeSeriesView:
 
     legend = rrb.PlotLegend(visible=True, corner=rrb.Corner2D.RightTop)
     return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=legend)
+
+
+def channel_view(origin: str, channel: str, what: str = "") -> rrb.TimeSeriesView:
+    """Returns the view of a channel, or of what `what` says of it."""
+    shown = display.channel(channel)
+    return series_view(origin, f"{what}{shown.label} [{shown.unit}]")
+
+
+def blueprint(contents: rrb.Container) -> rrb.Blueprint:
+    """Returns a layout with its time bar, without the panels that a reader does not need."""
+    import rerun.blueprint as rrb
+
+    return rrb.Blueprint(
+        contents,
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )

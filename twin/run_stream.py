@@ -86,7 +86,7 @@ class RunStream:
 
     def send(self, index: int, piece: Track) -> None:
         """Sends a piece of the track `index`."""
-        safe = f"{index}_{_safe(piece.name)}"
+        safe = f"{index}_{parts.entity_name(piece.name)}"
         self._send_arm(index, safe, piece)
         width = 2.5 if index == 0 else 1.5
         for channel in _PLOTTED:
@@ -105,7 +105,7 @@ class RunStream:
             for channel, (time, values) in differences(first, other).items():
                 if channel in _DIFFERENCES:
                     scaled = display.channel(channel).factor * values
-                    entity = f"{_ROOT}/difference_{channel}/{index}_{_safe(other.name)}"
+                    entity = f"{_ROOT}/difference_{channel}/{index}_{parts.entity_name(other.name)}"
                     parts.send_scalars(
                         self._stream,
                         entity,
@@ -124,10 +124,9 @@ class RunStream:
             return
         self._drawn[index] = frames[-1]
         line = piece.line[new]
-        height = np.full((*line.shape[:2], 1), 0.012 * self._length * index)
         thick = (0.016 if index == 0 else 0.008) * self._length
         place, times = f"{_ROOT}/arms/{name}", piece.time[new]
-        whole = np.concatenate([line, height], axis=2)
+        whole = parts.lifted(line, index, self._length)
         parts.send_arm(self._stream, place, times, whole, COLOURS[index % 4], thick)
         if index == 0:
             heading = np.unwrap(np.arctan2(line[:, 1, 1], line[:, 1, 0]))
@@ -147,7 +146,7 @@ class RunStream:
         if piece.modes is not None:
             self._line("friction/mode", piece, piece.modes.astype(float), COLOURS[0], "hub", 1.5)
         for place, (name, values) in enumerate(piece.states.items()):
-            self._line(f"controller/{_safe(name)}", piece, values, COLOURS[place % 4], name, 1.5)
+            self._line(f"controller/{parts.entity_name(name)}", piece, values, COLOURS[place % 4], name, 1.5)
 
     def _line(
         self, entity: str, piece: Track, values: np.ndarray, colour: parts.Colour, name: str, width: float
@@ -221,11 +220,11 @@ def _blueprint(tracks: Sequence[Track], length: float) -> rrb.Blueprint:
     import rerun.blueprint as rrb
 
     channels = [c for c in _PLOTTED if any(c in track.channels for track in tracks)]
-    plots: list[Any] = [_channel_view(channel, channel) for channel in channels]
+    plots: list[Any] = [parts.channel_view(f"{_ROOT}/{channel}", channel) for channel in channels]
     plots.append(parts.series_view(f"{_ROOT}/torque", "torque [N m]"))
     if len(tracks) > 1:
         shared = [c for c in _DIFFERENCES if all(c in track.channels for track in tracks[:2])]
-        plots += [_channel_view(f"difference_{c}", c, "difference of ") for c in shared]
+        plots += [parts.channel_view(f"{_ROOT}/difference_{c}", c, "difference of ") for c in shared]
     below: list[Any] = []
     if tracks[0].modes is not None:
         below.append(parts.series_view(f"{_ROOT}/friction", "hub: sliding back -1, sticking 0, sliding on 1"))
@@ -233,20 +232,4 @@ def _blueprint(tracks: Sequence[Track], length: float) -> rrb.Blueprint:
         below.append(parts.series_view(f"{_ROOT}/controller", "states of the controller"))
     arms = parts.arms_view(_ROOT, length)
     left = rrb.Vertical(arms, *below, row_shares=[3] + [1] * len(below))
-    return rrb.Blueprint(
-        rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6]),
-        rrb.TimePanel(state="collapsed", timeline=parts.TIMELINE, play_state="playing", loop_mode="all"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        auto_views=False,
-        auto_layout=False,
-    )
-
-
-def _channel_view(entity: str, channel: str, what: str = "") -> rrb.TimeSeriesView:
-    shown = display.channel(channel)
-    return parts.series_view(f"{_ROOT}/{entity}", f"{what}{shown.label} [{shown.unit}]")
-
-
-def _safe(name: str) -> str:
-    return "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in name)
+    return parts.blueprint(rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6]))

@@ -64,8 +64,7 @@ def _roots(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     numbers = count(1)
     for role in ("holdout", "fit"):
         for file in display.by_role(diagnosis, role):
-            safe = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in Path(file).stem)
-            yield file, f"/{role}/{next(numbers):02}_{safe}"
+            yield file, f"/{role}/{next(numbers):02}_{parts.entity_name(Path(file).stem)}"
 
 
 # What is shown of one recording
@@ -136,11 +135,10 @@ def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
     frames = np.arange(measured.time[0], measured.time[-1] + 0.5 / parts.FRAME_RATE, 1 / parts.FRAME_RATE)
     for level, (model, recording) in enumerate(entry.models().items()):
         line = parts.centre_line(recording, frames, entry.length, entry.sensors)
-        # One above the other, by a little: where they coincide all can still be seen.
-        height = np.full((*line.shape[:2], 1), 0.012 * entry.length * level)
         thick = (0.016 if model == "measured" else 0.009) * entry.length
         place = f"{entry.root}/arms/{_PLACES[model]}"
-        parts.send_arm(stream, place, frames, np.concatenate([line, height], axis=2), COLOURS[model], thick)
+        whole = parts.lifted(line, level, entry.length)
+        parts.send_arm(stream, place, frames, whole, COLOURS[model], thick)
         for name in entry.channels():
             if name in recording:
                 values = display.channel(name).factor * recording[name]
@@ -205,32 +203,20 @@ def _blueprint(diagnosis: Diagnosis, shown: Sequence[_Shown]) -> rrb.Blueprint:
         if mine:
             tabs.append(rrb.Tabs(*mine, name=f"{name} ({len(mine)})", active_tab=0))
     tabs.append(rrb.TextDocumentView(origin="/summary", name="summary"))
-    return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=0),
-        rrb.TimePanel(state="collapsed", timeline=parts.TIMELINE, play_state="playing", loop_mode="all"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        auto_views=False,
-        auto_layout=False,
-    )
+    return parts.blueprint(rrb.Tabs(*tabs, active_tab=0))
 
 
 def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
     import rerun.blueprint as rrb
 
     arms = parts.arms_view(entry.root, entry.length)
-    plots = [_plot(entry, name) for name in entry.channels()]
+    plots = [parts.channel_view(f"{entry.root}/{name}", name) for name in entry.channels()]
     plots.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]"))
     found = entry.torque()
     if found:
         plots.append(parts.series_view(f"{entry.root}/unmodelled", found[0].label))
     left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
     return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)
-
-
-def _plot(entry: _Shown, channel: str) -> rrb.TimeSeriesView:
-    shown = display.channel(channel)
-    return parts.series_view(f"{entry.root}/{channel}", f"{shown.label} [{shown.unit}]")
 
 
 def _story(diagnosis: Diagnosis) -> str:
