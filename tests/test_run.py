@@ -146,16 +146,24 @@ def test_pieces_of_a_run_are_the_run():
 def test_difference_of_two_runs_is_measured(tmp_path, chain_run):
     write_csv(chain_run, tmp_path / "a.csv")
     write_csv(experiment(plant="modal").run(), tmp_path / "b.csv")
-    same, *_ = compare(read_tracks([tmp_path / "a.csv", tmp_path / "a.csv"], None))
+    same, *_ = compare(read_tracks([tmp_path / "a.csv", tmp_path / "a.csv"]))
     assert same.rms == 0.0
-    rows = {r.channel: r for r in compare(read_tracks([tmp_path / "a.csv", tmp_path / "b.csv"], None))}
+    rows = {r.channel: r for r in compare(read_tracks([tmp_path / "a.csv", tmp_path / "b.csv"]))}
     assert 0 < rows["hub_angle"].relative < 0.02
     assert rows["hub_angle"].largest >= rows["hub_angle"].rms
 
 
+def test_files_of_one_name_are_told_apart(tmp_path, chain_run):
+    paths = [tmp_path / folder / "run.csv" for folder in ("first", "second")]
+    for path in paths:
+        path.parent.mkdir()
+        write_csv(chain_run, path)
+    assert [track.name for track in read_tracks(paths)] == [str(path) for path in paths]
+
+
 def test_one_file_is_nothing_to_compare(tmp_path):
     with pytest.raises(InputError, match="expected two or more"):
-        read_tracks([tmp_path / "a.csv"], None)
+        read_tracks([tmp_path / "a.csv"])
 
 
 def test_a_file_without_channels_is_refused(tmp_path):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,15 +38,20 @@ class Difference:
         return self.rms / self.span if self.span > 0 else float("nan")
 
 
-def read_tracks(paths: Sequence[Path], length: float | None) -> list[Track]:
-    """Reads files, each of a run or of a campaign; files of one name are told apart by their folder.
+def read_tracks(paths: Sequence[Path]) -> list[Track]:
+    """Reads files, each of a run or of a campaign; files of one name are told apart by their path.
 
     Raises:
       InputError: a file cannot be used, or there are fewer than two.
     """
     if len(paths) < 2:
         raise InputError(f"got {len(paths)} file; expected two or more to compare")
-    return [read_track(path, length) for path in paths]
+    count = Counter(path.name for path in paths)
+    tracks = [read_track(path) for path in paths]
+    return [
+        replace(track, name=str(path)) if count[path.name] > 1 else track
+        for path, track in zip(paths, tracks, strict=True)
+    ]
 
 
 def compare(tracks: Sequence[Track]) -> list[Difference]:

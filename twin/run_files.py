@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def write_csv(run: Run, path: Path) -> None:
         writer.writerows(_rows(table))
 
 
-def _rows(table: Mapping[str, np.ndarray]):
+def _rows(table: Mapping[str, np.ndarray]) -> Iterator[list[str]]:
     # 9 digits: 1e-8 rad of a turn, far below any sensor.
     for row in zip(*table.values(), strict=True):
         yield [f"{value:.9g}" for value in row]
@@ -51,7 +51,7 @@ def read_track(path: Path, length: float | None = None) -> Track:
 
     Args:
       path: the file.
-      length: of the link [m]; None for that of the campaign's rig, or of `bossi2009`.
+      length: of the link in a run [m]; None for that of `bossi2009`. A campaign says its own.
 
     Raises:
       InputError: the file, or its campaign, cannot be used.
@@ -74,8 +74,7 @@ def _run_track(path: Path, length: float) -> Track:
             "writes them, or a campaign.toml beside it that says what its columns are"
         )
     channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
-    track = of_recording(
-        Recording(path.name, table.columns["time"], channels), length, {g.channel: g for g in GAUGES}
-    )
+    recording = Recording(path.name, table.columns["time"], channels)
+    track = of_recording(recording, length, {g.channel: g for g in GAUGES})
     states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
     return replace(track, modes=table.columns.get("mode"), states=states)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from twin.commands.shared import JsonFile, console, progress
 from twin.json_file import write_json
 from twin.outputs import check_writable
+
+if TYPE_CHECKING:
+    from twin.compare import Difference
 
 
 def compare(
@@ -31,7 +35,7 @@ def compare(
         from twin.compare import read_tracks
         from twin.rigs import preset
 
-        tracks = read_tracks(files, None)
+        tracks = read_tracks(files)
         rows = compared(tracks)
         if rrd_file is not None:
             report("writing the recording")
@@ -42,13 +46,13 @@ def compare(
             json_file,
             {
                 "first": tracks[0].name,
-                "differences": [{**row.__dict__, "relative": row.relative} for row in rows],
+                "differences": [{**asdict(row), "relative": row.relative} for row in rows],
             },
         )
     _print(tracks[0].name, rows)
 
 
-def _print(first: str, rows) -> None:
+def _print(first: str, rows: list[Difference]) -> None:
     from rich.table import Table
 
     from twin.report import display
