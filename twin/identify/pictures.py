@@ -15,6 +15,7 @@ from twin.identify.friction_map import FrictionMap
 from twin.identify.joint import Joint
 from twin.identify.load_line import LoadLine
 from twin.identify.spectra import Response, peaks
+from twin.report import display
 from twin.report.decimate import thin
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 MEASURED, FITTED, OTHER, SOFT = pages.INK, pages.BLUE, pages.VERMILION, pages.GREY
 _POINTS = 2000
-_MICRO = {"strain_base", "strain_mid"}
 
 
 def load_line(line: LoadLine, column: str) -> Figure:
@@ -39,23 +39,28 @@ def load_line(line: LoadLine, column: str) -> Figure:
 
 def decay(found: Decay) -> Figure:
     """A ring-down with the envelope of its losses."""
-    factor, unit = (1e6, "µε") if found.channel in _MICRO else (1.0, "SI")
+    shown = display.channel(found.channel)
     figure = _figure(380)
     kept = thin(len(found.time), _POINTS)
     line = {"color": SOFT, "width": 1}
-    figure.add_scatter(x=found.time[kept], y=factor * found.values[kept], name="measured", line=line)
+    figure.add_scatter(x=found.time[kept], y=shown.factor * found.values[kept], name="measured", line=line)
     envelope = _envelope(found)
     for sign in (1, -1):
         style = {"color": FITTED, "width": 2}
-        y = sign * factor * envelope
+        y = sign * shown.factor * envelope
         figure.add_scatter(
             x=found.middle, y=y, mode="lines", name="envelope", line=style, showlegend=sign > 0
         )
-    bars = {"type": "data", "array": factor * found.amplitude_error}
-    points = {"x": found.middle, "y": factor * found.amplitude, "error_y": bars, "marker": _dot(MEASURED)}
+    bars = {"type": "data", "array": shown.factor * found.amplitude_error}
+    points = {
+        "x": found.middle,
+        "y": shown.factor * found.amplitude,
+        "error_y": bars,
+        "marker": _dot(MEASURED),
+    }
     figure.add_scatter(mode="markers", name="amplitude of a period", **points)
     figure.update_xaxes(title_text="time [s]")
-    figure.update_yaxes(title_text=f"{found.channel.replace('_', ' ')} [{unit}]")
+    figure.update_yaxes(title_text=f"{shown.label} [{shown.unit}]")
     return figure
 
 
@@ -136,7 +141,9 @@ def response(found: Response) -> Figure:
         figure.add_vline(x=peak.frequency.value, line={"color": SOFT, "dash": "dot"}, row=1, col=1)
     line = {"color": MEASURED, "width": 1.2}
     figure.add_scatter(x=found.frequency, y=found.coherence, line=line, showlegend=False, row=2, col=1)
-    figure.update_yaxes(title_text=f"{found.channel.replace('_', ' ')} per N m", type="log", row=1, col=1)
+    figure.update_yaxes(
+        title_text=f"{display.channel(found.channel).label} per N m", type="log", row=1, col=1
+    )
     figure.update_yaxes(title_text="coherence", range=[0, 1.02], row=2, col=1)
     figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
     return _styled(figure, 520)
@@ -145,23 +152,23 @@ def response(found: Response) -> Figure:
 def backbone(found: Backbone) -> Figure:
     """Frequency of the first resonance over its amplitude."""
     figure = _figure(360)
-    factor, unit = (1e6, "µε") if found.channel in _MICRO else (1.0, "SI")
+    shown = display.channel(found.channel)
     f = np.array([e.value for e in found.frequency])
     bars = {"type": "data", "array": [1.96 * e.standard_error for e in found.frequency], "symmetric": True}
-    points = {"x": f, "y": factor * found.amplitude, "error_x": bars, "marker": _dot(MEASURED)}
+    points = {"x": f, "y": shown.factor * found.amplitude, "error_x": bars, "marker": _dot(MEASURED)}
     figure.add_scatter(mode="markers", name="sweep", **points)
     a = np.linspace(0, found.amplitude[-1], 60)
     curve = found.small.value * (1 + found.slope.value * (a / found.amplitude[-1]) ** 2)
-    figure.add_scatter(x=curve, y=factor * a, mode="lines", name="backbone", line={"color": FITTED})
+    figure.add_scatter(x=curve, y=shown.factor * a, mode="lines", name="backbone", line={"color": FITTED})
     figure.update_xaxes(title_text="frequency of the resonance [Hz]")
-    figure.update_yaxes(title_text=f"amplitude of {found.channel.replace('_', ' ')} [{unit}]")
+    figure.update_yaxes(title_text=f"amplitude of {shown.label} [{shown.unit}]")
     return figure
 
 
 def correlation(found: Joint) -> Figure:
     """What moves together in the joint estimate."""
     figure = _figure(460)
-    names = [name.replace("_", " ") for name in found.names]
+    names = [display.words(name) for name in found.names]
     r = found.correlation.round(2)
     figure.add_heatmap(
         z=r, x=names, y=names, text=r, texttemplate="%{text}", colorscale="RdBu", zmin=-1, zmax=1, zmid=0
