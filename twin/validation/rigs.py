@@ -112,7 +112,9 @@ def _within(unknown: Unknown, normal: float) -> float:
     return unknown.value + unknown.deviation * float(truncnorm.ppf(norm.cdf(normal), low, high))
 
 
-def _changed(number, rig: Rig, effects: Effects, uncertain, values: Mapping[str, float]) -> DrawnRig:
+def _changed(
+    number: int, rig: Rig, effects: Effects, uncertain: tuple[Unknown, ...], values: Mapping[str, float]
+) -> DrawnRig:
     own = {name: value for name, value in values.items() if name in rig}
     acting = {
         effect: {name: values.get(f"{effect}.{name}", value) for name, value in known.items()}
