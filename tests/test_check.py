@@ -5,7 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from twin.check import check, fit_ring_down, to_json
+from twin.chain_modes import fit_ring_down
+from twin.check import check, to_json
 from twin.errors import InputError
 from twin.rigs import preset
 
