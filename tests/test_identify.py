@@ -320,7 +320,7 @@ def test_a_folder_of_something_else_is_not_written_into(run, twin, tmp_path):
 
 def test_its_own_folder_is_known_again(run):
     _, root, _, _ = run
-    FOLDER.check(root / "out")
+    assert FOLDER.chosen(root / "out", root / "rig-7") == root / "out"
 
 
 def test_bad_input_is_one_message_and_writes_nothing(twin, tmp_path):

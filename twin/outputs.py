@@ -27,16 +27,26 @@ class ResultsFolder:
     answer: str
     keys: frozenset[str]
 
-    def named_after(self, campaign: Path) -> Path:
-        """Returns the folder, in the working directory, that is named after a campaign."""
-        return Path(f"{campaign.resolve().name or 'campaign'}-{self.kind}")
+    def chosen(self, out: Path | None, campaign: Path, force: bool = False) -> Path:
+        """Returns the folder to write to, in which nothing is overwritten but earlier results of the same kind.
 
-    def check(self, folder: Path, force: bool = False) -> None:
-        """Makes sure that writing to a folder overwrites nothing but earlier results of the same kind.
+        Args:
+          out: the folder that the user named; None for one in the working directory, named after the campaign.
+          campaign: folder of the campaign.
+          force: something else in the folder is no objection.
 
         Raises:
           InputError: the folder holds something else, or is not a folder.
         """
+        folder = self.named_after(campaign) if out is None else out
+        self._check(folder, force)
+        return folder
+
+    def named_after(self, campaign: Path) -> Path:
+        """Returns the folder, in the working directory, that is named after a campaign."""
+        return Path(f"{campaign.resolve().name or 'campaign'}-{self.kind}")
+
+    def _check(self, folder: Path, force: bool) -> None:
         with _readable(folder):
             if not folder.exists():
                 return

@@ -79,8 +79,7 @@ def _diagnose(
     from twin.campaign import read_campaign
     from twin.report import print_summary
 
-    folder = out if out is not None else deliver.FOLDER.named_after(campaign)
-    deliver.FOLDER.check(folder, force)
+    folder = deliver.FOLDER.chosen(out, campaign, force)
     check_writable(json_file, made=folder)
     given = read_campaign(campaign)
     if rig is not None:

@@ -30,8 +30,7 @@ def identify(
     from twin.campaign import read_campaign
     from twin.identify import deliver
 
-    folder = out if out is not None else deliver.FOLDER.named_after(campaign)
-    deliver.FOLDER.check(folder, force)
+    folder = deliver.FOLDER.chosen(out, campaign, force)
     check_writable(json_file, made=folder)
     given = read_campaign(campaign)
     with progress() as report:
