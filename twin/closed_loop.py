@@ -23,7 +23,7 @@ _PIECE = 0.5  # s of a run, watched at a time
 
 @dataclass(frozen=True)
 class Run:
-    """One run; m samples, c coordinates of the plant.
+    """One run; m samples, k points along the link.
 
     Attributes:
       plant: its name.
