@@ -18,14 +18,8 @@ from twin.units import TIME, allowed
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FORMAT = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
-DOCUMENTS = {
-    "README.md": README,
-    "docs/recordings.md": FORMAT,
-    **{
-        f"{f}/README.md": (ROOT / f / "README.md").read_text(encoding="utf-8")
-        for f in ("models", "benchmarks")
-    },
-}
+PATHS = [ROOT / "README.md", *ROOT.glob("[a-z]*/README.md"), *ROOT.glob("docs/*.md")]
+DOCUMENTS = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in sorted(PATHS)}
 COMMANDS = typer.main.get_command(app).commands
 
 
@@ -59,8 +53,9 @@ def test_first_command_comes_early():
     assert README[: README.index("```sh")].count("\n") < 30
 
 
-def test_commands_exist_with_their_options():
-    twin = [shlex.split(line) for line in shown(README) if line.startswith("twin ")]
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_commands_exist_with_their_options(name):
+    twin = [shlex.split(line) for line in shown(DOCUMENTS[name]) if line.startswith("twin ")]
     assert {words[1] for words in twin} <= COMMANDS.keys()
     for words in twin:
         options = {o for p in COMMANDS[words[1]].params for o in p.opts}
