@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import Force, JsonFile, console, progress
+from twin.commands.shared import (
+    COMPILING,
+    CampaignFolder,
+    DiagnosisFolder,
+    Force,
+    JsonFile,
+    console,
+    progress,
+)
 from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
@@ -16,15 +24,8 @@ from twin.outputs import check_writable
 if TYPE_CHECKING:
     from twin.parameters import Rig
 
-OutFolder = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FOLDER", help="Folder of the results.", show_default="<campaign>-diagnosis"
-    ),
-]
 
-
-def demo(out: OutFolder = None, json_file: JsonFile = None, force: Force = False) -> None:
+def demo(out: DiagnosisFolder = None, json_file: JsonFile = None, force: Force = False) -> None:
     """Diagnose the bundled campaign, recorded on a virtual rig with an effect that it does not declare."""
     from importlib.resources import as_file, files
 
@@ -33,8 +34,8 @@ def demo(out: OutFolder = None, json_file: JsonFile = None, force: Force = False
 
 
 def diagnose(
-    campaign: Annotated[Path, typer.Argument(help="Folder with campaign.toml and the recordings.")],
-    out: OutFolder = None,
+    campaign: CampaignFolder,
+    out: DiagnosisFolder = None,
     json_file: JsonFile = None,
     force: Force = False,
     false_alarm_rate: Annotated[
@@ -85,7 +86,7 @@ def _diagnose(
     if rig is not None:
         given = replace(given, rig=_declared(rig))
     with progress() as report:
-        report("loading the equations of motion; the first time they are compiled, which takes minutes")
+        report(COMPILING)
         from twin.diagnose import diagnose as loop
 
         found = loop(given, report, false_alarm_rate=rate)

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from twin.commands.shared import Force, JsonFile, console, progress
+from twin.commands.shared import (
+    COMPILING,
+    CampaignFolder,
+    Force,
+    IdentificationFolder,
+    JsonFile,
+    console,
+    progress,
+)
 from twin.json_file import write_json
 from twin.outputs import check_writable
 
@@ -16,13 +22,8 @@ if TYPE_CHECKING:
 
 
 def identify(
-    campaign: Annotated[Path, typer.Argument(help="Folder with campaign.toml and the recordings.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FOLDER", help="Folder of the results.", show_default="<campaign>-identification"
-        ),
-    ] = None,
+    campaign: CampaignFolder,
+    out: IdentificationFolder = None,
     json_file: JsonFile = None,
     force: Force = False,
 ) -> None:
@@ -34,7 +35,7 @@ def identify(
     check_writable(json_file, made=folder)
     given = read_campaign(campaign)
     with progress() as report:
-        report("loading the equations of motion; the first time they are compiled, which takes minutes")
+        report(COMPILING)
         from twin.identify.identification import identify as run
 
         found = run(given, report)

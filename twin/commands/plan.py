@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import JsonFile, console, progress
+from twin.commands.shared import COMPILING, CampaignFolder, JsonFile, console, progress
 from twin.json_file import write_json
 from twin.outputs import check_writable
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def plan_experiment(
-    campaign: Annotated[Path, typer.Argument(help="Folder with campaign.toml and the recordings.")],
+    campaign: CampaignFolder,
     between: Annotated[
         tuple[str, str] | None,
         typer.Option(
@@ -37,7 +37,7 @@ def plan_experiment(
 
     given = read_campaign(campaign)
     with progress() as report:
-        report("loading the equations of motion; the first time they are compiled, which takes minutes")
+        report(COMPILING)
         from twin import planner
 
         names, plans = planner.plan(given, between, report)

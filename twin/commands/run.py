@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from twin.commands.shared import (
+    CONTROLLERS,
     JsonFile,
     RigOption,
     console,
@@ -30,7 +31,7 @@ ControllerOption = Annotated[
     typer.Option(
         "--controller",
         metavar="NAME|FILE.py:NAME",
-        help="siso, lqi, lqi-zv, lqi-ei, siso-friction, or one of yours.",
+        help=CONTROLLERS,
         show_default="the scenario's own",
     ),
 ]

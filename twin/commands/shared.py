@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +20,22 @@ if TYPE_CHECKING:
 
 _WIDTH = 110  # of tables that go into a file or a pipe
 
+
+def _out_folder(kind: str) -> Any:
+    return typer.Option(
+        "--out", metavar="FOLDER", help="Folder of the results.", show_default=f"<campaign>-{kind}"
+    )
+
+
+CONTROLLERS = "siso, lqi, lqi-zv, lqi-ei, siso-friction, or one of yours: FILE.py:NAME."
+"""For help, which does not wait for the library of controllers."""
+
+COMPILING = "loading the equations of motion; the first time they are compiled, which takes minutes"
+
+CampaignFolder = Annotated[
+    Path,
+    typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and the recordings."),
+]
 JsonFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the result here, as JSON.")
 ]
@@ -29,6 +45,8 @@ RigOption = Annotated[
         "--rig", metavar="NAME|FILE", help="bossi2009, bossi2009-printed, or a parameter file (TOML)."
     ),
 ]
+DiagnosisFolder = Annotated[Path | None, _out_folder("diagnosis")]
+IdentificationFolder = Annotated[Path | None, _out_folder("identification")]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds something else.")]
 
 

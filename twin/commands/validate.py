@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import JsonFile, RigOption, console, load_rig, progress
+from twin.commands.shared import CONTROLLERS, JsonFile, RigOption, console, load_rig, progress
 from twin.json_file import write_json
 from twin.outputs import check_writable
 
@@ -20,7 +20,7 @@ def validate(
         str,
         typer.Argument(
             metavar="CONTROLLER",
-            help="siso, lqi, lqi-zv, lqi-ei, siso-friction, or one of yours: FILE.py:NAME.",
+            help=CONTROLLERS,
         ),
     ],
     rig: RigOption = "bossi2009",
