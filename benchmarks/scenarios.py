@@ -14,6 +14,7 @@ import numpy as np
 from machine import command, describe
 
 from twin import closed_loop, plants, scenarios
+from twin.closed_loop import Run
 from twin.control.siso import siso
 from twin.experiment import Experiment
 from twin.parameters import Rig
@@ -77,12 +78,7 @@ def _row(name: str) -> str:
     runs = {plant: Experiment(name, plant, RIG, {}).run() for plant in ("chain", "modal")}
     half = scenarios.scenario(name).from_half
     cells = [_figures(name, scenarios.metrics(run, half)) for run in runs.values()]
-    apart = [
-        np.sqrt(np.mean((runs["modal"].true[channel] - runs["chain"].true[channel]) ** 2))
-        / np.std(runs["chain"].true[channel])
-        for channel in ("hub_angle", "tip_deflection")
-    ]
-    shares = [f"{100 * share:.2g} %" for share in apart]
+    shares = [f"{100 * share:.2g} %" for share in _difference(runs["modal"], runs["chain"])]
     return f"| {name} | {PUBLISHED[name]} | {' | '.join(cells)} | {' | '.join(shares)} |"
 
 
@@ -135,13 +131,16 @@ def _apart(rig: Rig, scale: float, modes: int) -> tuple[float, float]:
     model = plants.model_of(rig.replace(**torques))
     step = scenarios.scenario("filtered-step-120")
     modal, chain = (
-        closed_loop.run(
-            plant, siso(rig, PERIOD), lambda time: scale * step.reference(time), step.duration
-        ).true
+        closed_loop.run(plant, siso(rig, PERIOD), lambda time: scale * step.reference(time), step.duration)
         for plant in (ModalPlant(model, modes=modes), CompiledPlant(model))
     )
+    return _difference(modal, chain)
+
+
+def _difference(run: Run, other: Run) -> tuple[float, float]:
+    """RMS difference of hub angle and of tip deflection, over the spread that the other run's has [1]."""
     hub, tip = (
-        float(np.sqrt(np.mean((modal[name] - chain[name]) ** 2)) / np.std(chain[name]))
+        float(np.sqrt(np.mean((run.true[name] - other.true[name]) ** 2)) / np.std(other.true[name]))
         for name in ("hub_angle", "tip_deflection")
     )
     return hub, tip
