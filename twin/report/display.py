@@ -38,6 +38,9 @@ CHANNELS: Mapping[str, Shown] = {
 }
 """Every channel of the recording format as people read it."""
 
+MODELS = ("before", "calibrated", "after")
+"""Names of the models in the order in which a diagnosis comes to them."""
+
 MEANINGS: Mapping[str, str] = {
     "viscous-friction": "friction that grows with the speed of the hub",
     "stribeck-friction": "friction that falls smoothly from break-away to Coulomb level",

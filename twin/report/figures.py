@@ -14,7 +14,7 @@ from twin import pages
 from twin.diagnosis import Patched, Prediction, Trace
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report.decimate import decimate, thin
-from twin.report.display import NOISE_LIKE, channel, over_noise, variable
+from twin.report.display import MODELS, NOISE_LIKE, channel, over_noise, variable
 
 COLOURS: Mapping[str, str] = {
     "measured": pages.INK,
@@ -25,7 +25,6 @@ COLOURS: Mapping[str, str] = {
     "noise": "#e3efe6",
 }
 
-MODELS = ("before", "calibrated", "after")
 _FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
 _GRID, _AXIS = "#e9ecef", pages.GREY
 

@@ -151,7 +151,7 @@ class _Scale:
 
     def __init__(self, diagnosis: Diagnosis):
         errors = [e for p in diagnosis.predictions.values() for e in p.errors.values()]
-        found = [display.over_noise(getattr(e, m), e.noise) for e in errors for m in figures.MODELS]
+        found = [display.over_noise(getattr(e, m), e.noise) for e in errors for m in display.MODELS]
         finite = [value for value in found if math.isfinite(value) and value > 0]
         self.low = math.log10(min(0.5, *finite)) if finite else 0.0
         self.high = math.log10(max(20.0, *finite)) + 0.05 if finite else 1.0
@@ -170,7 +170,7 @@ class _Scale:
 def _error_rows(predictions: Mapping[str, Prediction], scale: _Scale) -> Iterator[ErrorRow]:
     for file, prediction in predictions.items():
         for i, (name, error) in enumerate(prediction.errors.items()):
-            models = {m: _over_and_shown(name, error, m) for m in figures.MODELS}
+            models = {m: _over_and_shown(name, error, m) for m in display.MODELS}
             places = {m: scale.place(over) for m, (over, _) in models.items() if scale.place(over) >= 0}
             label, noise = display.channel(name).label, _shown_error(name, error.noise)
             yield ErrorRow(file, label, i == 0, len(prediction.errors), models, noise, places)

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from rich.console import Console, Group, RenderableType
     from rich.table import Table
 
-_MODELS = ("before", "calibrated", "after")
-
 
 def summary(diagnosis: Diagnosis, paths: Mapping[str, str | PathLike[str]] | None = None) -> str:
     """Returns the summary as plain text.
@@ -116,12 +114,12 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
 
 
 def _errors_table(predictions: Mapping[str, Prediction], plain: bool) -> Table:
-    table = _table(plain, "recording", "channel", *(f">{model}" for model in _MODELS), ">noise")
+    table = _table(plain, "recording", "channel", *(f">{model}" for model in display.MODELS), ">noise")
     for file, prediction in predictions.items():
         for i, (name, error) in enumerate(prediction.errors.items()):
             shown = display.channel(name)
             noise = f"{display.number(shown.factor * error.noise, 2)} {shown.unit}"
-            models = (_cell(error, model, shown) for model in _MODELS)
+            models = (_cell(error, model, shown) for model in display.MODELS)
             _row(table, plain, file if i == 0 else "", shown.label, *models, noise)
     return table
 
