@@ -19,6 +19,7 @@ from machine import describe
 
 from twin.campaign import read_campaign
 from twin.identify.identification import identify
+from twin.identify.results import TWO_SIDED_95
 from twin.virtual_rig import make_campaign
 
 
@@ -57,7 +58,7 @@ def _row(answers: Sequence[dict], name: str, method: str) -> str:
         return ""
     x, s = np.array(off), np.array(errors)
     cells = (f"{100 * v:.3f} %" for v in (x.mean(), np.sqrt((x**2).mean()), s.mean()))
-    held = 100 * np.mean(np.abs(x) <= 1.96 * s)
+    held = 100 * np.mean(np.abs(x) <= TWO_SIDED_95 * s)
     return f"| `{name}` | {method} | {len(x)} | {' | '.join(cells)} | {held:.0f} % |"
 
 

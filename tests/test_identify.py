@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.constants import g
 from scipy.signal import cont2discrete, lfilter
 from typer.testing import CliRunner
 
@@ -31,7 +32,7 @@ LENGTH = Estimate(0.42, 0.0)
 
 
 def test_table_one_has_two_stiffnesses_and_an_odd_first_row():
-    weights = load_line.GRAVITY * MASSES
+    weights = g * MASSES
     line = load_line.fit_line(weights, DISPLACEMENTS)
     row, away = load_line.odd_row(line)
     assert row == 0
@@ -39,15 +40,15 @@ def test_table_one_has_two_stiffnesses_and_an_odd_first_row():
     others = load_line.fit_line(weights[1:], DISPLACEMENTS[1:])
     assert load_line.stiffness(others, LENGTH).value == pytest.approx(0.2423, abs=2e-4)
     # Row by row with the plate's 0.019 kg, as the paper does: the first row stands apart.
-    forces = load_line.GRAVITY * (MASSES + 0.019)
+    forces = g * (MASSES + 0.019)
     by_row = forces * 0.42**3 / (3 * DISPLACEMENTS)
     assert by_row[0] == pytest.approx(0.2527, abs=2e-4)
     assert by_row[1:] == pytest.approx(0.2423, abs=2e-4)
 
 
 def test_the_plate_of_table_one_follows_from_the_line():
-    line = load_line.fit_line(load_line.GRAVITY * MASSES[1:], DISPLACEMENTS[1:])
-    tare = line.intercept.value / line.slope.value / load_line.GRAVITY
+    line = load_line.fit_line(g * MASSES[1:], DISPLACEMENTS[1:])
+    tare = line.intercept.value / line.slope.value / g
     assert tare == pytest.approx(0.019, abs=1e-6)
 
 

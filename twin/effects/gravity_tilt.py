@@ -1,10 +1,9 @@
 """Gravity that acts in a plane which is not level."""
 
 import numpy as np
+from scipy.constants import g
 
 from twin.effects.base import Effect, EffectParameter
-
-GRAVITY = 9.80665  # m/s^2, standard
 
 
 class GravityTilt(Effect):
@@ -22,7 +21,7 @@ class GravityTilt(Effect):
         return tuple({"tilt": 1e-3, "direction": angle} for angle in np.deg2rad([0.0, 120.0, -120.0]))
 
     def plant(self, plant, p):
-        pull = GRAVITY * np.sin(p["tilt"])
+        pull = g * np.sin(p["tilt"])
         return plant._replace(
             gravity_x=float(pull * np.cos(p["direction"])), gravity_y=float(pull * np.sin(p["direction"]))
         )

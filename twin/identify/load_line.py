@@ -15,7 +15,6 @@ from scipy.stats import f as f_distribution
 from twin.errors import InputError
 from twin.identify.results import Estimate
 
-GRAVITY = 9.80665  # m/s^2, the standard value
 LEAST_ROWS = 3
 _DOUBTFUL = 0.05  # probability below which a straight line is doubted
 

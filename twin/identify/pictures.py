@@ -14,6 +14,7 @@ from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
 from twin.identify.joint import Joint
 from twin.identify.load_line import LoadLine
+from twin.identify.results import TWO_SIDED_95
 from twin.identify.spectra import Response, peaks
 from twin.report import display
 from twin.report.decimate import thin
@@ -82,7 +83,7 @@ def break_aways(found: StaticFriction) -> Figure:
     for direction, colour, name in ((1, FITTED, "towards positive"), (-1, OTHER, "towards negative")):
         mine = [(e, s) for e, s in zip(found.events, found.errors, strict=True) if e.direction == direction]
         if mine:
-            bars = {"type": "data", "array": [1.96 * s for _, s in mine]}
+            bars = {"type": "data", "array": [TWO_SIDED_95 * s for _, s in mine]}
             x, y = [np.degrees(e.angle) for e, _ in mine], [abs(e.torque) for e, _ in mine]
             figure.add_scatter(x=x, y=y, error_y=bars, mode="markers", name=name, marker=_dot(colour))
     figure.update_xaxes(title_text="hub angle [°]")
@@ -118,7 +119,7 @@ def friction_map(found: FrictionMap) -> Figure:
     figure.add_scatter(x=x, y=y, mode="lines+markers", name="simulated", line={"color": FITTED})
     figure.add_hline(y=100 * found.measured.value, line={"color": MEASURED, "dash": "dot"})
     if found.level is not None:
-        bars = {"type": "data", "array": [1.96e3 * found.level.standard_error]}
+        bars = {"type": "data", "array": [1e3 * TWO_SIDED_95 * found.level.standard_error]}
         point = {"x": [1e3 * found.level.value], "y": [100 * found.measured.value], "error_x": bars}
         figure.add_scatter(mode="markers", name="measured", marker=_dot(MEASURED), **point)
     figure.update_xaxes(title_text="Coulomb friction [mN m]")
@@ -154,7 +155,7 @@ def backbone(found: Backbone) -> Figure:
     figure = _figure(360)
     shown = display.channel(found.channel)
     f = np.array([e.value for e in found.frequency])
-    bars = {"type": "data", "array": [1.96 * e.standard_error for e in found.frequency], "symmetric": True}
+    bars = {"type": "data", "array": [TWO_SIDED_95 * e.standard_error for e in found.frequency]}
     points = {"x": f, "y": shown.factor * found.amplitude, "error_x": bars, "marker": _dot(MEASURED)}
     figure.add_scatter(mode="markers", name="sweep", **points)
     a = np.linspace(0, found.amplitude[-1], 60)

@@ -6,14 +6,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.constants import g
 
 from twin.campaign import Campaign
 from twin.identify.joint import prior_deviation
-from twin.identify.load_line import GRAVITY, LoadLine, fit_line, stiffness
+from twin.identify.load_line import LoadLine, fit_line, stiffness
 from twin.identify.results import Estimate
 
 DISPLACEMENT = "tip_deflection"
-LOADS = {"tip_force": 1.0, "tip_load_mass": GRAVITY}
+LOADS = {"tip_force": 1.0, "tip_load_mass": g}
 """Columns that tell the load, with the force [N] of one unit of them."""
 
 
