@@ -113,8 +113,8 @@ def passed(frequency: np.ndarray, period: float, band: float = BAND) -> np.ndarr
     return np.abs(sosfreqz(sections, frequency, fs=1 / period)[1]) ** 2
 
 
-def look(prepared: Prepared, model: Model) -> View:
-    """Filters a recording and propagates its noise through the model."""
+def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS) -> View:
+    """Filters a recording and propagates its noise through the model; `bands`: as `MOTION_BANDS`."""
     recording = prepared.recording
     count = max(2, int(np.floor(recording.duration / GRID)) + 1)
     time = recording.time[0] + GRID * np.arange(count)
@@ -127,7 +127,7 @@ def look(prepared: Prepared, model: Model) -> View:
         return View(
             time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()
         )
-    band = motion_band(recording, prepared.noise["hub_angle"], time)
+    band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
     reading, read = _filtered(at_rest(recording, prepared.hub), "hub_angle", time, band)
     spline = CubicSpline(time, reading)
     rate, acceleration = spline(time, 1), spline(time, 2)
@@ -403,14 +403,16 @@ def _raw_period(recording: Recording) -> float:
     return float(np.median(np.diff(recording.time)))
 
 
-def motion_band(recording: Recording, noise: float, time: np.ndarray) -> float:
-    """The widest of `MOTION_BANDS` in which the strongest accelerations stand out of their noise [Hz]."""
-    reading, _ = _filtered(recording, "hub_angle", time, MOTION_BANDS[-1])
+def motion_band(
+    recording: Recording, noise: float, time: np.ndarray, bands: Sequence[float] = MOTION_BANDS
+) -> float:
+    """The widest of the bands in which the strongest accelerations stand out of their noise [Hz]."""
+    reading, _ = _filtered(recording, "hub_angle", time, bands[-1])
     strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
-    for band in MOTION_BANDS:
+    for band in bands:
         if noise * _gain(band, _raw_period(recording), 2) < _CLEAR * strong:
             return band
-    return MOTION_BANDS[-1]
+    return bands[-1]
 
 
 def _gain(band: float, period: float, order: int) -> float:
@@ -463,9 +465,9 @@ def _propagated(prepared: Prepared, view: View, model: Model) -> dict[str, float
 class DrivenData:
     """The views of some recordings as residuals for a fit."""
 
-    def __init__(self, prepared: Sequence[Prepared], model: Model):
+    def __init__(self, prepared: Sequence[Prepared], model: Model, bands: Sequence[float] = MOTION_BANDS):
         self.prepared = tuple(prepared)
-        self.views = tuple(look(p, model) for p in self.prepared)
+        self.views = tuple(look(p, model, bands) for p in self.prepared)
         self.groups, self.weight = self._layout()
         self.blocks = evidence.blocks(self.groups, self.weight, int(BLOCK / GRID))
 

@@ -89,7 +89,9 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     """Torque at which the hub broke away and its error [N m].
 
     Once free it gains speed by what static friction exceeds sliding friction; until it has moved by some noise
-    levels nobody sees it, and the torque has grown meanwhile.
+    levels nobody sees it, and the torque has grown meanwhile. How long that took is uncertain by the noise of the one
+    reading that shows it: a noise level in d is 1/(2 d) of the time in which a distance of d levels is covered. The
+    break-away itself is anywhere between two samples.
     """
     time = prepared.recording.time
     period = float(np.median(np.diff(time)))
@@ -98,7 +100,9 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     unseen = math.sqrt(2 * _SEEN * prepared.noise["hub_angle"] / gain)
     late = unseen + period - BEFORE_ONSET * period
     of_link = abs(event.torque - float(model.drive(prepared.recording).at(np.array([event.time]))[0]))
-    error = math.hypot(event.slope * math.hypot(unseen / 2, period / 2), _MODEL * of_link)
+    error = math.hypot(
+        event.slope * math.hypot(unseen / (2 * _SEEN), period / math.sqrt(12)), _MODEL * of_link
+    )
     return event.torque - event.direction * event.slope * late, error
 
 

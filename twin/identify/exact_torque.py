@@ -24,8 +24,10 @@ _CELLS = 9  # parts of a grid step, an odd number
 class ExactTorqueData(DrivenData):
     """The views of some recordings as residuals for a fit."""
 
-    def __init__(self, prepared: Sequence[Prepared], model: Model):
-        super().__init__(prepared, model)
+    def __init__(
+        self, prepared: Sequence[Prepared], model: Model, bands: Sequence[float] = driven.MOTION_BANDS
+    ):
+        super().__init__(prepared, model, bands)
         self.views = tuple(_alike_filtered(v) for v in self.views)
         self.excess = tuple(_excess(p, v) for p, v in zip(self.prepared, self.views, strict=True))
 

@@ -256,7 +256,7 @@ def _methods(
             own[name][method] = value
     for name, v, e in zip(found.names, found.values, found.errors, strict=True):
         if name != "static_friction":
-            own[name]["joint"] = Estimate(float(v), float(e))
+            own[name]["joint"] = Estimate(float(v), float(e), found.intervals.get(name))
     return own
 
 
@@ -315,7 +315,9 @@ def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate])
     value = methods.get(best, _declared(rig, name))
     parameter = rig.parameters[name]
     prior = joint.prior_deviation(rig, name)
-    return Identified(value.value, value.standard_error, parameter.unit, parameter.value, prior, methods)
+    return Identified(
+        value.value, value.standard_error, parameter.unit, parameter.value, prior, methods, value.profile
+    )
 
 
 def _not_determined(parameters: Mapping[str, Identified], found: Joint) -> dict[str, str]:

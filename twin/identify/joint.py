@@ -1,9 +1,10 @@
 """One estimate of all declared parameters from all fit recordings: the calibration of the diagnosis, taken further.
 
-The calibration starts a last fit, with the hub's torque balance free of its grid's errors and the chain's own error
-taken out on a much finer chain; what the step before that one changes counts as error. The errors are checked: each
-recording is left out in turn, and where the estimate moves by more than the covariance allows, the errors grow
-(B. Efron and C. Stein, 1981, the jackknife).
+The calibration starts a last fit in the limit of a fine chain; what the last power of the extrapolation came to counts
+as error. The covariance is that of the residuals as they are (`scatter`), which is neither what the weights take them
+for nor more. The errors are checked: each recording is left out in turn, and where the estimate moves by more than
+chance, they grow to those of the jackknife (B. Efron and C. Stein, 1981). Where the likelihood is no ellipse, intervals
+are by its profile.
 """
 
 from __future__ import annotations
@@ -13,19 +14,24 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
-from twin import calibration, chain, fit, search
+from twin import calibration, driven, fit
 from twin.campaign import Campaign
 from twin.fit import Fit, Prepared, Workbench
+from twin.identify import limit, ridge, scatter
 from twin.identify.exact_torque import ExactTorqueData
+from twin.identify.profile import Profile
 from twin.identify.results import Estimate
+from twin.identify.scatter import Evidence
 from twin.parameters import Rig
 from twin.search import Progress, silent
 from twin.timing import Clock
 
-FINEST_SEGMENTS = 24
-_FINER_BY = 4  # segments, the step in fineness that shows what error the finest chain may have left
+BANDS = (100.0, *driven.MOTION_BANDS)
+"""Corners of the low-pass on the motion of the hub [Hz]: an identification follows its harmonics further up."""
 _ITERATIONS = 4
+_CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to
 _TIED = 0.9  # correlation from which two parameters are said to move together
 _ELLIPTIC = (0.25, 4.0)  # rise of the cost two standard errors away, over that of an ellipse
 
@@ -41,9 +47,11 @@ class Joint:
       names: (p) parameters of the rig that were free.
       values: (p) estimate.
       covariance: (p x p).
-      linear_covariance: (p x p) before recordings were left out.
       without: recording -> (p) estimate without it.
+      odd: (recording, parameter, distance) of estimates that move by more than chance without that recording, in
+        standard errors of the move.
       rises: (p x 2) cost two standard errors below and above, over what an ellipse would have, others giving way.
+      intervals: parameter -> 95 % interval by the profile of the likelihood, where that is no ellipse.
       notes: what was left out of the recordings or assumed of them.
     """
 
@@ -53,9 +61,10 @@ class Joint:
     names: tuple[str, ...]
     values: np.ndarray
     covariance: np.ndarray
-    linear_covariance: np.ndarray
     without: Mapping[str, np.ndarray]
+    odd: tuple[tuple[str, str, float], ...]
     rises: np.ndarray
+    intervals: Mapping[str, tuple[float, float]]
     notes: tuple[str, ...]
 
     @property
@@ -77,8 +86,7 @@ class Joint:
     @property
     def correlation(self) -> np.ndarray:
         """Correlation matrix (p x p) of what the recordings and the declared uncertainty leave open."""
-        errors = np.sqrt(np.diag(self.linear_covariance))
-        return self.linear_covariance / np.outer(errors, errors)
+        return self.covariance / np.outer(self.errors, self.errors)
 
     def tied(self) -> list[tuple[str, str, float]]:
         """Pairs of parameters that move together, with their correlation, the closest first."""
@@ -107,38 +115,36 @@ class Joint:
         )
         return Estimate(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
 
-    def not_elliptic(self) -> list[str]:
-        """Parameters whose likelihood falls off otherwise than the covariance says."""
-        low, high = _ELLIPTIC
-        return [
-            name
-            for name, rises in zip(self.names, self.rises, strict=True)
-            if not all(low <= rise <= high for rise in rises)
-        ]
-
 
 def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Joint:
     """Fits all declared parameters within their uncertainty, and checks the errors."""
     start = calibration.calibrate(campaign, pool, progress)
-    progress("fitting on a finer chain")
-    bench = Workbench(ExactTorqueData(start.prepared, start.declared), pool)
-    base = _on_finest_chain(bench, start.base)
+    progress("fitting in the limit of a fine chain")
+    bench = Workbench(ExactTorqueData(start.prepared, start.declared, BANDS), pool)
+    base, left = _in_the_limit(bench, start.base)
     progress("leaving recordings out")
+    said = scatter.evidence(bench, base)
+    recordings = tuple(p.recording.name for p in bench.prepared)
+    moves, distances = said.moves()
+    full = _widened(said.covariance + np.outer(left, left), moves, distances)
+    progress("looking along the likelihood")
+    rises = _rises(bench, base)
+    intervals = _profiles(bench, base, np.sqrt(np.diag(full)), said, rises)
     mine = [i for i, u in enumerate(base.unknowns) if u.owner == "rig"]
-    without = {name: x[mine] for name, x in _without_each(bench, base).items()}
-    progress("comparing with a less fine chain")
-    left = _discretisation(bench, base)
-    linear = (base.covariance + np.outer(left, left))[np.ix_(mine, mine)]
+    names = tuple(base.unknowns[i].name for i in mine)
+    low, high = np.array([u.bounds for u in base.unknowns]).T
+    without = np.clip(base.values + moves, low, high)[:, mine]
     return Joint(
         base,
         bench,
         start.clock,
-        tuple(base.unknowns[i].name for i in mine),
+        names,
         base.values[mine],
-        _widened(linear, np.array(list(without.values()))),
-        linear,
-        without,
-        _rises(bench, base)[mine],
+        full[np.ix_(mine, mine)],
+        dict(zip(recordings, without, strict=True)),
+        _odd(recordings, names, distances[:, mine]),
+        rises[mine],
+        {name: intervals[i] for i, name in zip(mine, names, strict=True) if i in intervals},
         start.notes,
     )
 
@@ -152,58 +158,60 @@ def prior_deviation(rig: Rig, name: str) -> float:
     return relative * abs(parameter.value)
 
 
-def _refine(bench: Workbench, base: Fit, segments: int) -> None:
-    shape = chain.fit_shape(base.model.declared, segments)
-    bench.refine(base.model, base.model.replace(shape=shape, step=search.FINE_STEP), base.starts)
+def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
+    """The fit with the chain's own error taken out where it stands, and what (p) that may still be off.
 
-
-def _discretisation(bench: Workbench, base: Fit) -> np.ndarray:
-    """How far (p) the finest chain may leave the estimate from the limit.
-
-    What a chain a little less fine changes, by one Gauss-Newton step, carried on at the chain's second order
-    (L. F. Richardson, 1911): n0^2/(n^2 - n0^2) of it are still to come.
+    The second time it is where it stands at last, on one chain more.
     """
-    finest = bench.defect
-    _refine(bench, base, FINEST_SEGMENTS - _FINER_BY)
-    change = (finest - bench.defect) * bench.weight
-    bench.defect = finest
-    information, _ = fit.normal_equations(bench, base)
-    pull = base.jacobian.T @ (fit.row_weights(bench, base.residual) * change)
-    coarser, finer = (FINEST_SEGMENTS - _FINER_BY) ** 2, FINEST_SEGMENTS**2
-    return -np.linalg.pinv(information, hermitian=True) @ pull * coarser / (finer - coarser)
+    limit.move(bench, base.model, base.starts, limit.QUICK)
+    found = fit.minimise(bench, base.model, base.starts, base.unknowns, base.values, None, _ITERATIONS)
+    change = limit.move(bench, found.model, found.starts, limit.CLOSE)
+    found = ridge.refined(bench, found)
+    information, _ = fit.normal_equations(bench, found)
+    pull = found.jacobian.T @ (fit.row_weights(bench, found.residual) * change)
+    return found, -np.linalg.pinv(information, hermitian=True) @ pull
 
 
-def _on_finest_chain(bench: Workbench, base: Fit) -> Fit:
-    """The fit with the chain's own error taken out to the last: it is what is left where all else is right."""
-    _refine(bench, base, FINEST_SEGMENTS)
-    return fit.minimise(bench, base.model, base.starts, base.unknowns, base.values, None, _ITERATIONS)
+def _widened(covariance: np.ndarray, moves: np.ndarray, distances: np.ndarray) -> np.ndarray:
+    """The covariance (p x p), the jackknife's where a recording disagrees with the others more than chance allows.
+
+    Args:
+      covariance: (p x p).
+      moves: (k x p) of the estimate without each recording.
+      distances: (k x p) the same in standard errors.
+    """
+    count = len(moves)
+    errors = np.sqrt(np.diag(covariance))
+    spread = np.sqrt((count - 1) * moves.var(axis=0))
+    disagreeing = (np.abs(distances) > _allowed(distances)).any(axis=0)
+    factor = np.where(disagreeing, np.maximum(1.0, spread / errors), 1.0)
+    return covariance * np.outer(factor, factor)
 
 
-def _without_each(bench: Workbench, base: Fit) -> dict[str, np.ndarray]:
-    """Recording -> estimate (p) without it, by one Gauss-Newton step from the whole fit."""
-    weights = fit.row_weights(bench, base.residual)
-    information, gradient = fit.normal_equations(bench, base)
-    of_row = np.repeat(
-        [g.recording for g in bench.groups], [g.rows.stop - g.rows.start for g in bench.groups]
-    )
-    low, high = np.array([u.bounds for u in base.unknowns]).T
-    found = {}
-    for i, p in enumerate(bench.prepared):
-        J, w = base.jacobian[of_row == i], weights[of_row == i]
-        left = information - J.T @ (w[:, None] * J)
-        pull = gradient - J.T @ (w * base.residual[of_row == i])
-        step = np.linalg.pinv(left, hermitian=True) @ pull
-        found[p.recording.name] = np.clip(base.values - step, low, high)
-    return found
+def _allowed(distances: np.ndarray) -> float:
+    """The distance (k x p of them) that chance makes one exceed in so few cases."""
+    return float(norm.isf(_CHANCE / 2 / distances.size))
 
 
-def _widened(linear: np.ndarray, without: np.ndarray) -> np.ndarray:
-    """The covariance (p x p), its errors no smaller than the jackknife's over the estimates without a recording."""
-    count = len(without)
-    spread = np.sqrt((count - 1) * without.var(axis=0)) if count > 1 else np.zeros(len(linear))
-    errors = np.sqrt(np.diag(linear))
-    factor = np.maximum(1.0, spread / errors)
-    return linear * np.outer(factor, factor)
+def _odd(
+    recordings: tuple[str, ...], names: tuple[str, ...], distances: np.ndarray
+) -> tuple[tuple[str, str, float], ...]:
+    """Recording, parameter and distance (k x p) wherever one disagrees with the others, the farthest first."""
+    found = [
+        (recordings[i], names[k], float(abs(distances[i, k])))
+        for i, k in zip(*np.nonzero(np.abs(distances) > _allowed(distances)), strict=True)
+    ]
+    return tuple(sorted(found, key=lambda f: -f[2]))
+
+
+def _profiles(
+    bench: Workbench, base: Fit, errors: np.ndarray, said: Evidence, rises: np.ndarray
+) -> dict[int, tuple[float, float]]:
+    """Unknown -> 95 % interval by the profile, where the likelihood (p x 2 rises) is no ellipse."""
+    low, high = _ELLIPTIC
+    ratios = errors**2 / np.diag(said.inverse)
+    odd = np.flatnonzero(((rises < low) | (rises > high)).any(axis=1))
+    return {int(k): Profile(bench, base, int(k), float(errors[k]), float(ratios[k])).interval() for k in odd}
 
 
 def _rises(bench: Workbench, base: Fit) -> np.ndarray:

@@ -18,14 +18,22 @@ TWO_SIDED_95 = 1.96
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its standard error, SI units."""
+    """A number with its standard error, SI units.
+
+    Attributes:
+      value, standard_error: as they are called.
+      profile: 95 % interval by the profile of the likelihood, where errors are not normal.
+    """
 
     value: float
     standard_error: float
+    profile: tuple[float, float] | None = None
 
     @property
     def interval(self) -> tuple[float, float]:
         """The 95 % interval."""
+        if self.profile is not None:
+            return self.profile
         half = TWO_SIDED_95 * self.standard_error
         return self.value - half, self.value + half
 
@@ -62,6 +70,7 @@ class Identified:
       declared: what the campaign says.
       declared_error: standard deviation of what it says; None where it says nothing.
       methods: procedure -> what it says by itself.
+      profile: 95 % interval by the profile of the likelihood, where errors are not normal.
     """
 
     value: float
@@ -70,11 +79,12 @@ class Identified:
     declared: float
     declared_error: float | None = None
     methods: Mapping[str, Estimate] = field(default_factory=dict)
+    profile: tuple[float, float] | None = None
 
     @property
     def estimate(self) -> Estimate:
-        """Value and standard error."""
-        return Estimate(self.value, self.standard_error)
+        """Value with its error and interval."""
+        return Estimate(self.value, self.standard_error, self.profile)
 
 
 @dataclass(frozen=True)
@@ -132,6 +142,8 @@ def parameter_json(found: Identified) -> dict[str, Any]:
     return {
         "value": found.value,
         "standard_error": found.standard_error,
+        "interval": list(found.estimate.interval),
+        "interval_by": "covariance" if found.profile is None else "profile",
         "unit": found.unit,
         "declared": found.declared,
         "methods": {

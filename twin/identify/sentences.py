@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from twin.identify.backbone import LEAST_SWEEPS, Backbone
@@ -17,13 +18,18 @@ from twin.identify.static_test import LOADS, StaticTest
 
 EXPLAINED = 0.9
 """Share of the torque that the hub's balance has to explain to be believed."""
+_FEWEST, _MOST = 4, 9  # digits of a number
+_ODD_SHOWN = 3  # contradictions between recordings
 _APART = 3.0  # standard errors of the difference from which two estimates are said to disagree
 
 
 def shown(estimate: Estimate, unit: str = "") -> str:
     """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N m^2`."""
     low, high = estimate.interval
-    digits = 5 if low and abs(high / low - 1) < 0.01 else 4
+    digits = _FEWEST
+    if high > low and estimate.value:
+        # Two digits of half the interval.
+        digits = min(max(_FEWEST, 2 + math.ceil(math.log10(2 * abs(estimate.value) / (high - low)))), _MOST)
     return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {unit}".rstrip()
 
 
@@ -232,10 +238,18 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
             f"{100 * error:.2g} %, each alone to {alone[0]:.2g} and {alone[1]:.2g} %."
         )
     said += [f"It adds up to {what} {shown(value, unit)}." for what, value, unit in figures]
-    off = found.not_elliptic()
-    if off:
-        said.append(f"The likelihood is not elliptic in {', '.join(off)}: its interval is rough.")
-    else:
+    said += [
+        f"Without {recording} {name} moves by {distance:.1f} standard errors of the move: the recordings contradict "
+        "each other, which the model does not explain."
+        for recording, name, distance in found.odd[:_ODD_SHOWN]
+    ]
+    if not found.odd:
+        said.append("No recording moves the estimate by more than chance when it is left out.")
+    said += [
+        f"The likelihood is not elliptic in {name}: by its profile the 95 % interval is {low:.5g} to {high:.5g}."
+        for name, (low, high) in found.intervals.items()
+    ]
+    if not found.intervals:
         said.append(
             "Two standard errors away the likelihood is what the covariance says, in every parameter."
         )

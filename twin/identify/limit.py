@@ -1,0 +1,71 @@
+"""What a chain of ever more segments comes to, by extrapolation.
+
+A chain whose proportions are fitted is good with few segments, but what is left of its error does not fall steadily
+with their number n. That of equal segments does: a n^-2 + b n^-4 + ... in every figure, however far the link bends, if
+the curvature at a gauge is read off the hinges beside it. So a few coarse chains give the limit (L. F. Richardson,
+1911; W. Romberg, 1955).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from twin import chain, search
+from twin.fit import Workbench
+from twin.model import Model, Start
+
+QUICK = (8, 12, 16)
+"""Numbers of segments that leave an error of a tenth of the noise's or so."""
+CLOSE = (8, 12, 16, 20)
+"""Numbers of segments of a last step."""
+_BESIDE = 4  # hinges between which the curvature at a gauge is interpolated
+
+
+class EvenModel(Model):
+    """A model on a chain of equal segments, strains read off the hinges beside the gauge."""
+
+    @functools.cached_property
+    def curvature_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
+        gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
+        return {name: _row(self.chain.hinges, self.rig["length"], s.position) for name, s in gauges.items()}
+
+
+def even(model: Model, segments: int) -> EvenModel:
+    """The model on a chain of so many equal segments, in steps as short as those of a fine one."""
+    values = {f.name: getattr(model, f.name) for f in fields(model)}
+    return EvenModel(**{**values, "shape": chain.uniform_shape(segments), "step": search.FINE_STEP})
+
+
+def _row(hinges: np.ndarray, length: float, x: float) -> np.ndarray:
+    """Curvature at x [m] of the polynomial through the curvatures at the hinges beside it (n) [1/m per rad]."""
+    near = np.argsort(np.abs(hinges - x))[:_BESIDE]
+    row = np.zeros(len(hinges))
+    for i in near:
+        others = np.setdiff1d(near, i)
+        row[i] = np.prod((x - hinges[others]) / (hinges[i] - hinges[others]))
+    return row * len(hinges) / length
+
+
+def weights(segments: Sequence[int]) -> np.ndarray:
+    """Weights (k) with which figures of chains of so many segments (k) give their limit, k - 1 powers of n^-2 out."""
+    powers = np.array(segments, dtype=float) ** (-2.0 * np.arange(len(segments))[:, None])
+    return np.linalg.solve(powers, np.eye(len(segments))[0])
+
+
+def move(bench: Workbench, model: Model, starts: Sequence[Start], segments: Sequence[int]) -> np.ndarray:
+    """Takes the error of the model's chain out of all later residuals of a bench, as the limit shows it.
+
+    Returns:
+      The change (n) of the residual by the coarsest of these chains: it is what the last power came to.
+    """
+    bench.defect = np.zeros(len(bench.weight))
+    models = [model, *(even(model, n) for n in segments)]
+    given, *found = bench.residuals([(m, starts, None) for m in models])
+    at_limit = weights(segments) @ np.array(found)
+    bench.defect = given - at_limit
+    return at_limit - weights(segments[1:]) @ np.array(found[1:])

@@ -1,0 +1,128 @@
+"""The covariance of a fit whose residuals are not what its weights take them for.
+
+The weights count so many independent samples a second and one size of the noise. In truth it is coloured: the hub's
+second derivative makes it grow with the frequency, the link rings with it, and one noise of the hub angle is in all
+channels. So the pulls of the residuals on the parameters, J' w r, have another covariance M than the information
+H = J' w J + P. It follows from the spectra S of the residuals themselves, which stand for the noise whatever its
+colour, and replaces H in the middle, beside the declared uncertainty P (P. J. Huber, 1967):
+
+    H^-1 (M + P) H^-1        M = 1/N sum_f Z(f)* S(f) Z(f)        Z: Fourier transform of w J
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import next_fast_len, rfft
+
+from twin import fit
+from twin.driven import GRID
+from twin.fit import Fit, Workbench
+
+_SMOOTH = 1.0  # Hz to either side over which a spectrum is averaged
+_APART = 2.0  # s of zeros behind a recording, longer than its noise is correlated
+_NOTHING = 1e-6  # of a variance, below which a recording says nothing of a parameter
+_SINGLE = "break_away"  # a channel of single instants, which have no spectrum
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the recordings say, each by itself.
+
+    Attributes:
+      information: (k x p x p) of each recording, J' w J.
+      pulls: (k x p) of each recording at the fit, J' w r.
+      scatter: (k x p x p) covariance of the pulls by the noise.
+      prior: (p) precision of what was declared.
+    """
+
+    information: np.ndarray
+    pulls: np.ndarray
+    scatter: np.ndarray
+    prior: np.ndarray
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Inverse of the whole information (p x p)."""
+        return _inverse(self.information.sum(axis=0) + np.diag(self.prior))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance (p x p) of the estimate."""
+        return self.inverse @ (self.scatter.sum(axis=0) + np.diag(self.prior)) @ self.inverse
+
+    def moves(self) -> tuple[np.ndarray, np.ndarray]:
+        """How far (k x p) the estimate moves without each recording, and that in standard errors of the move.
+
+        Without recording i it moves by (H - H_i)^-1 g_i. At the estimate its pull is
+        g_i = (1 - H_i H^-1) e_i - H_i H^-1 sum_j e_j, with e of each recording and of the priors independent.
+        """
+        inverse = self.inverse
+        information = self.information.sum(axis=0) + np.diag(self.prior)
+        every = self.scatter.sum(axis=0) + np.diag(self.prior)
+        moves, distances = np.zeros_like(self.pulls), np.zeros_like(self.pulls)
+        for i, (H, M) in enumerate(zip(self.information, self.scatter, strict=True)):
+            rest = _inverse(information - H)
+            given = H @ inverse
+            own = np.eye(len(H)) - given
+            variance = np.diag(rest @ (own @ M @ own.T + given @ (every - M) @ given.T) @ rest)
+            moves[i] = rest @ self.pulls[i]
+            sure = variance > _NOTHING * np.diag(self.covariance)
+            distances[i] = np.where(sure, moves[i] / np.sqrt(np.where(sure, variance, 1.0)), 0.0)
+        return moves, distances
+
+
+def evidence(bench: Workbench, base: Fit) -> Evidence:
+    """Reads what each recording says of a fit's parameters, and how surely."""
+    w = fit.row_weights(bench, base.residual)
+    count, p = len(bench.prepared), base.jacobian.shape[1]
+    information, scatter, pulls = np.zeros((count, p, p)), np.zeros((count, p, p)), np.zeros((count, p))
+    for i in range(count):
+        mine = [g for g in bench.data.groups if g.recording == i]
+        for g in mine:
+            J = w[g.rows, None] * base.jacobian[g.rows]
+            information[i] += base.jacobian[g.rows].T @ J
+            pulls[i] += J.T @ base.residual[g.rows]
+            if g.channel == _SINGLE:
+                scatter[i] += base.jacobian[g.rows].T @ J
+        rows = [g.rows for g in mine if g.channel != _SINGLE]
+        scatter[i] += _scatter(
+            np.stack([bench.weight[r] for r in rows], axis=1),
+            np.stack([base.residual[r] for r in rows], axis=1),
+            np.stack([w[r, None] * base.jacobian[r] for r in rows], axis=1),
+        )
+    return Evidence(information, pulls, scatter, fit.prior_precision(base.unknowns))
+
+
+def _scatter(known: np.ndarray, residual: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Covariance (p x p) of the pulls of one recording.
+
+    Args:
+      known: (m x c) 1 where a channel is compared, else 0.
+      residual: (m x c), 0 where it is not.
+      slopes: (m x c x p) weight times slope of the residual.
+    """
+    size = next_fast_len(len(residual) + int(_APART / GRID), real=True)
+    r, z = rfft(residual, size, axis=0), rfft(slopes, size, axis=0)
+    common = np.maximum(known.T @ known, 1.0)
+    half = max(1, round(_SMOOTH * size * GRID))
+    spectra = r[:, :, None] * r.conj()[:, None, :] / common
+    smooth = _averaged(spectra, half)
+    twice = np.full(len(r), 2.0)
+    twice[0] = 1.0
+    if size % 2 == 0:
+        twice[-1] = 1.0
+    return np.einsum("f,fcp,fcd,fdq->pq", twice, z.conj(), smooth, z, optimize=True).real / size
+
+
+def _averaged(values: np.ndarray, half: int) -> np.ndarray:
+    """Means (f, ...) over so many neighbours to either side, as far as there are any."""
+    total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)
+    here = np.arange(len(values))
+    low, high = np.maximum(here - half, 0), np.minimum(here + half + 1, len(values))
+    return (total[high] - total[low]) / (high - low).reshape(-1, *(1,) * (values.ndim - 1))
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    return np.linalg.pinv(matrix, hermitian=True)
