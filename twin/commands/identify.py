@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from twin.commands.shared import (
     COMPILING,
@@ -24,6 +26,13 @@ if TYPE_CHECKING:
 def identify(
     campaign: CampaignFolder,
     out: IdentificationFolder = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OTHER",
+            help="Campaign of the same rig with another payload or an air-pad: which peaks move.",
+        ),
+    ] = None,
     json_file: JsonFile = None,
     force: Force = False,
 ) -> None:
@@ -34,11 +43,12 @@ def identify(
     folder = deliver.FOLDER.chosen(out, campaign, force)
     check_writable(json_file, made=folder)
     given = read_campaign(campaign)
+    other = read_campaign(against) if against is not None else None
     with progress() as report:
         report(COMPILING)
         from twin.identify.identification import identify as run
 
-        found = run(given, report)
+        found = run(given, report, other=other)
         report("writing the results")
         paths = deliver.deliver(found, folder)
         if json_file is not None:

@@ -17,6 +17,7 @@ from twin import beam, modal, search
 from twin.campaign import Campaign
 from twin.fit import Prepared
 from twin.identify import (
+    against,
     backbone,
     balance,
     break_away,
@@ -28,6 +29,7 @@ from twin.identify import (
     spectra,
     static_test,
 )
+from twin.identify.against import Comparison
 from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
@@ -79,6 +81,7 @@ class Identification:
       joint: the joint estimate.
       held_out: errors on held-out recordings, which are simulated once, at the end.
       notes: what is odd in the recordings, or was assumed of them.
+      compared: its peaks beside those of another campaign of the rig; None where none was named.
       wall_s: how long it took [s].
     """
 
@@ -99,6 +102,7 @@ class Identification:
     joint: Joint
     held_out: tuple[HeldOutError, ...] = ()
     notes: tuple[str, ...] = ()
+    compared: Comparison | None = None
     wall_s: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
@@ -112,19 +116,23 @@ class Identification:
                 {"procedure": f.procedure, "sentences": list(f.sentences), "missing": f.missing}
                 for f in self.findings
             ],
+            **({} if self.compared is None else {"against": self.compared.to_json()}),
             "held_out": [asdict(error) for error in self.held_out],
             "notes": list(self.notes),
             "wall_s": self.wall_s,
         }
 
 
-def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) -> Identification:
+def identify(
+    campaign: Campaign, progress: Progress = silent, workers: int = 1, other: Campaign | None = None
+) -> Identification:
     """Identifies a rig from the fit recordings of a campaign.
 
     Args:
       campaign: the recordings; held-out ones are predicted, at the end.
       progress: told of every stage.
       workers: number of threads.
+      other: of the same rig with another payload or with an air-pad, for the kind of each peak.
     """
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
@@ -141,6 +149,7 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
     seen = spectra.response(campaign.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
     moved = backbone.backbone(campaign.fit, _first(beam.modes(found.fit.model.declared, 1)))
+    compared = against.compare(campaign, other) if other is not None else None
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
     progress("predicting the held-out recordings")
@@ -160,9 +169,11 @@ def identify(campaign: Campaign, progress: Progress = silent, workers: int = 1) 
             sentences.coulomb(hub, released, found, friction.level),
             sentences.inertia(hub, whole, total),
             sentences.spectra(seen, free_modes, moved),
+            *([sentences.compared(compared)] if compared is not None else []),
             sentences.joint(found, figures),
         ),
         notes=(*campaign.warnings, *found.notes),
+        compared=compared,
         decays=decays,
         static_friction=friction,
         hub=hub,

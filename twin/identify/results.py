@@ -111,7 +111,7 @@ class Finding:
     """What one procedure found, in sentences.
 
     Attributes:
-      procedure: "static", "decay", "break-away", "coulomb", "spectra", "inertia" or "joint".
+      procedure: "static", "decay", "break-away", "coulomb", "inertia", "spectra", "against" or "joint".
       title: for people.
       sentences: what was found, and the evidence against it.
       missing: what the recordings lack for it; None where it was possible.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from twin.identify.against import Comparison, PairedPeak
 from twin.identify.backbone import LEAST_SWEEPS, Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
@@ -221,6 +222,40 @@ def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | Non
             f"{100 * moved.slope.value:+.2f} % \u00b1 {196 * moved.slope.standard_error:.2f} % at the largest."
         )
     return Finding("spectra", title, tuple(said))
+
+
+def compared(found: Comparison) -> Finding:
+    """The peaks beside those of another campaign of the rig."""
+    title = f"Peaks beside those of {found.campaign}"
+    if found.missing is not None or not (found.peaks or found.appeared):
+        return Finding(
+            "against", title, (), found.missing or f"no peak in a band that {found.campaign} excites"
+        )
+    changed = [
+        f"{name} {here:.4g} here and {there:.4g} there" for name, (here, there) in found.changed.items()
+    ]
+    rigs = (
+        f"Declared: {', '.join(changed)}."
+        if changed
+        else "The two declare one rig, so that bending modes stay where they are."
+    )
+    said = [_paired(peak) for peak in found.peaks]
+    said += [
+        f"{peak.frequency_hz:.4g} Hz is in {found.campaign} only: no bending mode of the link."
+        for peak in found.appeared
+    ]
+    return Finding("against", title, (rigs, *said))
+
+
+def _paired(peak: PairedPeak) -> str:
+    expected = 100 * (peak.bending_hz / peak.frequency_hz - 1)
+    rule = f"a bending mode would by {expected:+.1f} %"
+    if peak.other_hz is None:
+        left = f"{100 * peak.height:.0f} % of its height is left at {peak.bending_hz:.4g} Hz"
+        return f"{peak.frequency_hz:.4g} Hz is gone ({left}): no bending mode of the link."
+    moved = 100 * (peak.other_hz / peak.frequency_hz - 1)
+    what = "a bending mode" if peak.kind == "bending" else "no bending mode"
+    return f"{peak.frequency_hz:.4g} Hz moves by {moved:+.1f} %, {rule}: {what}."
 
 
 def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding:

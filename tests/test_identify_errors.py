@@ -1,0 +1,212 @@
+"""How sure an identification is: the limit of chains, slopes, scatter and profile; peaks beside another campaign's."""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from twin import beam, chain, evidence
+from twin.evidence import Group
+from twin.fit import Fit, Unknown
+from twin.identify import against, limit, profile, ridge, scatter, sentences, spectra
+from twin.identify.against import Comparison
+from twin.model import Model
+from twin.recording import Recording, Sensor
+from twin.rigs import preset
+
+RIG = preset("bossi2009")
+GAUGES = {
+    "strain_base": Sensor("strain_base", 2e-6, 0.02, 0.0008),
+    "strain_mid": Sensor("strain_mid", 2e-6, 0.21, 0.0008),
+}
+
+
+def model() -> Model:
+    return Model(RIG, GAUGES, chain.fit_shape(RIG, 5))
+
+
+def test_weights_take_powers_of_the_step_out():
+    n = np.array(limit.CLOSE)
+    assert limit.weights(n) @ (2 + 5 / n**2 - 7 / n**4 + 11 / n**6) == pytest.approx(2, abs=1e-9)
+
+
+def test_even_chains_go_to_the_beam():
+    exact = beam.modes(RIG, 2).frequencies
+    found = np.array([limit.even(model(), n).chain.modes()[0][:2] for n in limit.CLOSE])
+    assert abs(found[-1] / exact - 1).max() > 1e-4
+    assert limit.weights(limit.CLOSE) @ found == pytest.approx(exact, rel=2e-6)
+
+
+@pytest.mark.parametrize("gauge", ["strain_base", "strain_mid"])
+def test_curvature_beside_a_gauge_of_a_bent_link(gauge):
+    # A bend with a third power, as large deflections make it: kappa = 1 - 2 x/l + 3 (x/l)^3.
+    at = GAUGES[gauge].position / RIG["length"]
+    values = []
+    for n in limit.CLOSE:
+        even = limit.even(model(), n)
+        s = even.chain.hinges / RIG["length"]
+        hinges = (1 - 2 * s + 3 * s**3) * RIG["length"] / n
+        values.append(even.curvature_rows[gauge] @ hinges)
+    assert limit.weights(limit.CLOSE) @ np.array(values) == pytest.approx(1 - 2 * at + 3 * at**3, rel=1e-3)
+
+
+class Declared(dict):
+    """Parameters that can be replaced, as a rig's."""
+
+    def replace(self, source="", **values):
+        return Declared({**self, **values})
+
+
+@dataclass(frozen=True)
+class Line:
+    """Stands for a model: all that counts are its parameters a and b."""
+
+    declared: Declared
+    effects: dict = field(default_factory=dict)
+
+    def replace(self, **changes):
+        return replace(self, **changes)
+
+
+class Bench:
+    """Residuals: noise (one recording each) less a function (n) of a and b."""
+
+    def __init__(self, noises, function):
+        self.noise, self.function = np.concatenate(noises), function
+        edges = np.cumsum([0, *(len(n) for n in noises)])
+        self.groups = tuple(
+            Group(i, "strain_base", slice(*edges[i : i + 2].tolist())) for i in range(len(noises))
+        )
+        self.weight, self.prepared = np.ones(len(self.noise)), tuple(range(len(noises)))
+        self.count = np.array([float(len(n)) for n in noises])
+        self.data = SimpleNamespace(groups=self.groups)
+
+    def residuals(self, jobs):
+        return [self.noise - self.function(m.declared["a"], m.declared["b"]) for m, _, _ in jobs]
+
+    def sizes(self, r):
+        return evidence.sizes(r, self.groups, self.weight)
+
+    def cost(self, r):
+        return float(self.count @ evidence.loss(self.sizes(r)))
+
+    def start(self, a, b, h=1.0):
+        """A fit that has not moved, with slopes over steps of h."""
+        unknowns = tuple(Unknown("rig", n, 0.0, 1e3, True, (-3e3, 3e3)) for n in ("a", "b"))
+        r = self.noise - self.function(a, b)
+        slopes = [
+            self.function(a + h, b) - self.function(a, b),
+            self.function(a, b + h) - self.function(a, b),
+        ]
+        J = -np.column_stack(slopes) / h
+        line = Line(Declared(a=a, b=b))
+        return Fit(line, (), unknowns, np.array([a, b]), np.eye(2), r, self.sizes(r), self.cost(r), J)
+
+
+T = np.linspace(0, 1, 1000)
+
+
+def wave(a, b):
+    return a * np.sin(8 * T) + b * np.cos(5 * T)
+
+
+def test_errors_are_those_of_coloured_noise():
+    rng, found, said, weighed = np.random.default_rng(0), [], [], []
+    for k in range(200):
+        # Unit variance, correlated over 20 samples.
+        noise = lfilter([1], [1, -0.95], rng.standard_normal(1200))[200:] * np.sqrt(1 - 0.95**2)
+        fitted = ridge.refined(
+            Bench([noise[:500], noise[500:]], wave), Bench([noise[:500], noise[500:]], wave).start(0.0, 0.0)
+        )
+        found.append(fitted.values)
+        if k < 20:
+            e = scatter.evidence(Bench([noise[:500], noise[500:]], wave), fitted)
+            said.append(np.sqrt(np.diag(e.covariance)))
+            weighed.append(np.sqrt(np.diag(e.inverse)))
+    true = np.std(found, axis=0)
+    assert np.mean(said, axis=0) == pytest.approx(true, rel=0.25)
+    assert (np.mean(weighed, axis=0) < 0.4 * true).all()
+
+
+def test_a_recording_that_contradicts_the_others_is_seen():
+    rng = np.random.default_rng(1)
+    noises = [rng.standard_normal(2500) for _ in range(4)]
+    t = np.arange(10000) * 0.002
+    known = np.sin(2 * np.pi * (0.5 * t**2)), np.cos(3 * t)
+    for off, seen in ((0.0, False), (0.5, True)):
+        bench = Bench(
+            [noises[0] + off * known[0][:2500], *noises[1:]], lambda a, b: a * known[0] + b * known[1]
+        )
+        _, distances = scatter.evidence(bench, ridge.refined(bench, bench.start(0.0, 0.0))).moves()
+        assert (np.abs(distances).max() > 4) == seen
+
+
+def test_slopes_along_the_ridge():
+    # Only a - b is seen well; slopes over rough steps are off by more than what is left of a + b.
+    def valley(a, b):
+        return 100 * np.sin((a - b) * (1 + T)) + (a + b) * T**2
+
+    noise = np.random.default_rng(2).standard_normal(1000) + valley(0.3, 0.2)
+    bench = Bench([noise], valley)
+    fitted = ridge.refined(bench, bench.start(0.301, 0.202, h=0.02))
+    a, b = fitted.values
+    h = 1e-6
+    exact = -(valley(a + h, b + h) - valley(a - h, b - h)) / (2 * h)
+    assert fitted.jacobian @ [1, 1] == pytest.approx(exact, abs=0.01)
+    assert np.abs(bench.start(a, b, h=0.02).jacobian @ [1, 1] - exact).max() > 0.3
+    assert fitted.errors[0] == pytest.approx(fitted.errors[1], rel=0.01)
+
+
+def test_profile_of_a_likelihood_that_is_no_ellipse():
+    def decay(a, b):
+        return 3 * np.exp(-np.exp(a) * T) + 0 * b
+
+    bench = Bench([0.999 * np.sign(np.sin(700 * T)) + decay(1.0, 0.0)], decay)
+    fitted = ridge.refined(bench, bench.start(1.0, 0.0, h=1e-3))
+    error = 10 * fitted.errors[0]
+    # With a variance that is 100 times the likelihood's, the interval is so wide that the two ends differ.
+    low, high = profile.Profile(bench, fitted, 0, error, 100.0).interval()
+    a = fitted.values[0]
+    costs = [bench.cost(bench.noise - decay(x, 0.0)) - fitted.cost for x in (low, high)]
+    assert costs == pytest.approx([100 * 1.96**2 / 2] * 2, rel=0.05)
+    assert abs((high - a) / (a - low) - 1) > 0.1
+
+
+def swept(peaks, name="sweep"):
+    """A torque sweep over 2 to 45 Hz, and a strain with these (frequency, ratio, size) modes."""
+    time = np.arange(0, 24, 0.002)
+    age = np.clip(time - 0.5, 0, 22)
+    torque = np.sin(2 * np.pi * (2 * age + 21.5 * age**2 / 22)) * ((time > 0.5) & (time < 22.5))
+    strain = 1e-7 * np.random.default_rng(0).standard_normal(len(time))
+    for frequency, ratio, size in peaks:
+        w = 2 * np.pi * frequency
+        b, a, _ = cont2discrete(([w**2], [1, 2 * ratio * w, w**2]), 0.002, "zoh")
+        strain = strain + size * lfilter(b.ravel(), a, torque)
+    return spectra.response([Recording(name, time, {"torque_command": torque, "strain_base": strain})])
+
+
+def of_modes(rig, torsion=None):
+    f = beam.modes(rig, 3).frequencies / (2 * np.pi)
+    extra = [(torsion, 0.01, 3e-5)] if torsion else []
+    return swept([(f[0], 0.03, 1e-4), (f[1], 0.03, 1e-4), *extra])
+
+
+def test_peaks_that_a_payload_moves_are_bending_modes():
+    heavy = RIG.replace(tip_mass=0.3, tip_inertia=3e-4)
+    here, there = of_modes(RIG, 28.0), of_modes(heavy, 28.0)
+    kinds = {round(p.frequency_hz): p for p in against.paired(here, RIG, there, heavy)}
+    assert {f: p.kind for f, p in kinds.items()} == {7: "bending", 18: "bending", 28: "not bending"}
+    assert kinds[28].other_hz == pytest.approx(28.0, rel=0.01)
+    assert kinds[18].other_hz == pytest.approx(kinds[18].bending_hz, rel=0.02)
+    assert kinds[18].bending_hz / kinds[18].frequency_hz < 0.95
+
+
+def test_a_peak_that_an_air_pad_takes_away_is_none_of_bending():
+    found = against.paired(of_modes(RIG, 28.0), RIG, of_modes(RIG), RIG)
+    assert [p.kind for p in found] == ["bending", "bending", "not bending"]
+    assert found[2].other_hz is None
+    said = sentences.compared(Comparison("with-pad", {}, found)).sentences
+    assert any("Hz is gone" in s for s in said)
+    assert sentences.compared(Comparison("with-pad", {}, (), missing="no sweep")).missing == "no sweep"
