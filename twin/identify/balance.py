@@ -13,14 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 from scipy.ndimage import binary_erosion, label
 from scipy.signal import butter, sosfiltfilt
 
 from twin import driven
 from twin.driven import DrivenData, View
 from twin.fit import Prepared
-from twin.identify.exact_torque import free_hub_inertia, mean_torque, twice_averaged
+from twin.grid_means import mean_torque, twice_averaged
 from twin.identify.results import Estimate
 from twin.model import Model, Start
 
@@ -166,28 +165,25 @@ def _usable(prepared: Prepared, view: View, model: Model, band: float) -> bool:
 def _torques(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
     t, low = view.time, _low_pass(view.time, band)
     _, required = driven.move(view, prepared, model, start)
-    # A cubic spline's second derivative is off by (omega h)^2/12; a septic one's is not.
-    hub = make_interp_spline(t, view.reading, k=7)
-    required = required - free_hub_inertia(model) * (view.acceleration - hub(t, 2))
-    link = twice_averaged(required - model.declared["hub_inertia"] * hub(t, 2))
+    link = twice_averaged(required - model.declared["hub_inertia"] * view.acceleration)
     forward, backward = (view.direction > 0).astype(float), (view.direction < 0).astype(float)
-    columns = np.column_stack([low(v) for v in (twice_averaged(hub(t, 2)), forward, -backward)])
+    columns = np.column_stack([low(v) for v in (twice_averaged(view.acceleration), forward, -backward)])
     kept = binary_erosion(view.sliding, iterations=int(_REACH / band / (t[1] - t[0])))
     if not kept.any():
         return None
     # The measured motion has passed one low-pass more than the torque.
-    torque = driven.low_passed(mean_torque(prepared, t, model), float(t[1] - t[0]), view.band)
+    torque = driven.low_passed(mean_torque(model, prepared.recording, t), float(t[1] - t[0]), view.band)
     right = low(torque - link)
-    return _Rows(columns[kept], right[kept], hub(t, 1)[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
+    return _Rows(columns[kept], right[kept], view.rate[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
 
 
 def _momenta(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
     t, low = view.time, _low_pass(view.time, band)
-    hub = make_interp_spline(t, low(view.reading), k=7)
-    bends = [make_interp_spline(t, low(b), k=7)(t, 1) for b in _curvatures(prepared, view, model)]
+    hub = driven.smooth(t, low(view.reading))
+    bends = [driven.smooth(t, low(b))(t, 1) for b in _curvatures(prepared, view, model)]
     period = float(t[1] - t[0])
     friction = [period * np.cumsum(view.direction == d) * d for d in (1, -1)]
-    impulse = period * np.cumsum(mean_torque(prepared, t, model))
+    impulse = period * np.cumsum(mean_torque(model, prepared.recording, t))
     whole = np.column_stack([hub(t, 1), *bends, *friction, impulse])
     runs, count = label(view.sliding)
     parts: list[np.ndarray] = []

@@ -11,7 +11,6 @@ import numpy as np
 from twin import breakaway
 from twin.breakaway import BreakAway
 from twin.fit import Prepared
-from twin.identify import exact_torque
 from twin.identify.results import Estimate, pooled
 from twin.model import Model, Start
 from twin.observe import BEFORE_ONSET
@@ -96,7 +95,7 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     time = prepared.recording.time
     period = float(np.median(np.diff(time)))
     driving = max(abs(event.torque) - model.declared["coulomb_friction"], 0.1 * abs(event.torque))
-    gain = driving / exact_torque.free_hub_inertia(model)
+    gain = driving / _free_hub_inertia(model)
     unseen = math.sqrt(2 * _SEEN * prepared.noise["hub_angle"] / gain)
     late = unseen + period - BEFORE_ONSET * period
     of_link = abs(event.torque - float(model.drive(prepared.recording).at(np.array([event.time]))[0]))
@@ -104,6 +103,12 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
         event.slope * math.hypot(unseen / (2 * _SEEN), period / math.sqrt(12)), _MODEL * of_link
     )
     return event.torque - event.direction * event.slope * late, error
+
+
+def _free_hub_inertia(model: Model) -> float:
+    """Torque at once per acceleration of the hub, the link's hinges free [kg m^2]: hardly more than J0."""
+    M = model.chain.mass_matrix()
+    return float(M[0, 0] - M[0, 1:] @ np.linalg.solve(M[1:, 1:], M[1:, 0]))
 
 
 def _stairs(model: Model, prepared: Prepared, index: int) -> list[tuple[BreakAway, float]]:

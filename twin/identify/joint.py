@@ -18,9 +18,9 @@ from scipy.stats import norm
 
 from twin import calibration, driven, fit
 from twin.campaign import Campaign
+from twin.driven import DrivenData
 from twin.fit import Fit, Prepared, Workbench
 from twin.identify import limit, ridge, scatter
-from twin.identify.exact_torque import ExactTorqueData
 from twin.identify.profile import Profile
 from twin.identify.results import Estimate
 from twin.identify.scatter import Evidence
@@ -73,9 +73,9 @@ class Joint:
         return self.bench.prepared
 
     @property
-    def data(self) -> ExactTorqueData:
+    def data(self) -> DrivenData:
         """The recordings, the link driven by the measured hub angle."""
-        assert isinstance(self.bench.data, ExactTorqueData)
+        assert isinstance(self.bench.data, DrivenData)
         return self.bench.data
 
     @property
@@ -120,7 +120,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     """Fits all declared parameters within their uncertainty, and checks the errors."""
     start = calibration.calibrate(campaign, pool, progress)
     progress("fitting in the limit of a fine chain")
-    bench = Workbench(ExactTorqueData(start.prepared, start.declared, BANDS), pool)
+    bench = Workbench(DrivenData(start.prepared, start.declared, BANDS), pool)
     base, left = _in_the_limit(bench, start.base)
     progress("leaving recordings out")
     said = scatter.evidence(bench, base)
