@@ -283,8 +283,13 @@ def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> n
         case "tip_acceleration":
             return _tip_acceleration(links, motion)
         case "motor_torque":
-            return model.drive(recording).at(motion.time)
+            return model.drive(recording).at(read_at(recording))
     raise ValueError(f"'{channel}' is not simulated. Expected one of: {', '.join(MEASURED)}")
+
+
+def read_at(recording: Recording) -> np.ndarray:
+    """Instants (n) at which a card reads the torque [s]: as it puts its commands out."""
+    return recording.time if recording.command_time is None else recording.command_time
 
 
 def _tip_acceleration(links: Chain, motion: Motion) -> np.ndarray:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin import driven, fit, observe, search
-from twin.effects import REGISTRY
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
 from twin.recording import Recording
@@ -82,14 +81,15 @@ def lateness(bench: Workbench, base: Fit) -> float:
     nothing that the model lacks follows from it. The slope of the residual with a delay tells it, the declared
     parameters free to give way.
     """
-    name, effect = "actuator-delay", REGISTRY["actuator-delay"]
-    ray = {"delay": 1e-4}
-    length, change = search.visible(bench, base, name, effect.neutral(base.model.declared), ray)
-    if change is None:
-        return 0.0
-    column = (change / (length * ray["delay"]))[:, None]
+    period = min(float(np.median(np.diff(p.recording.time))) for p in bench.prepared)
+    late = OPEN * period
+    moved = search.with_effect(base.model, "actuator-delay", {"delay": late})
+    [residual] = bench.residuals([(moved, base.starts, None)])
+    column = ((residual - base.residual) / late)[:, None]
+    for group in bench.data.groups:
+        if group.channel == "motor_torque":  # a held torque, read as it changes, says nothing below a sample
+            column[group.rows] = 0.0
     if fit.slope_gain(bench, base, column) < _SURE:
         return 0.0
     late = fit.slope_move(bench, base, column)
-    period = min(float(np.median(np.diff(p.recording.time))) for p in bench.prepared)
     return late if abs(late) <= OPEN * period else 0.0
