@@ -157,8 +157,15 @@ def on_sound_channels(found: Found) -> Found:
     bench, best = found.bench, found.best
     link = bench.channels() - {"hub_angle", "motor_torque"}
     faulty = link & set(verdict.unexplained(bench, best))
-    fitted = {p.channel for name in best.model.effects for p in REGISTRY[name].parameters}
-    if not faulty or faulty == link or faulty & fitted:
+    if not faulty or faulty == link:
+        return found
+    read_by = (
+        {p.channel for p in REGISTRY[found.adopted[-1].effects[-1]].parameters} if found.adopted else set()
+    )
+    if read_by & faulty and None not in read_by:
+        # What it says of the sensor is no explanation: the fault is another one.
+        return on_sound_channels(replace(found, adopted=found.adopted[:-1], rounds=found.rounds[:-1]))
+    if faulty & {p.channel for name in best.model.effects for p in REGISTRY[name].parameters}:
         return found
     sound = bench.without(faulty)
     fit_again = fit.minimise(sound, best.model, best.starts, best.unknowns, best.values, iterations=_LONG)
