@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from scipy.constants import g
 from scipy.signal import cont2discrete, lfilter
 from typer.testing import CliRunner
 
-from twin import chain, cli, fit
+from twin import calibration, chain, cli, fit
+from twin.campaign import read_campaign
 from twin.errors import InputError
 from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra
 from twin.identify.backbone import backbone
@@ -22,8 +24,8 @@ from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
 from twin.rig_file import read_rig_file
 from twin.rigs import preset
-from twin.virtual_rig import UNCERTAINTY, make_campaign
-from twin.virtual_rig.experiments import Experiment
+from twin.virtual_rig import UNCERTAINTY, Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import Experiment, free_release
 
 # Bossi et al. 2009, Table I: masses on the plate [kg], displacements [m]; length from Table II [m].
 MASSES = np.array([0.005, 0.010, 0.015, 0.020, 0.025])
@@ -359,24 +361,23 @@ def recorded(model: Model, experiment: Recording, seed: int) -> fit.Prepared:
     return fit.prepare(recording, {c: s.noise for c, s in SENSORS.items()})[0]
 
 
-def test_coulomb_friction_from_the_decay_of_an_unclamped_link():
-    true = preset("bossi2009").replace("low static friction", static_friction=0.02, coulomb_friction=0.0055)
-    model = Model(true, SENSORS, chain.fit_shape(true, 5), step=1e-3)
-    time = np.arange(0, 2, 0.002)
-    still = np.zeros(len(time))
-    release = Recording(
-        "release.csv",
-        time,
-        {"torque_command": still, "hub_angle": still, "strain_base": still},
-        initial_tip_deflection=0.03,
+@pytest.mark.parametrize(("coulomb", "static", "seed"), [(0.0055, 0.02, 0), (0.004, 0.015, 1)])
+def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb, static, seed):
+    rig = Rig(
+        static_positive=static, static_negative=static, coulomb_positive=coulomb, coulomb_negative=coulomb
     )
-    prepared = recorded(model, release, seed=3)
-    off = model.replace(declared=true.replace("believed", coulomb_friction=0.0045))
-    found = friction_map.read(off, [prepared], [prepared.start])
+    plan = free_release(rig, Sensors(), np.random.default_rng(seed))
+    plan = replace(plan, commands=plan.commands[:1500])
+    make_campaign(tmp_path / "released", {}, seed, rig=rig, experiments=[plan])
+    campaign = read_campaign(tmp_path / "released")
+    prepared, _ = fit.prepare(campaign.fit[0], calibration.noises(campaign))
+    believed = campaign.rig.replace("believed", coulomb_friction=0.85 * coulomb)
+    model = Model(believed, campaign.sensors, chain.fit_shape(believed, 12), step=2.5e-4)
+    found = friction_map.read(model, [prepared], [prepared.start])
     assert (np.diff(found.damping) > 0).all()
     # Without friction there is the declared damping of the free modes.
     assert found.damping[0] == pytest.approx(0.034, rel=0.1)
-    assert abs(found.level.value - 0.0055) < 2 * found.level.standard_error < 0.0015
+    assert abs(found.level.value - coulomb) < 2.5 * found.level.standard_error < 0.02 * coulomb
 
 
 def test_break_away_on_a_staircase_lies_between_two_stairs():

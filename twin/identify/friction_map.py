@@ -7,8 +7,9 @@ tau_c is. Simulations of the same release for growing tau_c give the map from ta
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,8 @@ _ODD = 0.3  # relative distance of a swing's duration from half a period, from w
 _SEEN = 20.0  # noise levels above which a swing counts
 _LEVELS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5])
 """Coulomb frictions that are tried, in parts of the model's."""
+_CLOSER = np.array([0.94, 1.0, 1.06])
+"""The same, in parts of what they gave."""
 
 
 @dataclass(frozen=True)
@@ -62,27 +65,55 @@ def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) ->
         if recording.clamped or recording.initial_tip_deflection is None or channel is None:
             continue
         frequency = float(model.chain.modes("free")[0][0]) / (2 * math.pi)
-        noise = p.noise.get(channel, 0.0)
-        measured = _equivalent(recording, channel, frequency, noise)
-        if measured is None:
-            continue
-        levels = _LEVELS * model.declared["coulomb_friction"]
-        runs = [_released(model, p, start, float(level)) for level in levels]
-        ratios = [_equivalent(run, channel, frequency, noise) for run in runs]
-        damping = np.array([np.nan if r is None else r.value for r in ratios])
-        seen = np.isfinite(damping)
-        return FrictionMap(
-            recording.name,
-            levels[seen],
-            damping[seen],
-            measured,
-            _inverse(levels[seen], damping[seen], measured),
-        )
+        found = _read(model, p, start, channel, frequency)
+        if found is not None:
+            return found
     return None
 
 
-def _equivalent(recording: Recording, channel: str, frequency: float, noise: float) -> Estimate | None:
-    """Equivalent damping ratio by the logarithmic decrement of the first swings, while their period is the free one.
+def _read(
+    model: Model, prepared: Prepared, start: Start, channel: str, frequency: float
+) -> FrictionMap | None:
+    """The map of one release; None where it swings too seldom."""
+    recording, noise = prepared.recording, prepared.noise.get(channel, 0.0)
+    period = float(np.median(np.diff(recording.time)))
+    smoothed = noise * math.sqrt(2 * _BAND * frequency * period)
+    swings = _swings(recording, channel, frequency, noise)
+    runs: dict[float, np.ndarray] = {}
+
+    def damping(count: int, level: float) -> float:
+        if level not in runs:
+            runs[level] = _swings(_released(model, prepared, start, level), channel, frequency, noise)
+        return _equivalent(runs[level][:count]).value if len(runs[level]) >= count else math.nan
+
+    found = None
+    # The last swing may be cut short by a hub that sticks on its way; a little more friction takes the one before too.
+    for count in range(len(swings) - 1, _LEAST_SWINGS - 1, -1):
+        measured = _equivalent(swings[:count], smoothed)
+        known = _mapped(functools.partial(damping, count), model.declared["coulomb_friction"] * _LEVELS)
+        rough = _inverse(*known, measured)
+        if rough is not None:
+            known = _mapped(functools.partial(damping, count), rough.value * _CLOSER, known)
+        found = FrictionMap(recording.name, *known, measured, _inverse(*known, measured))
+        if found.level is not None:
+            break
+    return found
+
+
+def _mapped(
+    damping: Callable[[float], float], levels: np.ndarray, known: tuple[np.ndarray, np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Levels (n) in order and their equivalent damping (n), beside those that are known; none where the hub sticks."""
+    x, y = levels, np.array([damping(float(level)) for level in levels])
+    if known is not None:
+        x, y = np.r_[known[0], x], np.r_[known[1], y]
+    x, first = np.unique(x, return_index=True)
+    y = y[first]
+    return x[np.isfinite(y)], y[np.isfinite(y)]
+
+
+def _swings(recording: Recording, channel: str, frequency: float, noise: float) -> np.ndarray:
+    """Sizes (n) of the first swings of the link, while their period is that of the free link.
 
     A hub that sticks makes them longer: from there on it is another vibration.
     """
@@ -97,12 +128,19 @@ def _equivalent(recording: Recording, channel: str, frequency: float, noise: flo
     )
     swings = np.abs(np.diff(smooth[tops]))
     odd = (np.abs(np.diff(tops) / half - 1) > _ODD) | (swings < _SEEN * noise)
-    count = int(np.argmax(odd)) if odd.any() else len(swings)
-    if count < _LEAST_SWINGS:
-        return None
-    # A swing is half a period: ln(a_k/a_k+1) = pi zeta/sqrt(1 - zeta^2).
-    line, covariance = np.polyfit(np.arange(count), np.log(swings[:count]), 1, cov=True)
-    return Estimate(-float(line[0]) / math.pi, math.sqrt(covariance[0, 0]) / math.pi)
+    return swings[: int(np.argmax(odd)) if odd.any() else len(swings)]
+
+
+def _equivalent(swings: np.ndarray, noise: float = 0.0) -> Estimate:
+    """Equivalent damping ratio of swings (n) by their logarithmic decrement; `noise` is that of either end of one.
+
+    A swing is half a period: ln(a_k/a_k+1) = pi zeta/sqrt(1 - zeta^2). That friction bends the line is no error: it
+    bends the simulated one as much.
+    """
+    x = np.arange(len(swings)) - (len(swings) - 1) / 2
+    slope = float(x @ np.log(swings) / (x @ x))
+    error = float(np.linalg.norm(x * math.sqrt(2) * noise / swings) / (x @ x))
+    return Estimate(-slope / math.pi, error / math.pi)
 
 
 def _released(model: Model, prepared: Prepared, start: Start, level: float) -> Recording:

@@ -1,7 +1,8 @@
 """The experiments of a campaign: torque profiles, closed loops, and how each is run on the rig.
 
 Profiles follow the paper's: a sweep through the bending modes, bang-bang slews designed on the frictionless
-rigid rig, a rising torque until motion, the free vibration of the clamped link, and two closed loops.
+rigid rig, a rising torque until motion, the free vibration of the clamped link, and two closed loops; by hand also that
+of the unclamped link.
 """
 
 import math
@@ -31,13 +32,14 @@ class Experiment:
     start_angle: float  # rad, of the resting hub
     commands: Array  # (samples,) [N m]; zeros where a controller computes them
     reference: Array | None = None  # (samples,) [rad], of a closed loop
-    tip_deflection: float | None = None  # m; given: the hub is clamped and the tip released from there
+    tip_deflection: float | None = None  # m; given: the tip is released from there, the hub clamped ...
+    unclamped: bool = False  # ... or not: nothing but its friction holds it
     ramps: tuple[tuple[int, int], ...] = ()  # samples; each ramp ends early where the hub moves
 
     @property
     def clamped(self) -> bool:
         """Whether the hub is locked."""
-        return self.tip_deflection is not None
+        return self.tip_deflection is not None and not self.unclamped
 
 
 def planned_campaign(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> list[Experiment]:
@@ -120,6 +122,12 @@ def free_vibration(rig: Rig, sensors: Sensors, generator: np.random.Generator) -
     """The clamped link, its tip drawn aside by 30 mm and released."""
     plan = _open_loop("free-vibration", np.zeros(len(_times(sensors, 10.0))), sensors, generator)
     return replace(plan, start_angle=0.0, tip_deflection=0.03)
+
+
+def free_release(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
+    """The unclamped link, its tip drawn aside by 30 mm and released: the hub swings until friction holds it."""
+    plan = free_vibration(rig, sensors, generator)
+    return replace(plan, name="free-release", label="free-release", unclamped=True)
 
 
 def break_away(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
