@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from twin import beam
 from twin.campaign import Campaign
+from twin.chain import SHAPED_BY
 from twin.identify import spectra
 from twin.identify.results import Kind
 from twin.identify.spectra import Peak, Response
@@ -52,10 +53,11 @@ class Comparison:
 
     Attributes:
       campaign: the other one.
-      changed: parameter -> declared here and there, where they differ.
+      changed: parameter of the link and its ends -> declared here and there, where they differ.
       peaks: of the first campaign, as far as the other one excites them.
       appeared: those of the other campaign of which nothing is in the first.
       missing: what the recordings lack; None where there is a comparison.
+      responses: here and there; none where something is missing.
     """
 
     campaign: str
@@ -63,6 +65,7 @@ class Comparison:
     peaks: tuple[PairedPeak, ...]
     appeared: tuple[PairedPeak, ...] = ()
     missing: str | None = None
+    responses: tuple[Response, ...] = field(default=(), repr=False)
 
     def to_json(self) -> dict[str, Any]:
         """The comparison as plain values."""
@@ -83,8 +86,8 @@ def compare(campaign: Campaign, other: Campaign) -> Comparison:
         there = spectra.response([r for r in other.fit if here.channel in r], here.channel)
     changed = {
         name: (value, other.rig[name])
-        for name, value in campaign.rig.items()
-        if name in other.rig and not math.isclose(value, other.rig[name], rel_tol=1e-9)
+        for name in SHAPED_BY
+        if not math.isclose(value := campaign.rig[name], other.rig[name], rel_tol=1e-9)
     }
     if here is None or there is None:
         lacking = campaign.name if here is None else other.name
@@ -92,7 +95,8 @@ def compare(campaign: Campaign, other: Campaign) -> Comparison:
         return Comparison(other.name, changed, (), missing=missing)
     peaks = paired(here, campaign.rig, there, other.rig)
     back = paired(there, other.rig, here, campaign.rig)
-    return Comparison(other.name, changed, peaks, tuple(p for p in back if p.other_hz is None))
+    appeared = tuple(p for p in back if p.other_hz is None)
+    return Comparison(other.name, changed, peaks, appeared, responses=(here, there))
 
 
 def paired(here: Response, rig: Rig, there: Response, other: Rig) -> tuple[PairedPeak, ...]:

@@ -31,6 +31,9 @@ def _pictures(found: Identification, finding: Finding) -> list[str]:
             *([pictures.response(found.spectrum)] if found.spectrum else []),
             *([pictures.backbone(found.moved)] if found.moved else []),
         ],
+        "against": lambda: (
+            [pictures.beside(found.compared)] if found.compared and found.compared.responses else []
+        ),
         "joint": lambda: [pictures.correlation(found.joint)],
     }
     made = figures.get(finding.procedure, list)()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin import pages
+from twin.identify.against import Comparison
 from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
@@ -148,6 +149,20 @@ def response(found: Response) -> Figure:
     figure.update_yaxes(title_text="coherence", range=[0, 1.02], row=2, col=1)
     figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
     return _styled(figure, 520)
+
+
+def beside(found: Comparison) -> Figure:
+    """The responses of two campaigns of one rig."""
+    figure = _figure(380)
+    here, there = found.responses
+    for response, name, colour in ((here, "this campaign", FITTED), (there, found.campaign, OTHER)):
+        y = np.abs(response.h1) * np.where(response.known, 1.0, np.nan)
+        figure.add_scatter(x=response.frequency, y=y, name=name, line={"color": colour, "width": 1.6})
+    for peak in found.peaks:
+        figure.add_vline(x=peak.frequency_hz, line={"color": SOFT, "dash": "dot"})
+    figure.update_yaxes(title_text=f"{display.channel(here.channel).label} per N m", type="log")
+    figure.update_xaxes(title_text="frequency [Hz]")
+    return figure
 
 
 def backbone(found: Backbone) -> Figure:
