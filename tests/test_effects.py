@@ -51,7 +51,7 @@ PLANTED = {
     "air-pad-drag": {"viscous": 0.05},
     "hub-sensor-nonlinearity": {"amplitude": 0.02, "order": 3.0, "phase": 0.3},
     "strain-drift": {"rate_base": 4e-5, "rate_mid": -2e-5},
-    "sensor-delay": {"delay": 0.008, "hub_angle": 1.0, "strain": 1.0},
+    "sensor-delay": {"delay": 0.008, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0},
 }
 
 
@@ -116,7 +116,7 @@ def test_parameters_have_units_bounds_and_a_docstring(name):
 
 
 def test_a_simulation_that_ran_away_is_no_error_of_a_late_sensor():
-    late = {"delay": 2e-3, "hub_angle": 1.0, "strain": 1.0}
+    late = {"delay": 2e-3, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}
     lost = np.array([0.0, 1e-4, np.nan, np.nan])
     said = REGISTRY["sensor-delay"].sensing(np.arange(4) * 1e-2, {"strain_base": lost}, late)
     np.testing.assert_array_equal(said["strain_base"], lost)

@@ -174,7 +174,7 @@ def test_a_neglected_mode_that_destabilises_is_seen():
     "effects",
     [
         {},
-        {"sensor-delay": {"delay": 0.0053, "hub_angle": 1.0, "strain": 1.0}},
+        {"sensor-delay": {"delay": 0.0053, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}},
         {"cable-torsion": {"stiffness": 0.02, "rest_angle": 0.3}, "hub-sensor-gain": {"gain": 1.2}},
     ],
 )
@@ -191,7 +191,7 @@ def test_linearised_chain_has_the_margins_of_the_modes(lqi, effects):
 
 def test_a_late_sensor_costs_what_a_late_drive_does(lqi):
     late = {
-        "sensor-delay": {"delay": 0.0053, "hub_angle": 1.0, "strain": 1.0},
+        "sensor-delay": {"delay": 0.0053, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0},
         "actuator-delay": {"delay": 0.0053},
     }
     one, other = (
@@ -230,7 +230,7 @@ def test_a_hub_sensor_with_another_gain_turns_the_hub_too_little():
 
 
 def test_a_late_reading_is_what_was_true_then():
-    effects = {"sensor-delay": {"delay": 0.006, "hub_angle": 1.0, "strain": 1.0}}
+    effects = {"sensor-delay": {"delay": 0.006, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}}
     model = plants.model_of(RIG, effects)
     plant = plants.make("compiled", RIG, effects)
     heard = []

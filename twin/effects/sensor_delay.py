@@ -7,24 +7,29 @@ from twin.effects.base import Effect, EffectParameter
 
 
 class SensorDelay(Effect):
-    """reading(t) = value(t - delay), of the hub angle and of the link's sensors where their choice is 1."""
+    """reading(t) = value(t - delay), of the hub angle, the link's sensors and the torque where their choice is 1."""
 
     name = "sensor-delay"
     parameters = (
         EffectParameter("delay", "s", 0.0, (0.0, 0.05), 1e-3),
         EffectParameter("hub_angle", "1", 1.0, (0.0, 1.0), 1.0, "hub_angle", choice=True),
         EffectParameter("strain", "1", 1.0, (0.0, 1.0), 1.0, choice=True),
+        EffectParameter("motor_torque", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),
     )
-    along = ("hub_angle", "strain")
+    along = ("hub_angle", "strain", "motor_torque")
 
     def starts(self, rig):
-        which = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
-        return tuple({"delay": 1e-3, "hub_angle": hub, "strain": link} for hub, link in which)
+        which = ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+        return tuple({"delay": 1e-3, **dict(zip(self.along, late, strict=True))} for late in which)
 
     def sensing(self, time, channels, p):
-        late = {ch for ch in channels if p["hub_angle" if ch == "hub_angle" else "strain"]}
-        late -= {"motor_torque"}
-        return {ch: _read_at(time, v, time - p["delay"]) if ch in late else v for ch, v in channels.items()}
+        late = {
+            ch: p[ch if ch in ("hub_angle", "motor_torque") else "strain"] * p["delay"] for ch in channels
+        }
+        said = {ch: _read_at(time, v, time - late[ch]) for ch, v in channels.items()}
+        if "motor_torque" in channels:
+            said["motor_torque"] = _held(time, channels["motor_torque"], time - late["motor_torque"])
+        return said
 
     def hub_angle_of(self, time, reading, p):
         return _read_at(time, reading, time + p["delay"]) if p["hub_angle"] else reading
@@ -38,3 +43,8 @@ def _read_at(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray
     if len(time) < 2 or np.array_equal(at, time) or not np.isfinite(values).all():
         return values
     return CubicSpline(time, values)(np.clip(at, time[0], time[-1]))
+
+
+def _held(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values (m) that are held from each instant to the next, at other instants."""
+    return values[np.maximum(np.searchsorted(time, at + 1e-9, side="right") - 1, 0)]
