@@ -242,7 +242,8 @@ def run(tmp_path_factory):
     table = "\n".join(f"{f},{y:.6f}" for f, y in zip(force, rows, strict=True))
     (root / "rig-7" / "static.csv").write_text(f"tip_force,tip_deflection\n{table}\n")
     json_file = root / "said.json"
-    arguments = ["identify", str(root / "rig-7"), "--out", str(root / "out"), "--json", str(json_file)]
+    given = ["--out", str(root / "out"), "--json", str(json_file), "--against", str(root / "rig-7")]
+    arguments = ["identify", str(root / "rig-7"), *given]
     result = CliRunner().invoke(cli.app, arguments)
     assert result.exit_code == 0, result.output
     return truth.true, root, json.loads(json_file.read_text()), result.output
@@ -290,6 +291,29 @@ def test_json_is_what_others_read(run):
         errors["hub_angle"]["windowed"] < errors["hub_angle"]["following"] < errors["hub_angle"]["declared"]
     )
     assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
+
+
+def test_intervals_are_told_with_where_they_come_from(run):
+    _, _, said, output = run
+    for name, p in said["parameters"].items():
+        low, high = p["interval"]
+        assert low < p["value"] < high, name
+        if p["interval_by"] == "covariance":
+            assert (high - low) / 2 == pytest.approx(1.96 * p["standard_error"], rel=1e-3)
+        else:
+            assert f"not elliptic in {name}" in output
+    assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
+
+
+def test_beside_itself_a_campaign_has_its_own_peaks(run):
+    _, _, said, output = run
+    assert said["against"]["campaign"] == "rig-7"
+    assert not said["against"]["changed"]
+    assert not said["against"]["appeared"]
+    for peak in said["against"]["peaks"]:
+        assert peak["other_hz"] == pytest.approx(peak["frequency_hz"])
+        assert peak["kind"] == "bending"
+    assert "Peaks beside those of rig-7" in output
 
 
 def test_the_identified_rig_is_read_by_every_command(run, twin):
