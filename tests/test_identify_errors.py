@@ -5,9 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import beam, chain, evidence
+from twin import beam, chain, driven, evidence, fit, planar
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
 from twin.identify import against, limit, profile, ridge, scatter, sentences, spectra
@@ -50,6 +51,31 @@ def test_curvature_beside_a_gauge_of_a_bent_link(gauge):
         hinges = (1 - 2 * s + 3 * s**3) * RIG["length"] / n
         values.append(even.curvature_rows[gauge] @ hinges)
     assert limit.weights(limit.CLOSE) @ np.array(values) == pytest.approx(1 - 2 * at + 3 * at**3, rel=1e-3)
+
+
+def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
+    def shaken(t):
+        return 0.05 * np.sin(2 * np.pi * 12 * t) * np.sin(np.pi * np.clip(t - 0.3, 0, 2.4) / 2.4) ** 2
+
+    time = np.arange(0, 3, 0.002)
+    still = np.zeros(len(time))
+    channels = {"torque_command": still, "hub_angle": shaken(time), "strain_base": still}
+    prepared, _ = fit.prepare(Recording("shaken", time, channels), {"hub_angle": 1e-6, "strain_base": 2e-6})
+    coarse = model().replace(step=2e-3)
+    view = driven.look(prepared, coarse)
+    fine = np.arange(0, view.time[-1] + 1e-9, 1e-4)
+    exact = CubicSpline(fine, shaken(fine))
+    at_rest = np.zeros(len(coarse.chain.lengths))
+    given = fine, exact(fine), exact(fine, 1), exact(fine, 2), at_rest, at_rest
+    bend = planar.driven(coarse.plant, *given, 1e-4)[0][::20] @ [-1, 0, 0, 0, 0, 1]
+    off = []
+    for step in (2e-3, 2.5e-4):
+        motion, _ = driven.move(view, prepared, coarse.replace(step=step), prepared.start)
+        found = motion.angles @ [-1, 0, 0, 0, 0, 1]
+        n = min(len(found), len(bend))
+        off.append(np.abs(found[:n] - bend[:n]).max() / np.abs(bend).max())
+    assert off[0] > 1e-4
+    assert off[1] < 5e-5
 
 
 class Declared(dict):
