@@ -22,6 +22,7 @@ from twin.recording import Recording
 MEMORY = 0.25
 """Span over which a change of the hub angle is compared [s]."""
 _CORRELATION = 0.05  # s, over which a misfit is taken as one piece of evidence while fitting
+_TRIALS, _SECANTS = 5, 4  # trials of a step with a new Jacobian; steps with one that was put right
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
 _REACH = 3.0  # standard deviations by which a declared parameter may be off
 _RIGID = ("torque_limit",)
@@ -392,6 +393,9 @@ def minimise(
 ) -> Fit:
     """Levenberg-Marquardt on the groups' losses, each group weighted by its own size.
 
+    Between two Jacobians by differences, steps are taken with the one that the last step has put right, as long as
+    they gain: one simulation each in place of one for each unknown.
+
     Args:
       bench: the recordings.
       model: where to start; its effects contain those of the unknowns.
@@ -408,29 +412,69 @@ def minimise(
     steps = np.array([0.1 * u.scale if u.prior else u.scale for u in unknowns])
     fixed = fixed_jacobian or {}
     [r] = bench.residuals([(placed(model, unknowns, x), placed_starts(starts, unknowns, x), None)])
-    count = bench.count
-    cost = _cost(bench, unknowns, x, r)
-    damping, J = 1e-3, np.zeros((len(r), len(unknowns)))
+    at = _Point(x, r, _cost(bench, unknowns, x, r), 1e-3)
+    J = np.zeros((len(r), len(unknowns)))
     for iteration in range(iterations):
-        J, steps = _jacobian(bench, model, starts, unknowns, x, r, steps, fixed)
-        gained = 0.0
-        for _ in range(5):
-            trial = _step(bench, unknowns, x, r, J, count, damping)
-            model_at, starts_at = placed(model, unknowns, trial), placed_starts(starts, unknowns, trial)
-            [r_trial] = bench.residuals([(model_at, starts_at, None)])
-            cost_trial = _cost(bench, unknowns, trial, r_trial)
-            if cost_trial < cost:
-                gained = cost - cost_trial
-                x, r, cost, damping = trial, r_trial, cost_trial, damping / 10
+        before, enough = at.cost, tolerance * max(1.0, 1e-3 * at.cost)
+        J, steps = _jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
+        for trials in (_TRIALS, *(1,) * _SECANTS):
+            better = _improved(bench, model, starts, unknowns, at, J, trials)
+            gained = at.cost - better.cost
+            if better is not at:
+                J = _secant(J, better.x - at.x, better.residual - at.residual, steps)
+            at = better
+            if gained < enough:
                 break
-            damping = max(10 * damping, 1e-2)
-        report(f"iteration {iteration + 1}: cost {cost:.1f}")
-        if gained < tolerance * max(1.0, 1e-3 * cost):
+        report(f"iteration {iteration + 1}: cost {at.cost:.1f}")
+        if before - at.cost < enough:
             break
+    x, r, cost = at.x, at.residual, at.cost
     size = bench.sizes(r)
     fitted, states = placed(model, unknowns, x), placed_starts(starts, unknowns, x)
-    covariance = _covariance(bench, unknowns, x, r, J, count)
+    covariance = _covariance(bench, unknowns, x, r, J)
     return Fit(fitted, states, unknowns, x, covariance, r, size, cost, J)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Where a fit stands: values (p), residual (n), cost, and damping of the next step."""
+
+    x: np.ndarray
+    residual: np.ndarray
+    cost: float
+    damping: float
+
+
+def _improved(
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    at: _Point,
+    J: np.ndarray,
+    trials: int,
+) -> _Point:
+    """The first of some trials, each damped more than that before it, that costs less; else the point itself."""
+    damping = at.damping
+    for _ in range(trials):
+        trial = _step(bench, unknowns, at.x, at.residual, J, damping)
+        model_at, starts_at = placed(model, unknowns, trial), placed_starts(starts, unknowns, trial)
+        [r] = bench.residuals([(model_at, starts_at, None)])
+        cost = _cost(bench, unknowns, trial, r)
+        if cost < at.cost:
+            return _Point(trial, r, cost, damping / 10)
+        damping = max(10 * damping, 1e-2)
+    return at
+
+
+def _secant(J: np.ndarray, moved: np.ndarray, change: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """The Jacobian (n x p) that agrees with the change (n) of a move (p), all else as it was (C. G. Broyden, 1965).
+
+    `steps` (p) are moves of each unknown that are about equally visible.
+    """
+    scaled = moved / steps**2
+    length = float(scaled @ moved)
+    return J + np.outer(change - J @ moved, scaled / length) if length > 0 else J
 
 
 def costs(
@@ -457,7 +501,6 @@ def _covariance(
     x: np.ndarray,
     r: np.ndarray,
     J: np.ndarray,
-    count: np.ndarray,
 ) -> np.ndarray:
     """Covariance (p x p): of the noise, and of what the recordings say differently from one another.
 
@@ -557,7 +600,6 @@ def _step(
     x: np.ndarray,
     r: np.ndarray,
     J: np.ndarray,
-    count: np.ndarray,
     damping: float,
 ) -> np.ndarray:
     weights = row_weights(bench, r)
