@@ -16,6 +16,7 @@ _ITERATIONS = 4
 _SEGMENTS, _STEP = 6, 1e-3
 _SPANS = (0.06, 0.005)  # a break-away that is off by 0.1 % can decide the rest of a run
 _SCAN = 25  # values of a break-away torque tried over a span
+_GAPS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)  # parts of a play that whole runs are tried with
 _LIKELY = 2.0  # log likelihood below the best up to which a value is within two standard errors
 _LEVELS = ("static_friction", "static_positive", "static_negative")
 
@@ -43,10 +44,16 @@ def polish(
     """Fits the model that the search came to once more, on the whole recordings.
 
     Without `whole`, the models stay as the search left them, but for their break-away torque: one that does not
-    follow the recordings gains nothing from their whole length.
+    follow the recordings gains nothing from their whole length. One with a play is not fitted to it either: its impacts
+    take ten times as many steps, and whole runs hang on each of them as on a stick.
     """
     bench = Workbench(GuidedData(prepared), pool)
-    augmented = _polished(bench, best) if whole else _with_break_away(bench, best)
+    if not whole:
+        augmented = _with_break_away(bench, best)
+    elif best.model.plant.gap > 0:
+        augmented = _with_break_away(bench, _between_gaps(bench, best))
+    else:
+        augmented = _polished(bench, best)
     calibrated = augmented if best is base else _with_break_away(bench, base)
     return Polished(declared, calibrated, augmented, bench)
 
@@ -70,6 +77,24 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
     result = _with_disagreement(result, best)
     x, errors = _scanned(free, result.model, result.starts, unknowns, result.values, _SPANS[1:])
     return _with_levels(result, x, errors)
+
+
+def _between_gaps(bench: Workbench, best: Fit) -> Fit:
+    """The fit with its play between those that two views prefer, half their distance added to its error.
+
+    A hub that follows its filtered reading gives way to an impact too slowly, which makes the play look wide; a whole
+    run has the impacts of its own motion, not always those of the rig.
+    """
+    index = next(j for j, u in enumerate(best.unknowns) if u.name == "gap")
+    model = best.model.replace(shape=chain.fit_shape(best.model.rig, _SEGMENTS), step=_STEP)
+    gaps = best.values[index] * np.array(_GAPS)
+    points = [np.r_[best.values[:index], gap, best.values[index + 1 :]] for gap in gaps]
+    cost = fit.costs(bench, model, best.starts, best.unknowns, points)
+    apart = (gaps[int(np.argmin(cost))] - best.values[index]) / 2
+    x, covariance = best.values.copy(), best.covariance.copy()
+    x[index] += apart
+    covariance[index, index] += apart**2
+    return replace(best, model=fit.placed(best.model, best.unknowns, x), values=x, covariance=covariance)
 
 
 def _scanned(
