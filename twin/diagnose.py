@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -17,7 +17,7 @@ from twin.calibration import Calibration
 from twin.campaign import Campaign
 from twin.conclude import conclude
 from twin.diagnosis import ChannelError, Diagnosis, Prediction
-from twin.effects import REGISTRY
+from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model, simulate
@@ -152,26 +152,31 @@ def on_sound_channels(found: Found) -> Found:
     """The same, but its last fit made without the sensors of the link that nothing explains while others agree.
 
     A fault of one sensor is no calibration: the link's parameters would bend to it, and the hub's with them. Where no
-    sensor of the link is explained, it may be the link.
+    sensor of the link is explained, it may be the link. What an effect says of sensors that it does not explain is not
+    what is missing.
     """
     bench, best = found.bench, found.best
     link = bench.channels() - {"hub_angle", "motor_torque"}
     faulty = link & set(verdict.unexplained(bench, best))
-    if not faulty or faulty == link:
-        return found
-    read_by = (
-        {p.channel for p in REGISTRY[found.adopted[-1].effects[-1]].parameters} if found.adopted else set()
-    )
-    if read_by & faulty and None not in read_by:
-        # What it says of the sensor is no explanation: the fault is another one.
+    if found.adopted and _read_by(found.adopted[-1].effects[-1]) & faulty:
         return on_sound_channels(replace(found, adopted=found.adopted[:-1], rounds=found.rounds[:-1]))
-    if faulty & {p.channel for name in best.model.effects for p in REGISTRY[name].parameters}:
+    if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return found
     sound = bench.without(faulty)
     fit_again = fit.minimise(sound, best.model, best.starts, best.unknowns, best.values, iterations=_LONG)
     if not found.adopted:
         return replace(found, start=replace(found.start, base=fit_again))
     return replace(found, adopted=(*found.adopted[:-1], replace(found.adopted[-1], fit=fit_again)))
+
+
+def _parameters(names: Iterable[str]) -> list[EffectParameter]:
+    return [p for name in names for p in REGISTRY[name].parameters]
+
+
+def _read_by(name: str) -> set[str | None]:
+    """Channels of an effect that is one of sensors alone; empty for any other."""
+    channels = {p.channel for p in _parameters([name])}
+    return set() if None in channels else channels
 
 
 def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
