@@ -1,15 +1,20 @@
 """Wires that pull the hub back."""
 
+import math
+
 from twin.effects.base import Effect, EffectParameter
 
 
 class CableTorsion(Effect):
-    """Torque -stiffness * (theta - rest_angle) on the hub."""
+    """Torque -stiffness * (theta - rest_angle) on the hub.
+
+    A cable at rest more than a turn away would pull with an all but constant torque: that is no cable.
+    """
 
     name = "cable-torsion"
     parameters = (
         EffectParameter("stiffness", "N*m/rad", 0.0, (0.0, 10.0), 1e-3),
-        EffectParameter("rest_angle", "rad", 0.0, (-20.0, 20.0), 0.1),
+        EffectParameter("rest_angle", "rad", 0.0, (-2 * math.pi, 2 * math.pi), 0.1),
     )
 
     along = ("rest_angle",)
