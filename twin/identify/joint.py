@@ -2,9 +2,8 @@
 
 The calibration starts a last fit in the limit of a fine chain; what the last power of the extrapolation came to counts
 as error. The covariance is that of the residuals as they are (`scatter`), which is neither what the weights take them
-for nor more. The errors are checked: each recording is left out in turn, and where the estimate moves by more than
-chance, they grow to those of the jackknife (B. Efron and C. Stein, 1981). Where the likelihood is no ellipse, intervals
-are by its profile.
+for nor more. The errors are checked: each recording is left out in turn, and where the jackknife's are larger, they
+grow to these (B. Efron and C. Stein, 1981). Where the likelihood is no ellipse, intervals are by its profile.
 """
 
 from __future__ import annotations
@@ -126,7 +125,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     said = scatter.evidence(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
     moves, distances = said.moves()
-    full = _widened(said.covariance + np.outer(left, left), moves, distances)
+    full = _widened(said.covariance + np.outer(left, left), moves)
     progress("looking along the likelihood")
     rises = _rises(bench, base)
     intervals = _profiles(bench, base, np.sqrt(np.diag(full)), said, rises)
@@ -172,19 +171,18 @@ def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
     return found, -np.linalg.pinv(information, hermitian=True) @ pull
 
 
-def _widened(covariance: np.ndarray, moves: np.ndarray, distances: np.ndarray) -> np.ndarray:
-    """The covariance (p x p), the jackknife's where a recording disagrees with the others more than chance allows.
+def _widened(covariance: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """The covariance (p x p), the jackknife's errors where these are larger.
+
+    A rig that is not quite the model makes recordings differ by more than their noise. A few of them cannot prove it,
+    but an error that leaves it out is too small.
 
     Args:
-      covariance: (p x p).
+      covariance: (p x p) by the noise.
       moves: (k x p) of the estimate without each recording.
-      distances: (k x p) the same in standard errors.
     """
-    count = len(moves)
-    errors = np.sqrt(np.diag(covariance))
-    spread = np.sqrt((count - 1) * moves.var(axis=0))
-    disagreeing = (np.abs(distances) > _allowed(distances)).any(axis=0)
-    factor = np.where(disagreeing, np.maximum(1.0, spread / errors), 1.0)
+    spread = np.sqrt((len(moves) - 1) * moves.var(axis=0))
+    factor = np.maximum(1.0, spread / np.sqrt(np.diag(covariance)))
     return covariance * np.outer(factor, factor)
 
 
