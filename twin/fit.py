@@ -186,7 +186,6 @@ class Workbench:
         self.prepared, self.groups, self.weight = data.prepared, data.blocks, data.weight
         self.count = data.counts()
         self.defect = np.zeros(len(self.weight))
-        self.simulations = 0
 
     def channels(self) -> set[str]:
         """Channels that are compared in any recording."""
@@ -209,7 +208,6 @@ class Workbench:
             for i in range(len(self.prepared))
             if only is None or only == i
         ]
-        self.simulations += len(tasks)
         results = [np.zeros(len(self.weight)) for _ in jobs]
         for (index, i, _, _), parts in zip(tasks, self.pool.map(self._task, tasks), strict=True):
             for group in self.data.groups:
