@@ -362,6 +362,13 @@ def _put(pair: tuple[float, float], index: int, value: float) -> tuple[float, fl
     return (value, pair[1]) if index == 0 else (pair[0], value)
 
 
+def placed_both(
+    model: Model, starts: Sequence[Start], unknowns: Sequence[Unknown], x: np.ndarray
+) -> tuple[Model, tuple[Start, ...]]:
+    """The model and the first states with the unknowns at some values (p)."""
+    return placed(model, unknowns, x), placed_starts(starts, unknowns, x)
+
+
 def start_unknowns(prepared: Sequence[Prepared]) -> list[Unknown]:
     """State at the first sample of every recording that did not start at rest."""
     found = []
@@ -409,8 +416,8 @@ def minimise(
     x = np.array([u.start for u in unknowns]) if values is None else np.array(values, dtype=float)
     steps = np.array([0.1 * u.scale if u.prior else u.scale for u in unknowns])
     fixed = fixed_jacobian or {}
-    [r] = bench.residuals([(placed(model, unknowns, x), placed_starts(starts, unknowns, x), None)])
-    at = _Point(x, r, _cost(bench, unknowns, x, r), 1e-3)
+    [r] = bench.residuals([(*placed_both(model, starts, unknowns, x), None)])
+    at = _Point(x, r, cost_of(bench, unknowns, x, r), 1e-3)
     J = np.zeros((len(r), len(unknowns)))
     for iteration in range(iterations):
         before, enough = at.cost, tolerance * max(1.0, 1e-3 * at.cost)
@@ -428,7 +435,7 @@ def minimise(
             break
     x, r, cost = at.x, at.residual, at.cost
     size = bench.sizes(r)
-    fitted, states = placed(model, unknowns, x), placed_starts(starts, unknowns, x)
+    fitted, states = placed_both(model, starts, unknowns, x)
     covariance = _covariance(bench, unknowns, x, r, J)
     return Fit(fitted, states, unknowns, x, covariance, r, size, cost, J)
 
@@ -456,9 +463,8 @@ def _improved(
     damping = at.damping
     for _ in range(trials):
         trial = _step(bench, unknowns, at.x, at.residual, J, damping)
-        model_at, starts_at = placed(model, unknowns, trial), placed_starts(starts, unknowns, trial)
-        [r] = bench.residuals([(model_at, starts_at, None)])
-        cost = _cost(bench, unknowns, trial, r)
+        [r] = bench.residuals([(*placed_both(model, starts, unknowns, trial), None)])
+        cost = cost_of(bench, unknowns, trial, r)
         if cost < at.cost:
             return _Point(trial, r, cost, damping / 10)
         damping = max(10 * damping, 1e-2)
@@ -483,9 +489,8 @@ def costs(
     points: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Cost at each of some points (p,) of the unknowns."""
-    jobs = [(placed(model, unknowns, x), placed_starts(starts, unknowns, x), None) for x in points]
-    residuals = bench.residuals(jobs)
-    return np.array([_cost(bench, unknowns, x, r) for x, r in zip(points, residuals, strict=True)])
+    residuals = bench.residuals([(*placed_both(model, starts, unknowns, x), None) for x in points])
+    return np.array([cost_of(bench, unknowns, x, r) for x, r in zip(points, residuals, strict=True)])
 
 
 def prior_precision(unknowns: Sequence[Unknown]) -> np.ndarray:
@@ -505,7 +510,8 @@ def _covariance(
     Each recording pulls the estimate its own way, g_i, where the model is not quite the rig; with the information H
     the pulls spread it by H^-1 sum g_i g_i' H^-1 (P. J. Huber, 1967; recordings as clusters). The two are added.
     """
-    inverse = np.linalg.pinv(_normal(bench, unknowns, r, J), hermitian=True)
+    information, _ = equations_at(bench, unknowns, x, r, J)
+    inverse = np.linalg.pinv(information, hermitian=True)
     weights = row_weights(bench, r)
     pulls = np.zeros((len(bench.prepared), len(x)))
     for group in bench.groups:
@@ -516,7 +522,8 @@ def _covariance(
     return inverse + inverse @ spread @ inverse
 
 
-def _cost(bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray) -> float:
+def cost_of(bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray) -> float:
+    """Cost of values (p) of the unknowns whose residual is r (n), priors included."""
     prior = sum(0.5 * ((v - u.start) / u.scale) ** 2 for u, v in zip(unknowns, x, strict=True) if u.prior)
     return float(bench.cost(r) + prior)
 
@@ -529,20 +536,19 @@ def row_weights(bench: Workbench, r: np.ndarray) -> np.ndarray:
     return np.repeat(of_group, [g.rows.stop - g.rows.start for g in bench.groups]) * bench.weight
 
 
-def _normal(bench: Workbench, unknowns: Sequence[Unknown], r: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """Information matrix (p x p)."""
+def equations_at(
+    bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray, J: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Information (p x p) and gradient (p) at values x (p) with residual r (n) and slopes J (n x p)."""
     weights = row_weights(bench, r)
     prior = prior_precision(unknowns)
-    return J.T @ (weights[:, None] * J) + np.diag(prior)
+    away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
+    return J.T @ (weights[:, None] * J) + np.diag(prior), J.T @ (weights * r) + prior * away
 
 
 def normal_equations(bench: Workbench, base: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Information (p x p) and gradient (p) of a fit's unknowns where it stands."""
-    weights = row_weights(bench, base.residual)
-    away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])
-    prior = prior_precision(base.unknowns)
-    information = _normal(bench, base.unknowns, base.residual, base.jacobian)
-    return information, base.jacobian.T @ (weights * base.residual) + prior * away
+    return equations_at(bench, base.unknowns, base.values, base.residual, base.jacobian)
 
 
 def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()) -> float:
@@ -600,11 +606,7 @@ def _step(
     J: np.ndarray,
     damping: float,
 ) -> np.ndarray:
-    weights = row_weights(bench, r)
-    prior = prior_precision(unknowns)
-    away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
-    normal = _normal(bench, unknowns, r, J)
-    gradient = J.T @ (weights * r) + prior * away
+    normal, gradient = equations_at(bench, unknowns, x, r, J)
     ridge = damping * np.diag(normal) + 1e-12 * np.trace(normal) / len(x)
     low, high = np.array([u.bounds for u in unknowns]).T
     free = np.ones(len(x), dtype=bool)
@@ -643,7 +645,7 @@ def _jacobian(
         moved = x.copy()
         moved[j] += min(steps[j], up) if up >= min(steps[j], down) else -min(steps[j], down)
         columns.append((j, moved[j] - x[j]))
-        jobs.append((placed(model, unknowns, moved), placed_starts(starts, unknowns, moved), u.recording))
+        jobs.append((*placed_both(model, starts, unknowns, moved), u.recording))
     for (j, h), moved_r in zip(columns, bench.residuals(jobs), strict=True):
         only = unknowns[j].recording
         change = moved_r - r

@@ -68,8 +68,6 @@ class Profile:
         free = np.arange(len(base.values)) != self.index
         inverse = np.linalg.pinv(information[np.ix_(free, free)], hermitian=True)
         low, high = np.array([u.bounds for u in base.unknowns]).T
-        prior = fit.prior_precision(base.unknowns)
-        start = np.array([u.start for u in base.unknowns])
         x = base.values.copy()
         x[self.index] = value
         # On the ridge of the ellipse to begin with.
@@ -77,11 +75,9 @@ class Profile:
         costs = []
         for step in range(_STEPS + 1):
             x = np.clip(x, low, high)
-            model = fit.placed(base.model, base.unknowns, x)
-            starts = fit.placed_starts(base.starts, base.unknowns, x)
-            [r] = bench.residuals([(model, starts, None)])
-            costs.append(bench.cost(r) + 0.5 * float(prior @ (x - start) ** 2))
+            [r] = bench.residuals([(*fit.placed_both(base.model, base.starts, base.unknowns, x), None)])
+            costs.append(fit.cost_of(bench, base.unknowns, x, r))
             if step < _STEPS:
-                pull = base.jacobian.T @ (fit.row_weights(bench, r) * r) + prior * (x - start)
+                _, pull = fit.equations_at(bench, base.unknowns, x, r, base.jacobian)
                 x[free] -= inverse @ pull[free]
         return min(costs)

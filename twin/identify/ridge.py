@@ -37,7 +37,9 @@ def _with_slopes(bench: Workbench, base: Fit) -> Fit:
     axes = scale[:, None] * axes / np.sqrt(np.maximum(size, 1e-12))
     low, high = np.array([u.bounds for u in base.unknowns]).T
     ends = [np.clip(base.values + side * axis, low, high) for axis in axes.T for side in (1, -1)]
-    found = bench.residuals([(*_placed(base, x), None) for x in ends])
+    found = bench.residuals(
+        [(*fit.placed_both(base.model, base.starts, base.unknowns, x), None) for x in ends]
+    )
     apart = np.array(ends[::2]) - np.array(ends[1::2])
     change = np.array(found[::2]) - np.array(found[1::2])
     jacobian = np.linalg.lstsq(apart, change, rcond=None)[0].T
@@ -51,19 +53,14 @@ def _stepped(bench: Workbench, base: Fit) -> Fit:
     low, high = np.array([u.bounds for u in base.unknowns]).T
     for half in range(_HALVES + 1):
         x = np.clip(base.values + step / 2**half, low, high)
-        [r] = bench.residuals([(*_placed(base, x), None)])
+        [r] = bench.residuals([(*fit.placed_both(base.model, base.starts, base.unknowns, x), None)])
         there = _at(bench, base, x, r, base.covariance)
         if there.cost < base.cost:
             return there
     return base
 
 
-def _placed(base: Fit, x: np.ndarray) -> tuple:
-    return fit.placed(base.model, base.unknowns, x), fit.placed_starts(base.starts, base.unknowns, x)
-
-
 def _at(bench: Workbench, base: Fit, x: np.ndarray, r: np.ndarray, covariance: np.ndarray) -> Fit:
-    away = x - np.array([u.start for u in base.unknowns])
-    cost = bench.cost(r) + 0.5 * float(fit.prior_precision(base.unknowns) @ away**2)
-    model, starts = _placed(base, x)
+    cost = fit.cost_of(bench, base.unknowns, x, r)
+    model, starts = fit.placed_both(base.model, base.starts, base.unknowns, x)
     return Fit(model, starts, base.unknowns, x, covariance, r, bench.sizes(r), cost, base.jacobian)
