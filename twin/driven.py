@@ -23,7 +23,7 @@ from twin import evidence, planar, ringing
 from twin.evidence import Group
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
-from twin.model import Model, Motion, Start, initial_state, read_at, reported
+from twin.model import Model, Motion, Start, initial_state, reported
 from twin.observe import HubMotion
 from twin.planar import STUCK
 from twin.recording import Recording
@@ -341,10 +341,14 @@ def near_reversals(view: View) -> np.ndarray:
 
 def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
     """Torque (m) of all hub laws and sliding friction along a motion [N m], friction as its mean over a grid step."""
-    state = view.time, motion.angles[:, 0], motion.rates[:, 0]
-    resting = planar.hub_laws(model.plant, *state, np.zeros(len(view.time)))
-    friction = planar.hub_laws(model.plant, *state, motion.modes) - resting
+    resting = _laws(view, model, motion, np.zeros(len(view.time)))
+    friction = _laws(view, model, motion, motion.modes) - resting
     return resting + one_way(view.rate, view.acceleration, GRID) * friction
+
+
+def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
+    """Torque (m) of all hub laws [N m], friction that of a hub that slides in a direction (m), 0 where that is 0."""
+    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], direction)
 
 
 def _break_aways(
@@ -358,8 +362,7 @@ def _break_aways(
     parts = np.zeros(len(view.time))
     if not view.onsets:
         return parts
-    quiet = np.zeros(len(parts))
-    laws = planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], quiet)
+    laws = _laws(view, model, motion, np.zeros(len(parts)))
     borne = delivered + low_passed(laws - required, GRID)
     for k, direction in view.onsets:
         before = slice(k - int(_APPROACH / GRID), k - int(_SMEAR / GRID))
@@ -400,7 +403,8 @@ def _delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
 def _read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:
     """Delivered torque as a current sensor reports it, at the samples, filtered like the reading."""
     recording = prepared.recording
-    true = {"motor_torque": model.drive(recording).at(read_at(recording))}
+    # A card reads the torque as it puts its commands out.
+    true = {"motor_torque": model.drive(recording).at(recording.commanded_at)}
     read = model.report(recording.time, true)["motor_torque"]
     return low_passed(np.interp(view.time, recording.time, read), GRID)
 

@@ -156,8 +156,7 @@ class Model:
     def drive(self, recording: Recording) -> Drive:
         """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
         limit = self.declared["torque_limit"]
-        since = recording.time if recording.command_time is None else recording.command_time
-        command = Drive(since, np.clip(recording["torque_command"], -limit, limit))
+        command = Drive(recording.commanded_at, np.clip(recording["torque_command"], -limit, limit))
         for name, p in self.effects.items():
             command = REGISTRY[name].drive(command, p)
         if self.patch is not None:
@@ -283,13 +282,9 @@ def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> n
         case "tip_acceleration":
             return _tip_acceleration(links, motion)
         case "motor_torque":
-            return model.drive(recording).at(read_at(recording))
+            # A card reads the torque as it puts its commands out.
+            return model.drive(recording).at(recording.commanded_at)
     raise ValueError(f"'{channel}' is not simulated. Expected one of: {', '.join(MEASURED)}")
-
-
-def read_at(recording: Recording) -> np.ndarray:
-    """Instants (n) at which a card reads the torque [s]: as it puts its commands out."""
-    return recording.time if recording.command_time is None else recording.command_time
 
 
 def _tip_acceleration(links: Chain, motion: Motion) -> np.ndarray:

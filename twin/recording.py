@@ -82,6 +82,11 @@ class Recording:
             object.__setattr__(self, "command_time", _frozen(self.command_time))
         object.__setattr__(self, "channels", MappingProxyType(channels))
 
+    @property
+    def commanded_at(self) -> np.ndarray:
+        """Instants (n) from which each command is held [s]."""
+        return self.time if self.command_time is None else self.command_time
+
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]
 

@@ -17,10 +17,8 @@ from twin.model import Model
 
 LIGHT = 1.0
 """Time that a mode has to ring for its kicks to be followed one by one [s]."""
-_KICKS, _MOST = (
-    0.5,
-    100,
-)  # s between the instants at which the kicks of noise are gathered, at most so many of them
+_KICKS = 0.5  # s between the instants at which the kicks of noise are gathered
+_MOST = 100  # such instants
 _SEEN = 0.05  # variance of a direction of the swing, in that of the other noise, from which it is taken out
 
 
