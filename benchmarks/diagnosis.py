@@ -24,9 +24,10 @@ from machine import describe
 
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import errors_of, said, variables
-from twin.diagnose import Found, diagnose, find
+from twin.diagnose import diagnose, find
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
+from twin.found import Found
 from twin.verdict import alternatives, misfit, probabilities
 from twin.virtual_rig import make_campaign
 

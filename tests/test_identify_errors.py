@@ -8,10 +8,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import beam, chain, driven, evidence, fit, planar
+from twin import beam, chain, driven, evidence, fit, limit, planar
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
-from twin.identify import against, limit, profile, ridge, scatter, sentences, spectra
+from twin.identify import against, profile, ridge, scatter, sentences, spectra
 from twin.identify.against import Comparison
 from twin.model import Model
 from twin.recording import Recording, Sensor

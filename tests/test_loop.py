@@ -11,7 +11,8 @@ from test_effects import PLANTED
 from twin.calibration import calibrate
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
-from twin.diagnose import diagnose, find, freely_decided
+from twin.contenders import freely_decided
+from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
 from twin.patches import of_worst
 from twin.rigs import preset

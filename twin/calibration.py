@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import chain, driven, fit, observe, search, timing
+from twin import chain, driven, fit, limit, observe, search, timing
 from twin.campaign import Campaign
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
@@ -16,7 +16,7 @@ from twin.recording import CHANNEL_UNITS, Recording
 from twin.search import Progress, silent
 
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
-"""A coarse chain is enough to search on: its own error is taken out by `Workbench.refine`."""
+"""A coarse chain is enough to search on: its own error is taken out by `limit.move`."""
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
 
 
@@ -105,8 +105,8 @@ def calibrated(bench: Workbench, model: Model) -> Fit:
     """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way."""
     starts = tuple(p.start for p in bench.prepared)
     unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
-    bench.refine(model, search.fine(model), starts)
+    limit.move(bench, model, starts, limit.QUICK)
     x = search.roughly(bench, model, starts, unknowns)
     first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)
-    bench.refine(first.model, search.fine(first.model), first.starts)
+    limit.move(bench, first.model, first.starts, limit.QUICK)
     return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)

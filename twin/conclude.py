@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,13 +12,11 @@ from twin.correlations import Correlations, of_covariance
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Patched, Prediction, Verdict
 from twin.effects import REGISTRY
 from twin.fit import ASSUMED_UNCERTAINTY, Fit
+from twin.found import Found
 from twin.planning import Plan
 from twin.polish import Polished
 
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
-
-if TYPE_CHECKING:
-    from twin.diagnose import Found
 
 
 def conclude(

@@ -4,67 +4,38 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import calibration, chance, fit, patches, planning, polish, search, timing, verdict
-from twin.calibration import Calibration
+from twin import (
+    calibration,
+    chance,
+    contenders,
+    fit,
+    limit,
+    patches,
+    planning,
+    polish,
+    predictions,
+    search,
+    verdict,
+)
 from twin.campaign import Campaign
 from twin.conclude import conclude
-from twin.diagnosis import ChannelError, Diagnosis, Prediction
+from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
-from twin.fit import Fit, Prepared, Workbench
-from twin.model import Model, simulate
-from twin.recording import CHANNEL_UNITS, MEASURED, Recording
+from twin.fit import Fit, Workbench
+from twin.found import Found
+from twin.recording import MEASURED
 from twin.search import Candidate, Progress, silent
 
 MOST_EFFECTS = 3
 FALSE_ALARM_RATE = 0.01
 PLANNING_STEP = 1e-3  # s
-_LONG = 12  # iterations of a fit that is to arrive
-_NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
-_CONTENDERS = 3  # candidates that are fitted to the end
-_CLOSE = 0.3  # share of the best score that they need
-_CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
-_ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
-
-
-@dataclass(frozen=True)
-class Found:
-    """What the search came to, before any held-out recording is looked at.
-
-    Attributes:
-      start: the calibrated model from which the search started.
-      adopted: candidates that were adopted, each on top of those before it.
-      rounds: all candidates of each round, best first; the last one adopted nothing, unless the most were reached.
-      thresholds: score that each round asked for.
-    """
-
-    start: Calibration
-    adopted: tuple[Candidate, ...]
-    rounds: tuple[tuple[Candidate, ...], ...]
-    thresholds: tuple[float, ...]
-
-    @property
-    def bench(self) -> Workbench:
-        """The data."""
-        return self.start.bench
-
-    @property
-    def base(self) -> Fit:
-        """The fit without any effect."""
-        return self.start.base
-
-    @property
-    def best(self) -> Fit:
-        """The fit of the model that stands at the end of the search."""
-        return self.adopted[-1].fit if self.adopted else self.base
 
 
 def diagnose(
@@ -97,11 +68,11 @@ def diagnose(
             found.start.prepared, found.base, found.best, found.start.declared, pool, whole=followed
         )
         progress("simulating every recording")
-        predictions = predict(campaign, found, polished, pool)
+        predicted = predictions.predict(campaign, found, polished, pool)
         pair = verdict.closest(found.rounds[: len(found.adopted)])
         plans = planned(campaign, pair, pool) if pair else []
-        patched = None if followed else patches.patched(campaign, found, polished, predictions, pool)
-    return conclude(campaign, found, polished, predictions, plans, patched, time.perf_counter() - began)
+        patched = None if followed else patches.patched(campaign, found, polished, predicted, pool)
+    return conclude(campaign, found, polished, predicted, plans, patched, time.perf_counter() - began)
 
 
 def planned(
@@ -136,7 +107,7 @@ def find(
         by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
         ranked = explored.ranked
         if verdict.worth_adopting(bench, current, ranked, by_chance):
-            ranked = freely_decided(bench, settled(bench, current, ranked, progress))
+            ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
         rounds.append(tuple(ranked))
         thresholds.append(max(by_chance, verdict.LEAST_SCORE))
         choice = verdict.worth_adopting(bench, current, ranked, by_chance)
@@ -163,7 +134,9 @@ def on_sound_channels(found: Found) -> Found:
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return found
     sound = bench.without(faulty)
-    fit_again = fit.minimise(sound, best.model, best.starts, best.unknowns, best.values, iterations=_LONG)
+    fit_again = fit.minimise(
+        sound, best.model, best.starts, best.unknowns, best.values, iterations=contenders.LONG
+    )
     if not found.adopted:
         return replace(found, start=replace(found.start, base=fit_again))
     return replace(found, adopted=(*found.adopted[:-1], replace(found.adopted[-1], fit=fit_again)))
@@ -181,118 +154,5 @@ def _read_by(name: str) -> set[str | None]:
 
 def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
     """The fit with the chain's own error taken out where it now stands: an effect may bend the link as never before."""
-    bench.refine(found.model, search.fine(found.model), found.starts)
+    limit.move(bench, found.model, found.starts, limit.QUICK)
     return fit.minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)
-
-
-def settled(
-    bench: Workbench, base: Fit, ranked: Sequence[Candidate], progress: Progress = silent
-) -> list[Candidate]:
-    """The candidates, those that may be best fitted to the end."""
-    best = ranked[0].score
-    contenders = [c for c in ranked[:_CONTENDERS] if c.score > _CLOSE * best]
-    progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
-    rest = [c for c in ranked if c not in contenders]
-    return simplest_first([refined(bench, base, c) for c in contenders] + rest)
-
-
-def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates by score, but of those that are about as good as the best the one of fewest parameters first.
-
-    What a model gets wrong itself grows with what there is to explain, and any parameter more can follow it.
-    """
-    ranked = sorted(candidates, key=lambda c: -c.score)
-    alike = [c for c in ranked if c.score > ranked[0].score - max(5.0, _ABOUT * ranked[0].score)]
-    simplest = min(alike, key=lambda c: len(c.fit.unknowns))
-    return [simplest, *(c for c in ranked if c is not simplest)]
-
-
-def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
-    """The candidates; of those that explain about as much, one whose free runs stay much closer first.
-
-    Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides.
-    """
-    alike = [c for c in ranked[:_CONTENDERS] if c.score > ranked[0].score - verdict.decisive(ranked[0].score)]
-    if len(alike) < 2:
-        return ranked
-    free = Workbench(fit.FreeData(bench.prepared), bench.pool)
-    cost = [free.cost(r) for r in free.residuals([(c.fit.model, c.fit.starts, None) for c in alike])]
-    closest = alike[int(np.argmin(cost))]
-    if cost[0] - min(cost) < _CLEARLY * free.count.sum():
-        return ranked
-    most = closest.score - 0.5 * verdict.decisive(ranked[0].score)
-    rest = [replace(c, score=min(c.score, most)) for c in ranked if c is not closest]
-    return [closest, *sorted(rest, key=lambda c: -c.score)]
-
-
-def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
-    """The candidate fitted with everything free.
-
-    Without the effect the declared parameters had to stand in for it: the fit may as well start from these anew.
-    """
-    before = candidate.fit
-    anew = np.array(
-        [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
-    )
-    # A group that fits badly weighs little, so that a fit can settle with it: both ways are gone to the end.
-    results = [
-        fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, _LONG)
-        for x in (before.values, anew)
-    ]
-    result = min(results, key=lambda r: r.cost)
-    return Candidate(candidate.effects, result, search.gain(bench, base, result))
-
-
-def predict(
-    campaign: Campaign, found: Found, polished: polish.Polished, pool: ThreadPoolExecutor
-) -> dict[str, Prediction]:
-    """Every recording beside the declared, the calibrated and the augmented model, free-running."""
-    noise = calibration.noises(campaign)
-    augmented = polished.augmented.model
-    models = (polished.declared, polished.calibrated.model, augmented)
-    found_all: dict[str, Prediction] = {}
-    roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
-        ("fit", campaign.fit),
-        ("holdout", campaign.holdout()),
-    )
-    for role, recordings in roles:
-        for recording in recordings:
-            prepared, _ = fit.prepare(timing.on_clock(recording, found.start.clock), noise)
-            before, calibrated, after, *nearby = free_runs(models, prepared, pool)
-            runs = (before, calibrated, after)
-            errors = {c: _error(prepared, c, runs, nearby, noise[c]) for c in prepared.channels}
-            found_all[recording.name] = Prediction(role, recording, before, calibrated, after, errors)
-    return found_all
-
-
-def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Recording]:
-    """The recording as each model predicts it from its first samples and its command alone.
-
-    Behind these come two runs of the last model with its break-away torque changed a little.
-    """
-    exact = [search.fine(m) for m in models]
-    starts = [fit.reading_start(m, prepared, prepared.start) for m in exact]
-    if prepared.recording.start == "unknown":
-        starts = [fit.estimated_start(m, prepared, pool) for m in models]
-    plant = exact[-1].plant
-    for share in (1 - _NEARBY, 1 + _NEARBY):
-        levels = {name: share * getattr(plant, name) for name in ("static_positive", "static_negative")}
-        exact.append(exact[len(models) - 1].with_plant(**levels))
-        starts.append(starts[len(models) - 1])
-    return list(
-        pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), zip(exact, starts, strict=True))
-    )
-
-
-def _error(
-    prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording], noise: float
-) -> ChannelError:
-    measured = prepared.recording[channel]
-    known = np.isfinite(measured)
-
-    def rms(a: np.ndarray, b: np.ndarray) -> float:
-        return float(np.sqrt(np.mean((a - b)[known] ** 2)))
-
-    before, calibrated, after = (rms(measured, run[channel]) for run in runs)
-    reach = max(rms(runs[-1][channel], run[channel]) for run in nearby)
-    return ChannelError(before, calibrated, after, noise, CHANNEL_UNITS[channel], reach)

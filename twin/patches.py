@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from twin import calibration, fit, patch, search, timing, traces, verdict
 from twin.campaign import Campaign
 from twin.diagnosis import Patched, Prediction
+from twin.found import Found
 from twin.model import simulate
 from twin.patch import Patch
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS, Recording
-
-if TYPE_CHECKING:
-    from twin.diagnose import Found
 
 _LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
 

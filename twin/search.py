@@ -173,9 +173,9 @@ def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
 
 
 def gain(bench: Workbench, base: Fit, result: Fit) -> float:
-    """Cost gained, less the price of the parameters added."""
+    """Cost gained, less the price of the parameters added; at neutral nothing is lost but that."""
     added = len(result.unknowns) - len(base.unknowns)
-    return base.cost - result.cost - price(added, bench)
+    return max(base.cost - result.cost, 0.0) - price(added, bench)
 
 
 def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from twin import calibration, driven, fit
+from twin import calibration, driven, fit, limit
 from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Fit, Prepared, Workbench
-from twin.identify import limit, ridge, scatter
+from twin.identify import ridge, scatter
 from twin.identify.profile import Profile
 from twin.identify.results import Estimate
 from twin.identify.scatter import Evidence

@@ -1,0 +1,76 @@
+"""The best candidates of a round, fitted to the end and weighed against one another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from twin import fit, search, verdict
+from twin.fit import Fit, Workbench
+from twin.search import Candidate, Progress, silent
+
+_CONTENDERS = 3  # candidates that are fitted to the end
+_CLOSE = 0.3  # share of the best score that they need
+_CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
+_ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
+LONG = 12  # iterations of a fit that is to arrive
+
+
+def settled(
+    bench: Workbench, base: Fit, ranked: Sequence[Candidate], progress: Progress = silent
+) -> list[Candidate]:
+    """The candidates, those that may be best fitted to the end."""
+    best = ranked[0].score
+    contenders = [c for c in ranked[:_CONTENDERS] if c.score > _CLOSE * best]
+    progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
+    rest = [c for c in ranked if c not in contenders]
+    return simplest_first([refined(bench, base, c) for c in contenders] + rest)
+
+
+def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates by score, but of those that are about as good as the best the one of fewest parameters first.
+
+    What a model gets wrong itself grows with what there is to explain, and any parameter more can follow it.
+    """
+    ranked = sorted(candidates, key=lambda c: -c.score)
+    alike = [c for c in ranked if c.score > ranked[0].score - max(5.0, _ABOUT * ranked[0].score)]
+    simplest = min(alike, key=lambda c: len(c.fit.unknowns))
+    return [simplest, *(c for c in ranked if c is not simplest)]
+
+
+def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
+    """The candidates; of those that explain about as much, one whose free runs stay much closer first.
+
+    Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides.
+    """
+    alike = [c for c in ranked[:_CONTENDERS] if c.score > ranked[0].score - verdict.decisive(ranked[0].score)]
+    if len(alike) < 2:
+        return ranked
+    free = Workbench(fit.FreeData(bench.prepared), bench.pool)
+    cost = [free.cost(r) for r in free.residuals([(c.fit.model, c.fit.starts, None) for c in alike])]
+    closest = alike[int(np.argmin(cost))]
+    if cost[0] - min(cost) < _CLEARLY * free.count.sum():
+        return ranked
+    most = closest.score - 0.5 * verdict.decisive(ranked[0].score)
+    rest = [replace(c, score=min(c.score, most)) for c in ranked if c is not closest]
+    return [closest, *sorted(rest, key=lambda c: -c.score)]
+
+
+def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
+    """The candidate fitted with everything free.
+
+    Without the effect the declared parameters had to stand in for it: the fit may as well start from these anew.
+    """
+    before = candidate.fit
+    anew = np.array(
+        [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
+    )
+    # A group that fits badly weighs little, so that a fit can settle with it: both ways are gone to the end.
+    results = [
+        fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, LONG)
+        for x in (before.values, anew)
+    ]
+    result = min(results, key=lambda r: r.cost)
+    return Candidate(candidate.effects, result, search.gain(bench, base, result))

@@ -1,0 +1,41 @@
+"""What the search came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin.calibration import Calibration
+from twin.fit import Fit, Workbench
+from twin.search import Candidate
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search came to, before any held-out recording is looked at.
+
+    Attributes:
+      start: the calibrated model from which the search started.
+      adopted: candidates that were adopted, each on top of those before it.
+      rounds: all candidates of each round, best first; the last one adopted nothing, unless the most were reached.
+      thresholds: score that each round asked for.
+    """
+
+    start: Calibration
+    adopted: tuple[Candidate, ...]
+    rounds: tuple[tuple[Candidate, ...], ...]
+    thresholds: tuple[float, ...]
+
+    @property
+    def bench(self) -> Workbench:
+        """The data."""
+        return self.start.bench
+
+    @property
+    def base(self) -> Fit:
+        """The fit without any effect."""
+        return self.start.base
+
+    @property
+    def best(self) -> Fit:
+        """The fit of the model that stands at the end of the search."""
+        return self.adopted[-1].fit if self.adopted else self.base

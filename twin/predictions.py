@@ -1,0 +1,75 @@
+"""Every recording beside the models of a report, running freely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Literal
+
+import numpy as np
+
+from twin import calibration, fit, search, timing
+from twin.campaign import Campaign
+from twin.diagnosis import ChannelError, Prediction
+from twin.fit import Prepared
+from twin.found import Found
+from twin.model import Model, simulate
+from twin.polish import Polished
+from twin.recording import CHANNEL_UNITS, Recording
+
+_NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
+
+
+def predict(
+    campaign: Campaign, found: Found, polished: Polished, pool: ThreadPoolExecutor
+) -> dict[str, Prediction]:
+    """Every recording beside the declared, the calibrated and the augmented model, free-running."""
+    noise = calibration.noises(campaign)
+    augmented = polished.augmented.model
+    models = (polished.declared, polished.calibrated.model, augmented)
+    found_all: dict[str, Prediction] = {}
+    roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
+        ("fit", campaign.fit),
+        ("holdout", campaign.holdout()),
+    )
+    for role, recordings in roles:
+        for recording in recordings:
+            prepared, _ = fit.prepare(timing.on_clock(recording, found.start.clock), noise)
+            before, calibrated, after, *nearby = free_runs(models, prepared, pool)
+            runs = (before, calibrated, after)
+            errors = {c: _error(prepared, c, runs, nearby, noise[c]) for c in prepared.channels}
+            found_all[recording.name] = Prediction(role, recording, before, calibrated, after, errors)
+    return found_all
+
+
+def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Recording]:
+    """The recording as each model predicts it from its first samples and its command alone.
+
+    Behind these come two runs of the last model with its break-away torque changed a little.
+    """
+    exact = [search.fine(m) for m in models]
+    starts = [fit.reading_start(m, prepared, prepared.start) for m in exact]
+    if prepared.recording.start == "unknown":
+        starts = [fit.estimated_start(m, prepared, pool) for m in models]
+    plant = exact[-1].plant
+    for share in (1 - _NEARBY, 1 + _NEARBY):
+        levels = {name: share * getattr(plant, name) for name in ("static_positive", "static_negative")}
+        exact.append(exact[len(models) - 1].with_plant(**levels))
+        starts.append(starts[len(models) - 1])
+    return list(
+        pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), zip(exact, starts, strict=True))
+    )
+
+
+def _error(
+    prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording], noise: float
+) -> ChannelError:
+    measured = prepared.recording[channel]
+    known = np.isfinite(measured)
+
+    def rms(a: np.ndarray, b: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((a - b)[known] ** 2)))
+
+    before, calibrated, after = (rms(measured, run[channel]) for run in runs)
+    reach = max(rms(runs[-1][channel], run[channel]) for run in nearby)
+    return ChannelError(before, calibrated, after, noise, CHANNEL_UNITS[channel], reach)
