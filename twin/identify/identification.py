@@ -189,7 +189,7 @@ def identify(
 
 
 def _hub_balance(found: Joint) -> Balance | None:
-    model, starts = search.fine(found.fit.model), found.fit.starts
+    model, starts = found.fit.model, found.fit.starts
     hub = balance.of_hub(found.data, model, starts)
     if hub is None or "damping_ratio" not in found.names:
         return hub
