@@ -11,7 +11,7 @@ from scipy.signal import cont2discrete, lfilter
 from twin import beam, chain, driven, evidence, fit, limit, planar
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
-from twin.identify import against, profile, ridge, scatter, sentences, spectra
+from twin.identify import against, joint, profile, ridge, scatter, sentences, spectra
 from twin.identify.against import Comparison
 from twin.model import Model
 from twin.recording import Recording, Sensor
@@ -167,6 +167,37 @@ def test_a_recording_that_contradicts_the_others_is_seen():
         )
         _, distances = scatter.evidence(bench, ridge.refined(bench, bench.start(0.0, 0.0))).moves()
         assert (np.abs(distances).max() > 4) == seen
+
+
+def test_the_first_state_of_a_recording_is_nothing_to_the_others():
+    noise = np.random.default_rng(4).standard_normal(1000)
+    bench = Bench([noise[:500], noise[500:]], lambda a, b: a * np.sin(8 * T) + b * (np.arange(1000) < 500))
+    fitted = ridge.refined(bench, bench.start(0.0, 0.0))
+    # Slopes by differences leave a trace where there is none.
+    trace = fitted.jacobian + 1e-9 * np.cos(3 * T)[:, None]
+    first = Unknown("start", "b", 0.0, 1e3, False, (-3e3, 3e3), 0)
+    owned = replace(fitted, jacobian=trace, unknowns=(fitted.unknowns[0], first))
+    moves, distances = scatter.evidence(bench, owned).moves()
+    assert moves[0, 1] == 0
+    assert np.abs(distances).max() < 4
+
+
+def test_first_states_that_move_nothing_are_not_fitted():
+    fitted = Bench([np.ones(1000)], wave).start(0.0, 0.0)
+    first = Unknown("start", "hub_angle", 0.5, 3e-3, False, (-1e3, 1e3), 0)
+    slopes = np.column_stack([fitted.jacobian, 1e-15 * T])
+    unknowns = (*fitted.unknowns, first)
+    held = replace(fitted, unknowns=unknowns, values=np.array([1.0, 2.0, 85.0]), jacobian=slopes)
+    kept, values = joint._seen(held)
+    assert [u.name for u in kept] == ["a", "b"]
+    assert values == pytest.approx([1.0, 2.0])
+
+
+def test_recordings_that_contradict_each_other_leave_what_was_declared():
+    covariance = np.diag([1e-4, 1e-4])
+    without = np.array([[0.9, 0.01], [-0.9, -0.01]])
+    widened = joint._widened(covariance, without, np.array([0.3, 0.3]))
+    assert np.sqrt(np.diag(widened)) == pytest.approx([0.3, 0.01])
 
 
 def test_slopes_along_the_ridge():

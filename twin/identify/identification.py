@@ -193,8 +193,10 @@ def _hub_balance(found: Joint) -> Balance | None:
     hub = balance.of_hub(found.data, model, starts)
     if hub is None or "damping_ratio" not in found.names:
         return hub
-    more = found.values[found.names.index("damping_ratio")] + found.errors[found.names.index("damping_ratio")]
-    lossier = model.replace(declared=model.declared.replace("lossier", damping_ratio=float(more)))
+    k = found.names.index("damping_ratio")
+    most = model.declared.parameters["damping_ratio"].bounds[1]
+    more = min(float(found.values[k] + found.errors[k]), most)
+    lossier = model.replace(declared=model.declared.replace("lossier", damping_ratio=more))
     return balance.with_loss(hub, balance.of_hub(found.data, lossier, starts))
 
 

@@ -18,7 +18,7 @@ from scipy.stats import norm
 from twin import calibration, driven, fit, limit
 from twin.campaign import Campaign
 from twin.driven import DrivenData
-from twin.fit import Fit, Prepared, Workbench
+from twin.fit import Fit, Prepared, Unknown, Workbench
 from twin.identify import ridge, scatter
 from twin.identify.profile import Profile
 from twin.identify.results import Estimate
@@ -32,6 +32,7 @@ BANDS = (100.0, *driven.MOTION_BANDS)
 _ITERATIONS = 4
 _CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to
 _TIED = 0.9  # correlation from which two parameters are said to move together
+_NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
 _ELLIPTIC = (0.25, 4.0)  # rise of the cost two standard errors away, over that of an ellipse
 
 
@@ -125,14 +126,14 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     said = scatter.evidence(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
     moves, distances = said.moves()
-    full = _widened(said.covariance + np.outer(left, left), moves)
+    low, high = np.array([u.bounds for u in base.unknowns]).T
+    without = np.clip(base.values + moves, low, high)
+    full = _widened(said.covariance + np.outer(left, left), without, _open(base))
     progress("looking along the likelihood")
     rises = _rises(bench, base)
     intervals = _profiles(bench, base, np.sqrt(np.diag(full)), said, rises)
     mine = [i for i, u in enumerate(base.unknowns) if u.owner == "rig"]
     names = tuple(base.unknowns[i].name for i in mine)
-    low, high = np.array([u.bounds for u in base.unknowns]).T
-    without = np.clip(base.values + moves, low, high)[:, mine]
     return Joint(
         base,
         bench,
@@ -140,7 +141,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
         names,
         base.values[mine],
         full[np.ix_(mine, mine)],
-        dict(zip(recordings, without, strict=True)),
+        dict(zip(recordings, without[:, mine], strict=True)),
         _odd(recordings, names, distances[:, mine]),
         rises[mine],
         {name: intervals[i] for i, name in zip(mine, names, strict=True) if i in intervals},
@@ -162,8 +163,9 @@ def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
 
     The second time it is where it stands at last, on one chain more.
     """
+    unknowns, values = _seen(base)
     limit.move(bench, base.model, base.starts, limit.QUICK)
-    found = fit.minimise(bench, base.model, base.starts, base.unknowns, base.values, None, _ITERATIONS)
+    found = fit.minimise(bench, base.model, base.starts, unknowns, values, None, _ITERATIONS)
     change = limit.move(bench, found.model, found.starts, limit.CLOSE)
     found = ridge.refined(bench, found)
     information, _ = fit.normal_equations(bench, found)
@@ -171,7 +173,27 @@ def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
     return found, -np.linalg.pinv(information, hermitian=True) @ pull
 
 
-def _widened(covariance: np.ndarray, moves: np.ndarray) -> np.ndarray:
+def _seen(base: Fit) -> tuple[tuple[Unknown, ...], np.ndarray]:
+    """Unknowns and values (p) of a fit without first states that move nothing: a driven hub is where it was measured.
+
+    Slopes along the ridge would follow them for ever.
+    """
+    change = np.linalg.norm(base.jacobian, axis=0) * [u.scale for u in base.unknowns]
+    kept = [i for i, u in enumerate(base.unknowns) if u.owner != "start" or change[i] > _NOTHING]
+    return tuple(base.unknowns[i] for i in kept), base.values[kept]
+
+
+def _open(base: Fit) -> np.ndarray:
+    """Error (p) of an estimate of which nothing is known but its declaration, and that it lies off it."""
+    return np.array(
+        [
+            np.hypot(u.scale, value - u.start) if u.prior else np.inf
+            for u, value in zip(base.unknowns, base.values, strict=True)
+        ]
+    )
+
+
+def _widened(covariance: np.ndarray, without: np.ndarray, most: np.ndarray) -> np.ndarray:
     """The covariance (p x p), the jackknife's errors where these are larger.
 
     A rig that is not quite the model makes recordings differ by more than their noise. A few of them cannot prove it,
@@ -179,9 +201,10 @@ def _widened(covariance: np.ndarray, moves: np.ndarray) -> np.ndarray:
 
     Args:
       covariance: (p x p) by the noise.
-      moves: (k x p) of the estimate without each recording.
+      without: (k x p) the estimate without each recording.
+      most: (p) that the recordings can make an error.
     """
-    spread = np.sqrt((len(moves) - 1) * moves.var(axis=0))
+    spread = np.minimum(np.sqrt((len(without) - 1) * without.var(axis=0)), most)
     factor = np.maximum(1.0, spread / np.sqrt(np.diag(covariance)))
     return covariance * np.outer(factor, factor)
 

@@ -76,21 +76,24 @@ class Evidence:
 def evidence(bench: Workbench, base: Fit) -> Evidence:
     """Reads what each recording says of a fit's parameters, and how surely."""
     w = fit.row_weights(bench, base.residual)
+    # The state at the first sample of a recording is nothing to the others, whatever slopes by differences say.
+    owner = np.array([-1 if u.recording is None else u.recording for u in base.unknowns])
     count, p = len(bench.prepared), base.jacobian.shape[1]
     information, scatter, pulls = np.zeros((count, p, p)), np.zeros((count, p, p)), np.zeros((count, p))
     for i in range(count):
         mine = [g for g in bench.data.groups if g.recording == i]
+        slopes = np.where((owner == -1) | (owner == i), base.jacobian, 0.0)
         for g in mine:
-            J = w[g.rows, None] * base.jacobian[g.rows]
-            information[i] += base.jacobian[g.rows].T @ J
+            J = w[g.rows, None] * slopes[g.rows]
+            information[i] += slopes[g.rows].T @ J
             pulls[i] += J.T @ base.residual[g.rows]
             if g.channel == _SINGLE:
-                scatter[i] += base.jacobian[g.rows].T @ J
+                scatter[i] += slopes[g.rows].T @ J
         rows = [g.rows for g in mine if g.channel != _SINGLE]
         scatter[i] += _scatter(
             np.stack([bench.weight[r] for r in rows], axis=1),
             np.stack([base.residual[r] for r in rows], axis=1),
-            np.stack([w[r, None] * base.jacobian[r] for r in rows], axis=1),
+            np.stack([w[r, None] * slopes[r] for r in rows], axis=1),
         )
     return Evidence(information, pulls, scatter, fit.prior_precision(base.unknowns))
 
@@ -125,4 +128,7 @@ def _averaged(values: np.ndarray, half: int) -> np.ndarray:
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
-    return np.linalg.pinv(matrix, hermitian=True)
+    """Inverse of an information (p x p), each parameter in a unit of its own; zero where nothing is said."""
+    size = np.sqrt(np.diag(matrix))
+    unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    return np.linalg.pinv(matrix * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)
