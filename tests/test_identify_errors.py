@@ -200,6 +200,25 @@ def test_recordings_that_contradict_each_other_leave_what_was_declared():
     assert np.sqrt(np.diag(widened)) == pytest.approx([0.3, 0.01])
 
 
+def test_a_straight_step_out_of_the_range_is_not_taken():
+    fitted = Bench([np.ones(1000)], wave).start(0.0, 0.0)
+    moves, influences = np.array([[1e5, 2.0], [1.0, -2.0]]), np.array([[5.0, 0.1], [0.5, -1.0]])
+    without = joint._left_out(fitted, moves, influences)
+    assert without == pytest.approx(np.array([[5.0, 0.1], [1.0, -2.0]]))
+
+
+def test_influence_is_the_move_by_weight():
+    rng = np.random.default_rng(5)
+    noises = [rng.standard_normal(500) for _ in range(2)]
+    bench = Bench(noises, wave)
+    said = scatter.evidence(bench, ridge.refined(bench, bench.start(0.0, 0.0)))
+    # At the estimate the pulls of all recordings are in balance, but for that of a wide prior.
+    assert said.influences().sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-4)
+    information = said.information.sum(axis=0) + np.diag(said.prior)
+    less = np.linalg.solve(information - 1e-6 * said.information[0], 1e-6 * said.pulls[0])
+    assert said.influences()[0] == pytest.approx(1e6 * less, rel=1e-3)
+
+
 def test_slopes_along_the_ridge():
     # Only a - b is seen well; slopes over rough steps are off by more than what is left of a + b.
     def valley(a, b):

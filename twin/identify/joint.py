@@ -126,8 +126,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     said = scatter.evidence(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
     moves, distances = said.moves()
-    low, high = np.array([u.bounds for u in base.unknowns]).T
-    without = np.clip(base.values + moves, low, high)
+    without = _left_out(base, moves, said.influences())
     full = _widened(said.covariance + np.outer(left, left), without, _open(base))
     progress("looking along the likelihood")
     rises = _rises(bench, base)
@@ -181,6 +180,23 @@ def _seen(base: Fit) -> tuple[tuple[Unknown, ...], np.ndarray]:
     change = np.linalg.norm(base.jacobian, axis=0) * [u.scale for u in base.unknowns]
     kept = [i for i, u in enumerate(base.unknowns) if u.owner != "start" or change[i] > _NOTHING]
     return tuple(base.unknowns[i] for i in kept), base.values[kept]
+
+
+def _left_out(base: Fit, moves: np.ndarray, influences: np.ndarray) -> np.ndarray:
+    """The estimate (k x p) without each recording.
+
+    A step that leaves the range of the parameters is too long to be a straight one: it says no more than its
+    direction, and what there is of it at once is taken (the infinitesimal jackknife: L. A. Jaeckel, 1972).
+
+    Args:
+      base: the fit.
+      moves: (k x p) by a straight step without the recording.
+      influences: (k x p) by the recording's weight.
+    """
+    low, high = np.array([u.bounds for u in base.unknowns]).T
+    far = base.values + moves
+    inside = ((far >= low) & (far <= high)).all(axis=1, keepdims=True)
+    return np.clip(np.where(inside, far, base.values + influences), low, high)
 
 
 def _open(base: Fit) -> np.ndarray:

@@ -52,6 +52,10 @@ class Evidence:
         """Covariance (p x p) of the estimate."""
         return self.inverse @ (self.scatter.sum(axis=0) + np.diag(self.prior)) @ self.inverse
 
+    def influences(self) -> np.ndarray:
+        """How far (k x p) the estimate moves by a little less of each recording, over that little: H^-1 g_i."""
+        return self.pulls @ self.inverse
+
     def moves(self) -> tuple[np.ndarray, np.ndarray]:
         """How far (k x p) the estimate moves without each recording, and that in standard errors of the move.
 
