@@ -8,10 +8,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import beam, chain, driven, evidence, fit, limit, planar
+from twin import beam, chain, driven, evidence, fit, limit, observe, planar
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
-from twin.identify import against, joint, profile, ridge, scatter, sentences, spectra
+from twin.identify import against, break_away, joint, profile, ridge, scatter, sentences, spectra
 from twin.identify.against import Comparison
 from twin.model import Model
 from twin.recording import Recording, Sensor
@@ -248,6 +248,22 @@ def test_profile_of_a_likelihood_that_is_no_ellipse():
     costs = [bench.cost(bench.noise - decay(x, 0.0)) - fitted.cost for x in (low, high)]
     assert costs == pytest.approx([100 * 1.96**2 / 2] * 2, rel=0.05)
     assert abs((high - a) / (a - low) - 1) > 0.1
+
+
+@pytest.mark.parametrize("gain", [0.1, 1.1, 60.0])
+def test_how_long_a_break_away_is_unseen(gain):
+    # Readings in noise levels; each hub leaves its rest at sample 200.
+    rng, age = np.random.default_rng(6), np.clip(np.arange(260) - 200, 0, None)
+    observed = np.where(np.arange(260) < 150, planar.STUCK, planar.UNSURE)
+    seen = []
+    for _ in range(400):
+        reading = gain * age**2 / 2 + rng.standard_normal(260)
+        [(onset, direction)] = observe._onsets(observed, np.zeros(260), reading, 1.0)
+        assert direction == 1
+        seen.append(onset - 200)
+    mean, spread = break_away._unseen(gain)
+    assert mean == pytest.approx(np.mean(seen), abs=0.1)
+    assert spread == pytest.approx(np.std(seen), abs=0.1)
 
 
 def swept(peaks, name="sweep"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import binary_dilation, binary_erosion, label, maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
@@ -18,7 +19,8 @@ _OUTLIER = 12.0  # noise standard deviations beyond which a lone sample is no me
 _REST_SPAN = 0.08  # s, shortest rest that counts
 _EDGE = 0.02  # s, margin to a change between rest and motion
 _SURE = 6.0  # standard errors of the rate beyond which the hub surely moves
-_ONSET = 4.0  # noise levels beyond which the reading has left its rest
+ONSET, IN_A_ROW = 4.0, 4
+"""Noise levels, and readings in a row beyond them, by which the hub has left its rest."""
 BEFORE_ONSET = 2
 """Samples from the last instant at rest to the first visible motion."""
 _RATE_SPAN = 0.024  # s, over which the rate is estimated
@@ -252,8 +254,10 @@ def _onsets(
         until = starts[starts > end]
         stop = int(until[0]) if len(until) else len(observed)
         away = np.nan_to_num((reading[end:stop] - rest[end]) / noise, nan=0.0)
-        out = np.abs(away) > _ONSET
-        lasting = out[:-3] & out[1:-2] & out[2:-1] & out[3:]
+        out = np.abs(away) > ONSET
+        if len(out) < IN_A_ROW:
+            continue
+        lasting = sliding_window_view(out, IN_A_ROW).all(axis=1)
         if lasting.any():
             first = int(np.argmax(lasting))
             found.append((int(end) + first, 1 if away[first] > 0 else -1))

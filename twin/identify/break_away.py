@@ -7,16 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.stats import norm
 
 from twin import breakaway
 from twin.breakaway import BreakAway
 from twin.fit import Prepared
 from twin.identify.results import Estimate, pooled
 from twin.model import Model, Start
-from twin.observe import BEFORE_ONSET
+from twin.observe import BEFORE_ONSET, IN_A_ROW, ONSET
 from twin.planar import STUCK
 
-_SEEN = 3.5  # noise levels of the angle at which a motion is seen
 _MODEL = 0.03  # relative standard deviation of what the model says that the link adds to the drive's torque
 _REST, _END = (
     0.3,
@@ -88,21 +89,35 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     """Torque at which the hub broke away and its error [N m].
 
     Once free it gains speed by what static friction exceeds sliding friction; until it has moved by some noise
-    levels nobody sees it, and the torque has grown meanwhile. How long that took is uncertain by the noise of the one
-    reading that shows it: a noise level in d is 1/(2 d) of the time in which a distance of d levels is covered. The
-    break-away itself is anywhere between two samples.
+    levels nobody sees it, and the torque has grown meanwhile. The break-away itself is anywhere between two samples.
     """
     time = prepared.recording.time
     period = float(np.median(np.diff(time)))
     driving = max(abs(event.torque) - model.declared["coulomb_friction"], 0.1 * abs(event.torque))
     gain = driving / _free_hub_inertia(model)
-    unseen = math.sqrt(2 * _SEEN * prepared.noise["hub_angle"] / gain)
-    late = unseen + period - BEFORE_ONSET * period
+    unseen, spread = _unseen(gain * period**2 / prepared.noise["hub_angle"])
+    late = (unseen - BEFORE_ONSET + 0.5) * period
     of_link = abs(event.torque - float(model.drive(prepared.recording).at(np.array([event.time]))[0]))
-    error = math.hypot(
-        event.slope * math.hypot(unseen / (2 * _SEEN), period / math.sqrt(12)), _MODEL * of_link
-    )
+    error = math.hypot(event.slope * period * math.hypot(spread, 1 / math.sqrt(12)), _MODEL * of_link)
     return event.torque - event.direction * event.slope * late, error
+
+
+def _unseen(gain: float) -> tuple[float, float]:
+    """Mean and standard deviation of the number of samples in which a break-away is not seen yet.
+
+    The hub has left its rest from the first of a few readings in a row that stand out of the noise.
+
+    Args:
+      gain: acceleration in noise levels per sample period squared.
+    """
+    n = np.arange(2 + math.ceil(math.sqrt(4 * ONSET / gain)) + IN_A_ROW)
+    out = norm.cdf(gain * n**2 / 2 - ONSET)
+    runs = sliding_window_view(out, IN_A_ROW).prod(axis=1)
+    first = runs * (1 - np.r_[0.0, out[: len(runs) - 1]])
+    first /= first.sum()
+    n = n[: len(first)]
+    mean = float(first @ n)
+    return mean, math.sqrt(float(first @ (n - mean) ** 2))
 
 
 def _free_hub_inertia(model: Model) -> float:
