@@ -207,6 +207,15 @@ def test_a_straight_step_out_of_the_range_is_not_taken():
     assert without == pytest.approx(np.array([[5.0, 0.1], [1.0, -2.0]]))
 
 
+def test_a_parameter_at_the_end_of_its_range_is_named():
+    fitted = replace(Bench([np.ones(1000)], wave).start(0.0, 0.0), values=np.array([2999.0, -3000.0]))
+    found = joint.Joint(
+        fitted, None, None, ("a", "b"), fitted.values, np.eye(2), {}, (), np.ones((2, 2)), {}, ()
+    )
+    assert found.at_an_end() == ["b"]
+    assert any(s.startswith("b stands at the end of its range") for s in sentences.joint(found, ()).sentences)
+
+
 def test_influence_is_the_move_by_weight():
     rng = np.random.default_rng(5)
     noises = [rng.standard_normal(500) for _ in range(2)]

@@ -32,6 +32,7 @@ BANDS = (100.0, *driven.MOTION_BANDS)
 _ITERATIONS = 4
 _CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to
 _TIED = 0.9  # correlation from which two parameters are said to move together
+_END = 1e-6  # share of a range up to which a value stands at its end
 _NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
 _ELLIPTIC = (0.25, 4.0)  # rise of the cost two standard errors away, over that of an ellipse
 
@@ -97,6 +98,15 @@ class Joint:
             for j in range(i + 1, len(r))
         ]
         return sorted((p for p in pairs if abs(p[2]) > _TIED), key=lambda p: -abs(p[2]))
+
+    def at_an_end(self) -> list[str]:
+        """Parameters that stand where their declared uncertainty, taken far, ends."""
+        found = []
+        for u, value in zip(self.fit.unknowns, self.fit.values, strict=True):
+            low, high = u.bounds
+            if u.owner == "rig" and min(value - low, high - value) < _END * (high - low):
+                found.append(u.name)
+        return found
 
     def combination(self, a: str, b: str) -> tuple[float, float]:
         """The power s with which a b^s is known best, and its relative standard error [1]."""

@@ -274,6 +274,10 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
         )
     said += [f"It adds up to {what} {shown(value, unit)}." for what, value, unit in figures]
     said += [
+        f"{name} stands at the end of its range: what was declared of it is wrong, or the model lacks something."
+        for name in found.at_an_end()
+    ]
+    said += [
         f"Without {recording} {name} moves by {distance:.1f} standard errors of the move: the recordings contradict "
         "each other, which the model does not explain."
         for recording, name, distance in found.odd[:_ODD_SHOWN]
