@@ -47,3 +47,11 @@ def test_the_hub_turns_round_between_two_instants_of_the_grid(swept):
     _, model, data, starts = swept
     # A direction that is read off the grid leaves three times as much, as a torque of both signs.
     assert 1 - balance.of_hub(data, model, starts).determination < 4e-7
+
+
+def test_the_friction_map_shows_a_constant_for_each_direction(swept):
+    truth, model, data, starts = swept
+    hub = balance.of_hub(data, model, starts)
+    assert {-1.0, 1.0} == set(np.sign(hub.rate))
+    # Seen through the low-pass, a hub that turns round often would have half of it or none.
+    assert (hub.friction * np.sign(hub.rate)).min() > 0.8 * truth["coulomb_friction"]

@@ -29,6 +29,7 @@ HUB_BAND, RIG_BAND, RIG_BAND_BELOW = 20.0, 10.0, 6.0
 _REACH = 1.5  # periods of the corner by which a change between rest and motion is kept away
 _BLOCK = 0.5  # s, within which errors are taken as one
 _LEAST_BLOCKS = 4
+_STEADY = 0.95  # share of one direction behind the low-pass from which the friction is that of this direction
 _LEAST_RUN = 0.2  # s
 _GAUGES = ("strain_base", "strain_mid")
 
@@ -41,8 +42,8 @@ class Balance:
       inertia: J0 of the hub's balance, J of the rig's [kg m^2].
       coulomb: level of the directions +1 and -1 [N m].
       both: mean of the two levels [N m].
-      rate: (n) of the hub [rad/s] where it slides; empty of the rig's.
-      friction: (n) torque that is left for friction [N m].
+      rate: (n) of the hub [rad/s] where it slides on in one direction; empty of the rig's.
+      friction: (n) torque that is left for friction there [N m].
       determination: share of the torque's, or impulse's, variance that the balance explains [1].
     """
 
@@ -137,13 +138,15 @@ def _balance(
     estimates = [Estimate(float(v), float(e)) for v, e in zip(x, errors, strict=True)]
     left = y - X @ x
     rate = np.concatenate([rows.rate for rows in found])
+    # Behind the low-pass the friction of a hub that swings fast would look like one that grows with the rate.
+    steady = (np.abs(X[:, -2:]).max(axis=1) > _STEADY) & (rows_of is _torques)
     both = Estimate(float(x[-2:].mean()), float(np.sqrt(covariance[-2:, -2:].sum())) / 2)
     return Balance(
         estimates[0],
         {1: estimates[-2], -1: estimates[-1]},
         both,
-        rate if rows_of is _torques else np.zeros(0),
-        left + X[:, -2:] @ x[-2:] if rows_of is _torques else np.zeros(0),
+        rate[steady],
+        (left + X[:, -2:] @ x[-2:])[steady],
         1 - float(left @ left) / float(y @ y),
     )
 

@@ -103,7 +103,7 @@ def friction(hub: Balance) -> Figure:
     )
     for direction in (1, -1):
         level = 1e3 * direction * hub.coulomb[direction].value
-        x = [0.0, direction * float(np.abs(hub.rate).max())]
+        x = [0.0, direction * float(np.abs(hub.rate).max(initial=1.0))]
         line = {"color": FITTED, "width": 3}
         figure.add_scatter(
             x=x, y=[level, level], mode="lines", name="Coulomb level", line=line, showlegend=direction > 0

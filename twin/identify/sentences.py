@@ -260,8 +260,9 @@ def _paired(peak: PairedPeak) -> str:
 
 def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding:
     """The joint estimate: what moves together, what follows from it, and how the errors were checked."""
+    count = len(found.without)
     said = [
-        f"{len(found.names)} parameters from {len(found.without)} recordings, "
+        f"{len(found.names)} parameters from {count} recording{'s' if count > 1 else ''}, "
         "each with its declared uncertainty as prior."
     ]
     for a, b, r in found.tied()[:5]:
@@ -282,7 +283,9 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
         "each other, which the model does not explain."
         for recording, name, distance in found.odd[:_ODD_SHOWN]
     ]
-    if not found.odd:
+    if count == 1:
+        said.append("There is no other recording that it could be checked against.")
+    elif not found.odd:
         said.append("No recording moves the estimate by more than chance when it is left out.")
     said += [
         f"The likelihood is not elliptic in {name}: by its profile the 95 % interval is {low:.5g} to {high:.5g}."
