@@ -311,3 +311,19 @@ def test_a_peak_that_an_air_pad_takes_away_is_none_of_bending():
     said = sentences.compared(Comparison("with-pad", {}, found)).sentences
     assert any("Hz is gone" in s for s in said)
     assert sentences.compared(Comparison("with-pad", {}, (), missing="no sweep")).missing == "no sweep"
+
+
+def test_the_limit_of_even_chains_knows_a_clamp_that_gives():
+    soft = model().replace(effects={"root-compliance": {"stiffness": 40.0}})
+    chains = [limit.even(soft, n) for n in limit.CLOSE]
+    assert len({len(c.chain.stiffness) - len(c.chain.rigid.stiffness) for c in chains}) == 1
+    # The curvature at the gauge per tip force: (l - x) / EI, whatever the root does.
+    levers = [
+        c.rig["length"] - np.r_[np.zeros(len(c.chain.stiffness) - n), c.chain.rigid.hinges]
+        for c, n in zip(chains, limit.CLOSE, strict=True)
+    ]
+    bends = [lever / c.chain.stiffness for lever, c in zip(levers, chains, strict=True)]
+    found = np.array([c.curvature_rows["strain_base"] @ b for c, b in zip(chains, bends, strict=True)])
+    gauge = soft.sensors["strain_base"].position
+    expected = (soft.rig["length"] - gauge) / soft.rig["bending_stiffness"]
+    assert limit.weights(limit.CLOSE) @ found == pytest.approx(expected, rel=1e-6)

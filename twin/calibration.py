@@ -105,7 +105,7 @@ def calibrated(bench: Workbench, model: Model) -> Fit:
     """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way."""
     starts = tuple(p.start for p in bench.prepared)
     unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
-    limit.move(bench, model, starts, limit.QUICK)
+    limit.move(bench, model, starts, limit.ROUGH)
     x = search.roughly(bench, model, starts, unknowns)
     first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)
     limit.move(bench, first.model, first.starts, limit.QUICK)

@@ -34,6 +34,7 @@ _FREQUENCY_WEIGHT = 60.0
 _STATIC_WEIGHT = 15.0
 _MOMENT_WEIGHT = 10.0
 _CONDENSED = 0.25  # part of a hinge's compliance up to which a clamp that gives may take away from it
+_FINEST = 20  # equal segments with which a limit is sought at most
 _AMPLITUDE_WEIGHT = (0.6, 0.15, 0.03)  # first free, first clamped, second free mode
 
 
@@ -55,6 +56,10 @@ class ChainShape:
     def segments(self) -> int:
         """Number of hinges n: half a segment, n - 1 whole ones, half a segment."""
         return len(self.stiffnesses)
+
+    def is_even(self) -> bool:
+        """Whether all hinges are alike, as those of equal segments."""
+        return bool(np.ptp(self.stiffnesses) < 1e-9 * self.stiffnesses[0])
 
 
 @dataclass(frozen=True)
@@ -143,7 +148,9 @@ def with_root(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
     weights = _extrapolation(links.hinges[:3])
     shares = np.zeros(len(links.stiffness))
     shares[: len(weights)] = compliance * weights * links.stiffness[: len(weights)]
-    if np.all(shares > -_CONDENSED):
+    # Equal segments are for a limit: with ever more of them, the kind of the root must not change.
+    most = max(len(shares), _FINEST) if links.shape.is_even() else len(shares)
+    if np.all(shares * most / len(shares) > -_CONDENSED):
         bending = 1 / (1 + shares)
         damping = links.damping * np.outer(bending, bending)
         return replace(
@@ -217,8 +224,7 @@ def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarra
     and tip moment as well as a least-squares fit of least norm allows. What a clamp gives is no curvature.
     """
     if chain.rigid is not None:
-        row = curvature_row(chain.rigid, rig, x)
-        return chain.bending * np.r_[np.zeros(len(chain.bending) - len(row)), row]
+        return through_root(chain, curvature_row(chain.rigid, rig, x))
     bends: list[np.ndarray] = []
     curvatures: list[float] = []
     weights: list[float] = []
@@ -260,17 +266,25 @@ def _inertia(
     return inertia, masses @ levers + tip_mass * lengths
 
 
-def curvature_rate_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarray | None:
-    """Returns the row (n) from hinge rates to the curvature at x [s/m per rad]; None where there is none.
+def through_root(chain: Chain, row: np.ndarray) -> np.ndarray:
+    """Row (n) of a chain whose clamp gives from the row of its links on a rigid one."""
+    return chain.bending * np.r_[np.zeros(len(chain.bending) - len(row)), row]
+
+
+def lagging_row(chain: Chain, row: np.ndarray) -> np.ndarray | None:
+    """Returns the row (n) from hinge rates to the curvature [s/m per rad]; None where there is none.
 
     Of hinges that share their moment with a clamp, M = k b + D b' = (q - b) / c with b the link's part of the angle q
     and c the clamp's: the losses make b lag behind its share S of q, b = S q - (1 - S) / k D S q'.
+
+    Args:
+      chain: the chain.
+      row: (n) from the hinge angles of its links on a rigid clamp to the curvature [1/m per rad].
     """
     links = chain.rigid
     if links is None or len(links.stiffness) != len(chain.stiffness):
         return None
-    lagging = ((1 - chain.bending) / links.stiffness)[:, None] * links.damping * chain.bending
-    return -curvature_row(links, rig, x) @ lagging
+    return -row @ (((1 - chain.bending) / links.stiffness)[:, None] * links.damping * chain.bending)
 
 
 def _relative(inertia: np.ndarray) -> np.ndarray:

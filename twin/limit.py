@@ -18,6 +18,8 @@ from twin import chain, search
 from twin.fit import Workbench
 from twin.model import Model, Start
 
+ROUGH = (6, 8, 12)
+"""Numbers of segments to begin with: they leave half a noise level at a resonance, in a third of the time."""
 QUICK = (8, 12, 16)
 """Numbers of segments that leave an error of a tenth of the noise's or so."""
 CLOSE = (8, 12, 16, 20)
@@ -29,10 +31,11 @@ class EvenModel(Model):
     """A model on a chain of equal segments, strains read off the hinges beside the gauge."""
 
     @functools.cached_property
-    def curvature_rows(self) -> dict[str, np.ndarray]:
-        """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
+    def gauge_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row from hinge angles, the clamp rigid, to the curvature at its gauge [1/m per rad]."""
         gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
-        return {name: _row(self.chain.hinges, self.rig["length"], s.position) for name, s in gauges.items()}
+        hinges = (self.chain.rigid or self.chain).hinges
+        return {name: _row(hinges, self.rig["length"], s.position) for name, s in gauges.items()}
 
 
 def even(model: Model, segments: int) -> EvenModel:

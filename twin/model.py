@@ -121,18 +121,23 @@ class Model:
         return links
 
     @functools.cached_property
+    def gauge_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row from hinge angles, the clamp rigid, to the curvature at its gauge [1/m per rad]."""
+        gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
+        links = self.chain.rigid or self.chain
+        return {name: chain.curvature_row(links, self.rig, s.position) for name, s in gauges.items()}
+
+    @functools.cached_property
     def curvature_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
-        gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
-        return {name: chain.curvature_row(self.chain, self.rig, s.position) for name, s in gauges.items()}
+        if self.chain.rigid is None:
+            return self.gauge_rows
+        return {name: chain.through_root(self.chain, row) for name, row in self.gauge_rows.items()}
 
     @functools.cached_property
     def curvature_rate_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from hinge rates to the curvature at its gauge [s/m per rad], where there is one."""
-        rows = {
-            name: chain.curvature_rate_row(self.chain, self.rig, self.sensors[name].position)
-            for name in self.curvature_rows
-        }
+        rows = {name: chain.lagging_row(self.chain, row) for name, row in self.gauge_rows.items()}
         return {name: row for name, row in rows.items() if row is not None}
 
     @functools.cached_property
