@@ -299,7 +299,7 @@ def _between(time: np.ndarray, hub: Hub, parts: int) -> tuple[np.ndarray, np.nda
     """Instants, angle, rate and acceleration of a hub, with so many parts to each step of the grid.
 
     The acceleration of a driven link is a straight line from one instant to the next, in which an oscillation is
-    (omega h)^2/12 too small. A model with short steps sees it at the end of each, and `Workbench.refine` takes the
+    (omega h)^2/12 too small. A model with short steps sees it at the end of each, and `limit.move` takes the
     error out of the others.
     """
     if parts == 1:

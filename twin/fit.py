@@ -229,12 +229,6 @@ class Workbench:
         """What a residual (n) costs, priors apart."""
         return float(self.count @ evidence.loss(self.sizes(residual)))
 
-    def refine(self, model: Model, fine: Model, starts: Sequence[Start]) -> None:
-        """Takes the discretisation error of `model` at this point into all later residuals, as `fine` shows it."""
-        self.defect = np.zeros(len(self.weight))
-        coarse_r, fine_r = self.residuals([(model, starts, None), (fine, starts, None)])
-        self.defect = coarse_r - fine_r
-
 
 class GuidedData:
     """Recordings beside guided free-running simulations."""
