@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from twin.waves import Peak
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
+_STRAINED = 2.0  # standard deviations from its declared value at which a parameter makes one think
 _STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
 _QUICK = 8  # iterations of a first fit
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
@@ -113,17 +114,28 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     promise = {name: promised(bench, base, slopes[name]) for name in names}
     best_first = sorted(names, key=lambda name: -promise[name])
     count = int(np.clip(sum(score > 0 for score in promise.values()), _ANYWAY, _FITTED))
+    chosen = [n for k, n in enumerate(best_first) if k < count or strained(base, REGISTRY[n].replaces)]
     found = []
-    for rank, name in enumerate(best_first):
-        if rank < count:
-            progress(f"trying {name}")
-            found.append(quick(bench, base, name, tops.get(name, ())))
-        else:
-            found.append(Candidate((*base.model.effects, name), base, promise[name]))
+    for name in chosen:
+        progress(f"trying {name}")
+        found.append(quick(bench, base, name, tops.get(name, ())))
     # A slope promises no more than what a fit delivers.
     least = min((c.score for c in found[:count]), default=0.0)
-    found[count:] = [replace(c, score=min(c.score, least)) for c in found[count:]]
+    for name in names:
+        if name not in chosen:
+            found.append(Candidate((*base.model.effects, name), base, min(promise[name], least)))
     return Explored(sorted(found, key=lambda c: -c.score), slopes)
+
+
+def strained(base: Fit, names: Sequence[str]) -> bool:
+    """Whether one of these declared parameters is far from what was declared: freeing it may do more than slopes say.
+
+    Others bend with it to the ends of their ranges, from where the way to the truth is no straight line.
+    """
+    return any(
+        u.owner == "rig" and u.name in names and abs(v - u.start) > _STRAINED * u.scale
+        for u, v in zip(base.unknowns, base.values, strict=True)
+    )
 
 
 def promised(bench: Workbench, base: Fit, slopes: Slopes) -> float:
