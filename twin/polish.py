@@ -78,12 +78,14 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
     model = best.model.replace(shape=chain.fit_shape(best.model.rig, _SEGMENTS), step=_STEP)
     free = Workbench(fit.FreeData(bench.prepared), bench.pool)
     read = _read_levels(bench, best, best.values)
-    x, errors = read, {}
+    x, errors = read, dict[int, float]()
     for names, reach, count in _SCANS:
-        for index, unknown in enumerate(best.unknowns):
-            if unknown.name in names:
-                half = _half_width(best, index, reach)
-                x, errors[index] = _scanned(free, model, best, x, index, half, count)
+        open_yet = [index for index, unknown in enumerate(best.unknowns) if unknown.name in names]
+        # The level that brings the runs closest first: others would make up for it.
+        while open_yet:
+            tries = [_scanned(free, model, best, x, k, _half_width(best, k, reach), count) for k in open_yet]
+            chosen = int(np.argmin([t.cost for t in tries]))
+            x, errors[open_yet.pop(chosen)] = tries[chosen].values, tries[chosen].error
     covariance = best.covariance.copy()
     for index, error in errors.items():
         if best.unknowns[index].name in _STATIC:
@@ -119,15 +121,25 @@ def _between_gaps(bench: Workbench, best: Fit) -> Fit:
     return replace(best, model=fit.placed(best.model, best.unknowns, x), values=x, covariance=covariance)
 
 
+@dataclass(frozen=True)
+class _Scanned:
+    """A point (p) with one value at the best of a grid, the error of that value, and what the point costs."""
+
+    values: np.ndarray
+    error: float
+    cost: float
+
+
 def _scanned(
     free: Workbench, model: Model, best: Fit, x: np.ndarray, index: int, half: float, count: int
-) -> tuple[np.ndarray, float]:
-    """The point (p) with one value at the best of a grid about it, the recordings simulated freely; its error."""
+) -> _Scanned:
+    """Tries a grid of one value about a point (p), the recordings simulated freely."""
     values = np.clip(x[index] + np.linspace(-half, half, count), *best.unknowns[index].bounds)
     points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
     cost = fit.costs(free, model, best.starts, best.unknowns, points)
     likely = values[cost < cost.min() + _LIKELY]
-    return points[int(np.argmin(cost))], max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
+    error = max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
+    return _Scanned(points[int(np.argmin(cost))], error, float(cost.min()))
 
 
 def _with_break_away(bench: Workbench, base: Fit) -> Fit:
