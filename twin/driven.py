@@ -322,6 +322,11 @@ def link_of(plant: planar.Plant) -> tuple:
     return tuple(value for name, value in plant._asdict().items() if name not in _ON_HUB)
 
 
+def same_link(first: planar.Plant, second: planar.Plant) -> bool:
+    """Whether under a given hub the links of two plants move alike."""
+    return [_print(v) for v in link_of(first)] == [_print(v) for v in link_of(second)]
+
+
 def _print(value: np.ndarray | float) -> bytes | float:
     return value.tobytes() if isinstance(value, np.ndarray) else value
 
