@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import driven
+from twin import driven, search
 from twin.diagnosis import Trace
 from twin.evidence import Group
 from twin.fit import Fit, Workbench
@@ -40,7 +40,11 @@ class Unexplained:
 
 
 def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: str) -> Unexplained:
-    """Residuals of a channel under a fit, with the variables on which they may depend."""
+    """Residuals of a channel under a fit, with the variables on which they may depend.
+
+    On a fine chain: what a short one gets wrong is nothing that is missing.
+    """
+    fit = replace(fit, model=search.fine(fit.model))
     parts = [_in_recording(bench, data, fit, group) for group in data.groups if group.channel == channel]
     if not parts:
         return Unexplained(np.zeros(0), {}, np.zeros(0), np.zeros(0))
