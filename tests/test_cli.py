@@ -229,7 +229,9 @@ def test_help_comes_at_once():
 def test_interrupt_is_130_in_one_line(tmp_path, campaign):
     # The loop waits for the interrupt; the command must not.
     code = (
-        "import sys, time, types, twin.cli\n"
+        "import signal, sys, time, types, twin.cli\n"
+        # Whoever runs the tests in the background has interrupts ignored.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "def loop(*_, **__):\n"
         "    print('running', flush=True)\n"
         "    time.sleep(60)\n"
