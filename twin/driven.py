@@ -258,7 +258,7 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
     phi, omega = initial_state(model, prepared.recording, start)
     # What a motor with play does is for `_delivered` to say.
     plant = planar.without_motor(model.plant)
-    key = (*(_print(v) for v in link_of(plant)), hub.angle.tobytes(), phi.tobytes(), omega.tobytes())
+    key = (*link_of(plant), hub.angle.tobytes(), phi.tobytes(), omega.tobytes())
     name = hash((key, model.step))
     if (known := view.moves.get(name)) is None:
         if prepared.recording.start == "unknown":
@@ -318,17 +318,9 @@ _ON_HUB = (
 
 
 def link_of(plant: planar.Plant) -> tuple:
-    """What the link's motion under a given hub depends on: the plant without the torques on the hub."""
-    return tuple(value for name, value in plant._asdict().items() if name not in _ON_HUB)
-
-
-def same_link(first: planar.Plant, second: planar.Plant) -> bool:
-    """Whether under a given hub the links of two plants move alike."""
-    return [_print(v) for v in link_of(first)] == [_print(v) for v in link_of(second)]
-
-
-def _print(value: np.ndarray | float) -> bytes | float:
-    return value.tobytes() if isinstance(value, np.ndarray) else value
+    """What the link's motion under a given hub depends on: the plant without the torques on the hub, to be compared."""
+    values = [value for name, value in plant._asdict().items() if name not in _ON_HUB]
+    return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)
 
 
 def unmodelled(

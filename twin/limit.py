@@ -8,13 +8,13 @@ the curvature at a gauge is read off the hinges beside it. So a few coarse chain
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
 
 from twin import chain, search
+from twin.chain import Chain
 from twin.fit import Workbench
 from twin.model import Model, Start
 
@@ -30,12 +30,9 @@ _BESIDE = 4  # hinges between which the curvature at a gauge is interpolated
 class EvenModel(Model):
     """A model on a chain of equal segments, strains read off the hinges beside the gauge."""
 
-    @functools.cached_property
-    def gauge_rows(self) -> dict[str, np.ndarray]:
-        """Channel -> row from hinge angles, the clamp rigid, to the curvature at its gauge [1/m per rad]."""
-        gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
-        hinges = (self.chain.rigid or self.chain).hinges
-        return {name: _row(hinges, self.rig["length"], s.position) for name, s in gauges.items()}
+    def gauge_row(self, links: Chain, x: float) -> np.ndarray:
+        """See `Model.gauge_row`."""
+        return _row(links.hinges, self.rig["length"], x)
 
 
 def even(model: Model, segments: int) -> EvenModel:

@@ -125,13 +125,15 @@ class Model:
         """Channel -> row from hinge angles, the clamp rigid, to the curvature at its gauge [1/m per rad]."""
         gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
         links = self.chain.rigid or self.chain
-        return {name: chain.curvature_row(links, self.rig, s.position) for name, s in gauges.items()}
+        return {name: self.gauge_row(links, s.position) for name, s in gauges.items()}
+
+    def gauge_row(self, links: Chain, x: float) -> np.ndarray:
+        """Row (n) from hinge angles of links on a rigid clamp to the curvature at x [1/m per rad]."""
+        return chain.curvature_row(links, self.rig, x)
 
     @functools.cached_property
     def curvature_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
-        if self.chain.rigid is None:
-            return self.gauge_rows
         return {name: chain.through_root(self.chain, row) for name, row in self.gauge_rows.items()}
 
     @functools.cached_property

@@ -3,7 +3,8 @@
 The link under the measured hub, on which the search works, says all but these better than whole runs do: no stick or
 slip of a simulation enters there, nor the error of a chain that is short enough to be run so often. When a run that
 nothing guides sticks and slips, though, is decided by the break-away and the Coulomb torque to within a part in a
-thousand, so that the levels are those with which such runs keep closest to the recordings.
+thousand, so that the levels are those with which such runs keep closest to the recordings. And a small steady torque
+on the hub adds up over a whole run: guided ones, in which it rests when the measured hub does, tell its size.
 """
 
 from __future__ import annotations
@@ -127,7 +128,7 @@ def _on_hub(model: Model, unknown: Unknown) -> bool:
     ):
         return False
     without = model.replace(effects={n: p for n, p in model.effects.items() if n != unknown.owner})
-    return driven.same_link(model.plant, without.plant)
+    return driven.link_of(model.plant) == driven.link_of(without.plant)
 
 
 def _half_width(best: Fit, index: int, reach: float) -> float:

@@ -17,9 +17,8 @@ LEAST_SHARE = (
 LEAST_SCORE = 30.0
 """Gain in log likelihood, after the price of its parameters, that chance may not need but the chain's own error does:
 on recordings of a rig without a missing effect it gives up to 23."""
-LEAST_ELSEWHERE = (
-    10.0  # gain without the recording that gains most: odds of 20 000 that it is not that one alone
-)
+LEAST_ELSEWHERE = 10.0
+"""Gain in log likelihood without the recording that gains most: odds of 20 000 that it is not that one alone."""
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
 LARGE_MISFIT = 4.0  # noise levels beyond which a group of residuals is not explained
 REPEATED = 2  # recordings in which a channel must stay unexplained
