@@ -8,10 +8,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import beam, chain, driven, evidence, fit, limit, observe, planar
+from twin import beam, chain, driven, evidence, fit, jackknife, limit, observe, planar, ridge, scatter
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
-from twin.identify import against, break_away, joint, profile, ridge, scatter, sentences, spectra
+from twin.identify import against, break_away, joint, profile, sentences, spectra
 from twin.identify.against import Comparison
 from twin.model import Model
 from twin.recording import Recording, Sensor
@@ -188,22 +188,33 @@ def test_first_states_that_move_nothing_are_not_fitted():
     slopes = np.column_stack([fitted.jacobian, 1e-15 * T])
     unknowns = (*fitted.unknowns, first)
     held = replace(fitted, unknowns=unknowns, values=np.array([1.0, 2.0, 85.0]), jacobian=slopes)
-    kept, values = joint._seen(held)
-    assert [u.name for u in kept] == ["a", "b"]
-    assert values == pytest.approx([1.0, 2.0])
+    assert list(ridge.seen(held)) == [True, True, False]
+
+
+@pytest.mark.parametrize("off", [0.0, 0.4])
+def test_errors_are_those_of_recordings_that_differ(off):
+    noise = np.random.default_rng(6).standard_normal((4, 2500))
+    t = np.arange(10000) * 0.002
+    known = np.sin(2 * np.pi * (0.5 * t**2))
+    apart = off * np.repeat([1, -1, 1, -1], 2500) * known
+    bench = Bench(list(noise + apart.reshape(4, -1)), lambda a, b: a * known + b * np.cos(3 * t))
+    found = jackknife.sure(bench, ridge.refined(bench, bench.start(0.0, 0.0)))
+    by_noise = np.sqrt(2 / 10000)
+    assert found.errors[0] == pytest.approx(max(by_noise, off / np.sqrt(3)), rel=0.6 if off == 0 else 0.1)
+    assert found.errors[1] == pytest.approx(by_noise, rel=0.6)
 
 
 def test_recordings_that_contradict_each_other_leave_what_was_declared():
     covariance = np.diag([1e-4, 1e-4])
     without = np.array([[0.9, 0.01], [-0.9, -0.01]])
-    widened = joint._widened(covariance, without, np.array([0.3, 0.3]))
+    widened = jackknife.widened(covariance, without, np.array([0.3, 0.3]))
     assert np.sqrt(np.diag(widened)) == pytest.approx([0.3, 0.01])
 
 
 def test_a_straight_step_out_of_the_range_is_not_taken():
     fitted = Bench([np.ones(1000)], wave).start(0.0, 0.0)
     moves, influences = np.array([[1e5, 2.0], [1.0, -2.0]]), np.array([[5.0, 0.1], [0.5, -1.0]])
-    without = joint._left_out(fitted, moves, influences)
+    without = jackknife.left_out(fitted, moves, influences)
     assert without == pytest.approx(np.array([[5.0, 0.1], [1.0, -2.0]]))
 
 

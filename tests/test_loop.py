@@ -11,7 +11,7 @@ from test_effects import PLANTED
 from twin.calibration import calibrate
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
-from twin.contenders import freely_decided
+from twin.contenders import confirmed, freely_decided
 from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
 from twin.patches import of_worst
@@ -117,19 +117,53 @@ def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(tmp_path, m
     assert json.loads(json.dumps(result.to_json(), allow_nan=False))["verdict"] == "explained"
 
 
-def test_of_equal_explanations_the_one_with_closer_free_runs_comes_first(tmp_path):
+@pytest.fixture(scope="module")
+def viscous(tmp_path_factory):
+    """A calibration without viscous friction, and a fit with it, on slews of a rig that has it."""
+    folder = tmp_path_factory.mktemp("viscous") / "rig"
     plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(4400))
     slews = [e for e in plan if e.name.startswith(("bang-bang", "free-vibration"))]
-    make_campaign(tmp_path / "rig", {"viscous-friction": {"viscous": 0.004}}, 4400, experiments=slews)
+    make_campaign(folder, {"viscous-friction": {"viscous": 0.004}}, 4400, experiments=slews)
     with ThreadPoolExecutor(2) as pool:
-        start = calibrate(read_campaign(tmp_path / "rig"), pool)
-        right = tried(start.bench, start.base, "viscous-friction")
-        # As if the local view had found nothing to choose between the right effect and none.
-        wrong = Candidate(("strain-drift",), start.base, right.score + 1.0)
-        ranked = freely_decided(start.bench, [wrong, right])
-        assert [c.effects for c in ranked] == [right.effects, wrong.effects]
-        assert ranked[0].score == right.score > ranked[1].score
-        alone = [right, replace(wrong, score=0.5 * right.score)]
-        assert freely_decided(start.bench, alone) is alone
-        same = [right, replace(right, effects=("air-drag",))]
-        assert freely_decided(start.bench, same) is same
+        start = calibrate(read_campaign(folder), pool)
+        yield start, tried(start.bench, start.base, "viscous-friction")
+
+
+def test_of_equal_explanations_the_one_with_closer_free_runs_comes_first(viscous):
+    start, right = viscous
+    # As if the local view had found nothing to choose between the right effect and none.
+    wrong = Candidate(("strain-drift",), start.base, right.score + 1.0)
+    ranked = freely_decided(start.bench, [wrong, right])
+    assert [c.effects for c in ranked] == [right.effects, wrong.effects]
+    assert ranked[0].score == right.score > ranked[1].score
+    alone = [right, replace(wrong, score=0.5 * right.score)]
+    assert freely_decided(start.bench, alone) is alone
+    same = [right, replace(right, effects=("air-drag",))]
+    assert freely_decided(start.bench, same) is same
+
+
+def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
+    start, right = viscous
+    defect = start.bench.defect
+    # As if the search's chain had answered to an effect by explaining everything.
+    flattered = replace(start.base, residual=0.1 * start.base.residual, cost=0.0)
+    wrong = Candidate(("strain-drift",), flattered, right.score + 10.0)
+    ranked, choice = confirmed(start.bench, start.base, [wrong], 0.0)
+    assert choice is None
+    assert ranked[0].score < 1
+    assert start.bench.defect is defect
+    ranked, choice = confirmed(start.bench, start.base, [wrong, right], 0.0)
+    assert choice is not None
+    assert choice.effects == right.effects
+    assert [c.effects for c in ranked] == [right.effects, wrong.effects]
+    start.bench.defect = defect
+
+
+def test_when_commands_act_is_not_bent_to_what_is_missing(viscous):
+    start, right = viscous
+    [late] = [
+        value for u, value in zip(right.fit.unknowns, right.fit.values, strict=True) if u.name == "late"
+    ]
+    assert abs(late) < 2e-5
+    assert right.fit.model.late == late
+    assert right.fit.model.drive(start.prepared[0].recording).time[0] == late

@@ -14,6 +14,7 @@ from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.search import Progress, silent
+from twin.timing import Clock
 
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """A coarse chain is enough to search on: its own error is taken out by `limit.move`."""
@@ -35,7 +36,7 @@ class Calibration:
     declared: Model
     bench: Workbench
     base: Fit
-    clock: timing.Clock
+    clock: Clock
     notes: tuple[str, ...]
 
     @property
@@ -67,13 +68,6 @@ def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress =
     bench = Workbench(driven.DrivenData(prepared, model), pool)
     progress("calibrating")
     base = calibrated(bench, model)
-    late = timing.lateness(bench, base)
-    if late != 0.0:
-        clock = clock.later(late)
-        prepared = tuple(fit.prepare(timing.on_clock(r, clock), noise)[0] for r in sound)
-        bench = Workbench(driven.DrivenData(prepared, model), pool)
-        base = calibrated(bench, model)
-        notes = [*notes, f"Commands are taken to act {1e3 * late:+.2f} ms off their time stamps."]
     return Calibration(model, bench, base, clock, (*cuts, *notes))
 
 
@@ -104,7 +98,7 @@ def sound_stretches(
 def calibrated(bench: Workbench, model: Model) -> Fit:
     """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way."""
     starts = tuple(p.start for p in bench.prepared)
-    unknowns = (*fit.calibration(model), *fit.start_unknowns(bench.prepared))
+    unknowns = (*fit.calibration(model), fit.clock(bench.prepared), *fit.start_unknowns(bench.prepared))
     limit.move(bench, model, starts, limit.ROUGH)
     x = search.roughly(bench, model, starts, unknowns)
     first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)

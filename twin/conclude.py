@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin import planning, traces, verdict
+from twin import planning, timing, traces, verdict
 from twin.campaign import Campaign
 from twin.correlations import Correlations, of_covariance
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Patched, Prediction, Verdict
@@ -47,7 +47,13 @@ def conclude(
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
         traces=traces.traces_of(found.bench, found.start.data, found.base, found.best),
-        notes=(*campaign.warnings, *found.start.notes, *_assumptions(campaign), *_unpredictable(predictions)),
+        notes=(
+            *campaign.warnings,
+            *found.start.notes,
+            *timing.said(polished.augmented),
+            *_assumptions(campaign),
+            *_unpredictable(predictions),
+        ),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         wall_s=wall_s,
@@ -94,7 +100,7 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
 
 def _correlations(fit: Fit) -> Correlations:
     """Of the rig's parameters and the effects' own; a number that stands for its inverse turns its sign."""
-    kept = [i for i, u in enumerate(fit.unknowns) if u.owner != "start"]
+    kept = [i for i, u in enumerate(fit.unknowns) if u.owner not in ("start", "clock")]
     unknowns = [fit.unknowns[i] for i in kept]
     names = [u.name if u.owner == "rig" else f"{u.owner}.{u.name}" for u in unknowns]
     sign = np.array([-1.0 if u.inverse else 1.0 for u in unknowns])

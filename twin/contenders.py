@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin import fit, search, verdict
+from twin import fit, limit, search, verdict
 from twin.fit import Fit, Workbench
 from twin.search import Candidate, Progress, silent
 
@@ -35,7 +35,7 @@ def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
     What a model gets wrong itself grows with what there is to explain, and any parameter more can follow it.
     """
     ranked = sorted(candidates, key=lambda c: -c.score)
-    alike = [c for c in ranked if c.score > ranked[0].score - max(5.0, _ABOUT * ranked[0].score)]
+    alike = [c for c in ranked if c.score > ranked[0].score - _close(ranked[0].score)]
     simplest = min(alike, key=lambda c: len(c.fit.unknowns))
     return [simplest, *(c for c in ranked if c is not simplest)]
 
@@ -74,3 +74,38 @@ def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
     ]
     result = min(results, key=lambda r: r.cost)
     return Candidate(candidate.effects, result, search.gain(bench, base, result))
+
+
+def confirmed(
+    bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float
+) -> tuple[list[Candidate], Candidate | None]:
+    """The candidates, and the one to adopt, if any, with the chain's own error taken out where it stands.
+
+    What a coarse chain makes of an effect may be what is gained: near a resonance it answers to the least motion
+    wrongly. A gain that is gone with the chain's error was none.
+    """
+    ranked, defect = list(ranked), bench.defect
+    checked: dict[Candidate, np.ndarray] = {}
+    while (choice := verdict.worth_adopting(bench, base, ranked, by_chance)) is not None:
+        if choice in checked:
+            bench.defect = checked[choice]
+            return ranked, choice
+        fine = on_fine_chain(bench, choice.fit)
+        found = replace(choice, fit=fine, score=search.gain(bench, base, fine))
+        checked[found] = bench.defect
+        ranked[0] = found
+        if found.score < choice.score - _close(choice.score):
+            ranked = simplest_first(ranked)
+    bench.defect = defect
+    return ranked, None
+
+
+def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
+    """The fit with the chain's own error taken out where it now stands: an effect may bend the link as never before."""
+    limit.move(bench, found.model, found.starts, limit.QUICK)
+    return fit.minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)
+
+
+def _close(score: float) -> float:
+    """Difference in score that is none: what the model gets wrong itself grows with what there is to explain."""
+    return max(5.0, _ABOUT * score)

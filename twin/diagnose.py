@@ -15,11 +15,12 @@ from twin import (
     chance,
     contenders,
     fit,
-    limit,
+    jackknife,
     patches,
     planning,
     polish,
     predictions,
+    ridge,
     search,
     verdict,
 )
@@ -108,19 +109,23 @@ def find(
         ranked = explored.ranked
         if verdict.worth_adopting(bench, current, ranked, by_chance):
             ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
+        ranked, choice = contenders.confirmed(bench, current, ranked, by_chance)
         rounds.append(tuple(ranked))
         thresholds.append(max(by_chance, verdict.LEAST_SCORE))
-        choice = verdict.worth_adopting(bench, current, ranked, by_chance)
         if choice is None:
             break
         progress(f"adopting {choice.effects[-1]}")
-        current = on_fine_chain(bench, choice.fit)
-        adopted.append(replace(choice, fit=current))
-    return on_sound_channels(Found(start, tuple(adopted), tuple(rounds), tuple(thresholds)))
+        current = choice.fit
+        adopted.append(choice)
+    progress("telling how sure it is")
+    found, sound = on_sound_channels(Found(start, tuple(adopted), tuple(rounds), tuple(thresholds)))
+    return with_errors(found, sound)
 
 
-def on_sound_channels(found: Found) -> Found:
+def on_sound_channels(found: Found) -> tuple[Found, Workbench]:
     """The same, but its last fit made without the sensors of the link that nothing explains while others agree.
+
+    With it the data that it was made on.
 
     A fault of one sensor is no calibration: the link's parameters would bend to it, and the hub's with them. Where no
     sensor of the link is explained, it may be the link. What an effect says of sensors that it does not explain is not
@@ -132,14 +137,29 @@ def on_sound_channels(found: Found) -> Found:
     if found.adopted and _read_by(found.adopted[-1].effects[-1]) & faulty:
         return on_sound_channels(replace(found, adopted=found.adopted[:-1], rounds=found.rounds[:-1]))
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
-        return found
+        return found, bench
     sound = bench.without(faulty)
     fit_again = fit.minimise(
         sound, best.model, best.starts, best.unknowns, best.values, iterations=contenders.LONG
     )
+    return with_best(found, fit_again), sound
+
+
+def with_best(found: Found, best: Fit) -> Found:
+    """The same with another fit of the model that stands at its end."""
     if not found.adopted:
-        return replace(found, start=replace(found.start, base=fit_again))
-    return replace(found, adopted=(*found.adopted[:-1], replace(found.adopted[-1], fit=fit_again)))
+        return replace(found, start=replace(found.start, base=best))
+    return replace(found, adopted=(*found.adopted[:-1], replace(found.adopted[-1], fit=best)))
+
+
+def with_errors(found: Found, sound: Workbench) -> Found:
+    """The same with honest errors of what was fitted last, on these data, and of the calibration."""
+    best = jackknife.sure(sound, ridge.with_slopes(sound, found.best))
+    if found.adopted:
+        # The chain's error has since been taken out where the effects bend it to: slopes are as they were.
+        calibrated = jackknife.sure(found.bench, found.base)
+        found = replace(found, start=replace(found.start, base=calibrated))
+    return with_best(found, best)
 
 
 def _parameters(names: Iterable[str]) -> list[EffectParameter]:
@@ -150,9 +170,3 @@ def _read_by(name: str) -> set[str | None]:
     """Channels of an effect that is one of sensors alone; empty for any other."""
     channels = {p.channel for p in _parameters([name])}
     return set() if None in channels else channels
-
-
-def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
-    """The fit with the chain's own error taken out where it now stands: an effect may bend the link as never before."""
-    limit.move(bench, found.model, found.starts, limit.QUICK)
-    return fit.minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)

@@ -400,9 +400,7 @@ def _delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
 def _read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:
     """Delivered torque as a current sensor reports it, at the samples, filtered like the reading."""
     recording = prepared.recording
-    # A card reads the torque as it puts its commands out.
-    true = {"motor_torque": model.drive(recording).at(recording.commanded_at)}
-    read = model.report(recording.time, true)["motor_torque"]
+    read = model.report(recording.time, {"motor_torque": model.read_torque(recording)})["motor_torque"]
     return low_passed(np.interp(view.time, recording.time, read), GRID)
 
 

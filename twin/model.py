@@ -90,6 +90,7 @@ class Model:
       shape: proportions of the chain.
       effects: effects that act, with their parameters.
       step: largest integration step [s].
+      late: how much later than stamped a card puts its commands out [s].
       patch: a correction without a cause, looked up; None for none.
     """
 
@@ -98,6 +99,7 @@ class Model:
     shape: ChainShape
     effects: Effects = field(default_factory=dict)
     step: float = 1e-3
+    late: float = 0.0
     patch: Patch | None = None
 
     def replace(self, **changes) -> Model:
@@ -163,12 +165,17 @@ class Model:
     def drive(self, recording: Recording) -> Drive:
         """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
         limit = self.declared["torque_limit"]
-        command = Drive(recording.commanded_at, np.clip(recording["torque_command"], -limit, limit))
+        put_out = recording.commanded_at + self.late
+        command = Drive(put_out, np.clip(recording["torque_command"], -limit, limit))
         for name, p in self.effects.items():
             command = REGISTRY[name].drive(command, p)
         if self.patch is not None:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
+
+    def read_torque(self, recording: Recording) -> np.ndarray:
+        """Delivered torque at the samples of a recording: a card reads it as it puts its commands out."""
+        return self.drive(recording).at(recording.commanded_at + self.late)
 
     def report(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """What the sensors report of true channel values (name -> (m,), SI)."""
@@ -289,8 +296,7 @@ def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> n
         case "tip_acceleration":
             return _tip_acceleration(links, motion)
         case "motor_torque":
-            # A card reads the torque as it puts its commands out.
-            return model.drive(recording).at(recording.commanded_at)
+            return model.read_torque(recording)
     raise ValueError(f"'{channel}' is not simulated. Expected one of: {', '.join(MEASURED)}")
 
 

@@ -199,6 +199,7 @@ def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...
     """What a fit of this model may move: declared parameters that no effect replaces, effects, first states."""
     replaced = {p for name in model.effects for p in REGISTRY[name].replaces}
     kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
+    kept += [u for u in base.unknowns if u.owner == "clock"]
     starts = [u for u in base.unknowns if u.owner == "start"]
     effects = [
         u

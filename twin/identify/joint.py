@@ -15,15 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from twin import calibration, driven, fit, limit
+from twin import calibration, driven, fit, jackknife, limit, ridge, scatter, timing
 from twin.campaign import Campaign
 from twin.driven import DrivenData
-from twin.fit import Fit, Prepared, Unknown, Workbench
-from twin.identify import ridge, scatter
+from twin.fit import Fit, Prepared, Workbench
 from twin.identify.profile import Profile
 from twin.identify.results import Estimate
-from twin.identify.scatter import Evidence
 from twin.parameters import Rig
+from twin.scatter import Evidence
 from twin.search import Progress, silent
 from twin.timing import Clock
 
@@ -33,7 +32,6 @@ _ITERATIONS = 4
 _CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to
 _TIED = 0.9  # correlation from which two parameters are said to move together
 _END = 1e-6  # share of a range up to which a value stands at its end
-_NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
 _ELLIPTIC = (0.25, 4.0)  # rise of the cost two standard errors away, over that of an ellipse
 
 
@@ -136,8 +134,8 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     said = scatter.evidence(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
     moves, distances = said.moves()
-    without = _left_out(base, moves, said.influences())
-    full = _widened(said.covariance + np.outer(left, left), without, _open(base))
+    without = jackknife.left_out(base, moves, said.influences())
+    full = jackknife.widened(said.covariance + np.outer(left, left), without, jackknife.most(base))
     progress("looking along the likelihood")
     rises = _rises(bench, base)
     intervals = _profiles(bench, base, np.sqrt(np.diag(full)), said, rises)
@@ -154,7 +152,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
         _odd(recordings, names, distances[:, mine]),
         rises[mine],
         {name: intervals[i] for i, name in zip(mine, names, strict=True) if i in intervals},
-        start.notes,
+        (*start.notes, *timing.said(base)),
     )
 
 
@@ -172,67 +170,15 @@ def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
 
     The second time it is where it stands at last, on one chain more.
     """
-    unknowns, values = _seen(base)
+    kept = ridge.seen(base)
+    unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
     limit.move(bench, base.model, base.starts, limit.QUICK)
-    found = fit.minimise(bench, base.model, base.starts, unknowns, values, None, _ITERATIONS)
+    found = fit.minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
     change = limit.move(bench, found.model, found.starts, limit.CLOSE)
     found = ridge.refined(bench, found)
     information, _ = fit.normal_equations(bench, found)
     pull = found.jacobian.T @ (fit.row_weights(bench, found.residual) * change)
     return found, -np.linalg.pinv(information, hermitian=True) @ pull
-
-
-def _seen(base: Fit) -> tuple[tuple[Unknown, ...], np.ndarray]:
-    """Unknowns and values (p) of a fit without first states that move nothing: a driven hub is where it was measured.
-
-    Slopes along the ridge would follow them for ever.
-    """
-    change = np.linalg.norm(base.jacobian, axis=0) * [u.scale for u in base.unknowns]
-    kept = [i for i, u in enumerate(base.unknowns) if u.owner != "start" or change[i] > _NOTHING]
-    return tuple(base.unknowns[i] for i in kept), base.values[kept]
-
-
-def _left_out(base: Fit, moves: np.ndarray, influences: np.ndarray) -> np.ndarray:
-    """The estimate (k x p) without each recording.
-
-    A step that leaves the range of the parameters is too long to be a straight one: it says no more than its
-    direction, and what there is of it at once is taken (the infinitesimal jackknife: L. A. Jaeckel, 1972).
-
-    Args:
-      base: the fit.
-      moves: (k x p) by a straight step without the recording.
-      influences: (k x p) by the recording's weight.
-    """
-    low, high = np.array([u.bounds for u in base.unknowns]).T
-    far = base.values + moves
-    inside = ((far >= low) & (far <= high)).all(axis=1, keepdims=True)
-    return np.clip(np.where(inside, far, base.values + influences), low, high)
-
-
-def _open(base: Fit) -> np.ndarray:
-    """Error (p) of an estimate of which nothing is known but its declaration, and that it lies off it."""
-    return np.array(
-        [
-            np.hypot(u.scale, value - u.start) if u.prior else np.inf
-            for u, value in zip(base.unknowns, base.values, strict=True)
-        ]
-    )
-
-
-def _widened(covariance: np.ndarray, without: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """The covariance (p x p), the jackknife's errors where these are larger.
-
-    A rig that is not quite the model makes recordings differ by more than their noise. A few of them cannot prove it,
-    but an error that leaves it out is too small.
-
-    Args:
-      covariance: (p x p) by the noise.
-      without: (k x p) the estimate without each recording.
-      most: (p) that the recordings can make an error.
-    """
-    spread = np.minimum(np.sqrt((len(without) - 1) * without.var(axis=0)), most)
-    factor = np.maximum(1.0, spread / np.sqrt(np.diag(covariance)))
-    return covariance * np.outer(factor, factor)
 
 
 def _allowed(distances: np.ndarray) -> float:

@@ -15,6 +15,7 @@ from twin import fit
 from twin.fit import Fit, Workbench
 
 _ROUNDS = 2
+_NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
 _HALVES = 3  # times that a step which makes things worse is halved
 
 
@@ -24,17 +25,19 @@ def refined(bench: Workbench, base: Fit) -> Fit:
     [r] = bench.residuals([(base.model, base.starts, None)])
     base = _at(bench, base, base.values, r, base.covariance)
     for _ in range(_ROUNDS):
-        base = _stepped(bench, _with_slopes(bench, base))
+        base = _stepped(bench, with_slopes(bench, base))
     information, _ = fit.normal_equations(bench, base)
     return _at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
 
 
-def _with_slopes(bench: Workbench, base: Fit) -> Fit:
-    """The fit with its slopes by differences along the axes of its ellipse."""
-    information, _ = fit.normal_equations(bench, base)
+def with_slopes(bench: Workbench, base: Fit) -> Fit:
+    """The fit with its slopes by differences along the axes of its ellipse; zero for what moves nothing."""
+    mine = np.flatnonzero(seen(base))
+    information = fit.normal_equations(bench, base)[0][np.ix_(mine, mine)]
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    size, axes = np.linalg.eigh(information * np.outer(scale, scale))
-    axes = scale[:, None] * axes / np.sqrt(np.maximum(size, 1e-12))
+    size, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    axes = np.zeros((len(base.values), len(mine)))
+    axes[mine] = scale[:, None] * vectors / np.sqrt(np.maximum(size, 1e-12))
     low, high = np.array([u.bounds for u in base.unknowns]).T
     ends = [np.clip(base.values + side * axis, low, high) for axis in axes.T for side in (1, -1)]
     found = bench.residuals(
@@ -42,8 +45,18 @@ def _with_slopes(bench: Workbench, base: Fit) -> Fit:
     )
     apart = np.array(ends[::2]) - np.array(ends[1::2])
     change = np.array(found[::2]) - np.array(found[1::2])
-    jacobian = np.linalg.lstsq(apart, change, rcond=None)[0].T
+    jacobian = np.zeros_like(base.jacobian)
+    jacobian[:, mine] = np.linalg.lstsq(apart[:, mine], change, rcond=None)[0].T
     return replace(base, jacobian=jacobian)
+
+
+def seen(base: Fit) -> np.ndarray:
+    """Which unknowns (p) are more than first states that move nothing: a driven hub is where it was measured.
+
+    Slopes along the ridge would follow them for ever.
+    """
+    change = np.linalg.norm(base.jacobian, axis=0) * [u.scale for u in base.unknowns]
+    return np.array([u.owner != "start" for u in base.unknowns]) | (change > _NOTHING)
 
 
 def _stepped(bench: Workbench, base: Fit) -> Fit:
