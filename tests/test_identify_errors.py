@@ -1,5 +1,6 @@
 """How sure an identification is: the limit of chains, slopes, scatter and profile; peaks beside another campaign's."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
@@ -8,7 +9,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import beam, chain, driven, evidence, fit, jackknife, limit, observe, planar, ridge, scatter
+from twin import beam, chain, driven, evidence, fit, jackknife, limit, observe, planar, ridge, scatter, waves
+from twin.campaign import read_campaign
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
 from twin.identify import against, break_away, joint, profile, sentences, spectra
@@ -16,6 +18,9 @@ from twin.identify.against import Comparison
 from twin.model import Model
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.virtual_rig import Rig as VirtualRig
+from twin.virtual_rig import Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
 
 RIG = preset("bossi2009")
 GAUGES = {
@@ -76,6 +81,67 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
         off.append(np.abs(found[:n] - bend[:n]).max() / np.abs(bend).max())
     assert off[0] > 1e-4
     assert off[1] < 5e-5
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    """A sweep through the first resonance, on the rig that is declared: recording, noise, model."""
+    folder = tmp_path_factory.mktemp("sweep") / "rig"
+    plan = planned_campaign(VirtualRig(), Sensors(), np.random.default_rng(5))
+    make_campaign(folder, {}, 5, experiments=[e for e in plan if e.name == "torque-sweep"])
+    campaign = read_campaign(folder)
+    noise = {name: sensor.noise for name, sensor in campaign.sensors.items()}
+    shape = chain.fit_shape(campaign.rig, 5)
+    return campaign.fit[0], noise, Model(campaign.rig, campaign.sensors, shape, step=2e-3)
+
+
+def left(sweep, gone=None):
+    """What the model leaves of a recording (m), channel by channel, and its view; `gone` are missing strains (m)."""
+    recording, noise, twin = sweep
+    if gone is not None:
+        lost = np.where(gone, np.nan, recording["strain_base"])
+        recording = recording.replace(channels={**recording.channels, "strain_base": lost})
+    prepared, _ = fit.prepare(recording, noise)
+    with ThreadPoolExecutor(1) as pool:
+        bench = fit.Workbench(driven.DrivenData([prepared], twin), pool)
+        limit.move(bench, twin, [prepared.start], limit.QUICK)
+        [residual] = bench.residuals([(twin, [prepared.start], None)])
+    return {g.channel: residual[g.rows] for g in bench.data.groups}, bench.data.views[0]
+
+
+def test_noise_that_swells_where_the_link_bends_far_is_taken_for_noise(sweep):
+    residual, view = left(sweep)
+    swell = view.swell["strain_base"]
+    loud = swell > 1.5
+    assert 0.02 < loud.mean() < 0.3
+    assert np.median(swell) < 1.05
+    assert np.std(residual["strain_base"][loud] * swell[loud]) > 1.5
+    assert np.std(residual["strain_base"][loud]) == pytest.approx(1.0, abs=0.35)
+
+
+def test_missing_strains_leave_no_trace_beside_them(sweep):
+    residual, _ = left(sweep)
+    # 24 ms in every half second, through the resonance too.
+    gone = (sweep[0].time + 0.3) % 0.5 < 0.023
+    filled, view = left(sweep, gone)
+    known = view.known["strain_base"]
+    assert known.mean() == pytest.approx(1 - gone.mean(), abs=0.01)
+    # The noise of what is missing is gone from beside it as well.
+    assert np.std((filled["strain_base"] - residual["strain_base"])[known]) < 0.5
+    prepared, _ = fit.prepare(sweep[0], sweep[1])
+    as_it_is, bridged = (
+        driven.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
+        for v in (view, replace(view, holes={}))
+    )
+    assert np.std((bridged - as_it_is)[known]) > 1.0
+
+
+def test_what_a_spectrum_usually_is_about_a_place():
+    white = np.random.default_rng(2).exponential(size=400)
+    assert waves._level(white, 200, 2) < 1.5
+    coloured = np.where(np.abs(np.arange(400) - 200) < 80, 8.0, 1.0) * white
+    assert waves._level(coloured, 200, 2) == pytest.approx(8.0, rel=0.4)
+    assert waves._level(coloured, 20, 2) < 1.5
 
 
 class Declared(dict):

@@ -8,7 +8,8 @@ The (1 - rate) quantile of it is the threshold. It depends on this campaign alon
 the library, and the size and correlation of what is left.
 
 Orders of waves are chosen from a spectrum, which the draws do not repeat: the largest of n equally likely peaks of
-two coefficients exceeds one of them by log n on average, which is added.
+two coefficients exceeds one of them by log n on average, which is added; where noise is not white, by as much more as
+the spectrum there is usually higher than that of white noise.
 """
 
 from __future__ import annotations
@@ -33,12 +34,14 @@ class Slopes:
       replaces: declared parameters that it takes the place of.
       price: of its parameters.
       rivals: number of equally likely places from which these columns were chosen.
+      level: gain that is usual about the place, in that of white noise.
     """
 
     columns: np.ndarray
     replaces: tuple[str, ...]
     price: float
     rivals: int = 1
+    level: float = 1.0
 
 
 def scores(
@@ -63,7 +66,9 @@ def scores(
         if candidate.replaces not in alone:
             alone[candidate.replaces] = _losses(bench, base, weights, signs, candidate.replaces, None)
         with_it = _losses(bench, base, weights, signs, candidate.replaces, candidate.columns)
-        gain = alone[candidate.replaces] - with_it - candidate.price + np.log(candidate.rivals)
+        gain = (
+            alone[candidate.replaces] - with_it - candidate.price + candidate.level * np.log(candidate.rivals)
+        )
         largest = np.maximum(largest, gain)
     return np.sort(largest)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.fft import irfft, rfft, rfftfreq
 from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, make_interp_spline
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, uniform_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 
 from twin import evidence, planar, ringing
@@ -39,10 +39,9 @@ MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
-_GAP, _SIDE = (
-    0.007,
-    12,
-)  # s beyond which missing samples are bridged, samples that tell level and slope beside it
+_GAP = 0.012  # s beyond which missing samples are bridged by level and slope beside them
+_SIDE = 12  # samples that tell these
+_SPARSE = 1.8  # sample periods between two readings beyond which nothing is known of what lies between
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
@@ -50,6 +49,10 @@ _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which th
 _EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
 _KEPT = 12  # simulations of a recording that are remembered
 _LAST = 0.06  # s left out at the end: a sensor that is late says nothing of them
+_DRAWS, _LOCAL = (
+    4,
+    0.4,
+)  # noises that are tried on the link; s to either side over which their effect is averaged
 _SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
 
@@ -64,12 +67,14 @@ class View:
       sliding: (m) whether the hub surely slides, with the filter's reach.
       measured: channel -> (m) filtered readings.
       known: channel -> (m) whether the readings are there.
+      holes: strain -> (m) its readings before the filter, where some are missing; there they are bridged.
       noise: name -> standard deviation of what is compared, after the filter.
       onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
       band: corner of the low-pass on the motion of the hub [Hz].
       whitening: channel -> gain over frequency of `whitened`; empty where the hub is clamped.
       ringing: name -> what the noise of the hub angle does to it by way of a ringing link; empty where the hub is
         clamped.
+      swell: name -> (m) size of the noise in that of the quiet stretches; empty where the hub is clamped.
       moves: what the link did in the last simulations, by what it depends on.
     """
 
@@ -86,6 +91,8 @@ class View:
     band: float = MOTION_BANDS[0]
     whitening: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     ringing: dict[str, Ringing] = field(default_factory=dict, repr=False)
+    swell: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    holes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
 
@@ -123,17 +130,22 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     recording = prepared.recording
     count = max(2, int(np.floor(recording.duration / GRID)) + 1)
     time = recording.time[0] + GRID * np.arange(count)
-    measured, known = {}, {}
+    measured, known, holes = {}, {}, {}
     for channel in prepared.channels:
         if channel != "hub_angle":
-            measured[channel], known[channel] = _filtered(recording, channel, time)
+            values, known[channel] = _on_grid(recording, channel, time)
+            measured[channel] = low_passed(values, GRID)
+            if channel != "motor_torque" and not known[channel].all():
+                holes[channel] = values
     still = np.zeros(count)
     if prepared.hub is None:
         return View(
-            time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()
+            *(time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()),
+            holes=holes,
         )
     band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
-    reading, read = _filtered(at_rest(recording, prepared.hub), "hub_angle", time, band)
+    reading, read = _on_grid(at_rest(recording, prepared.hub), "hub_angle", time)
+    reading = low_passed(reading, GRID, band)
     # Modelled strains follow a motion that has passed this filter too.
     measured |= {c: low_passed(v, GRID, band) for c, v in measured.items() if c != "motor_torque"}
     spline = smooth(time, reading)
@@ -148,14 +160,16 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = _well_defined(ends, stuck, model.drive(recording).at(time))
-    view = View(time, reading, rate, acceleration, direction, sliding, measured, known, {}, onsets, band)
+    signals = reading, rate, acceleration, direction, sliding, measured, known
+    view = View(time, *signals, {}, onsets, band, holes=holes)
     view = replace(view, whitening=_whitening(prepared, view, model))
     noise, torque = _propagated(prepared, view, model)
     density = prepared.noise["hub_angle"] ** 2 * _raw_period(recording)
     swings = ringing.swings(model, time, direction != 0, density, BAND)
     even, swing = _evened(view, swings, torque)
     ringing_of = {"hub_torque": swing, **_swinging_strains(view, model, swings)}
-    return replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
+    view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
+    return replace(view, swell=_swell(view, prepared, model))
 
 
 def smooth(time: np.ndarray, values: np.ndarray) -> BSpline:
@@ -177,7 +191,8 @@ def residual(
 ) -> dict[str, np.ndarray]:
     """Name -> (m) measured minus simulated in noise units; `hub_torque` is the unmodelled torque on the hub.
 
-    Where they are `white`, strains have passed the filter of `whitened`, and both strains and torque their `ringing`.
+    Where they are `white`, strains have passed the filter of `whitened`, and both strains and torque their `ringing`,
+    and stretches in which the noise swells are as quiet as the others.
     """
     motion, required = move(view, prepared, model, start)
     asked = Recording("", view.time, {c: np.zeros(len(view.time)) for c in view.measured})
@@ -188,6 +203,8 @@ def residual(
             predicted = _read_torque(view, prepared, model)
         else:
             predicted = low_passed(simulated[channel], GRID)
+            if channel in view.holes:
+                values = values + _filled(view, channel, simulated[channel], prepared.hub is not None)
         missing = values - predicted
         if prepared.recording.start == "unknown" and channel != "motor_torque":
             # Without a rest at the start the zero of a bridge is not known.
@@ -199,7 +216,21 @@ def residual(
         missing = unmodelled(view, model, motion, required, drive_of)
         parts["hub_torque"] = np.where(view.sliding, missing / view.noise["hub_torque"], 0.0)
         parts["break_away"] = _break_aways(view, model, motion, required, drive_of)
-    return parts | {name: r.whitened(parts[name]) for name, r in view.ringing.items()} if white else parts
+    if not white:
+        return parts
+    parts |= {name: r.whitened(parts[name]) for name, r in view.ringing.items()}
+    return parts | {name: parts[name] / swell for name, swell in view.swell.items()}
+
+
+def _filled(view: View, channel: str, simulated: np.ndarray, moving: bool) -> np.ndarray:
+    """Change (m) of a filtered strain if its missing readings are as simulated, off by as much as those beside them.
+
+    A filter spreads what bridges a gap to its sides: as simulated, it leaves no trace in what is compared.
+    """
+    known, off = view.known[channel], view.holes[channel] - simulated
+    between = np.interp(view.time, view.time[known], off[known]) if known.any() else off
+    change = low_passed(np.where(known, 0.0, between - off), GRID)
+    return low_passed(change, GRID, view.band) if moving else change
 
 
 def whitened(values: np.ndarray, view: View, channel: str) -> np.ndarray:
@@ -408,14 +439,18 @@ def _strains_only(asked: Recording) -> dict[str, np.ndarray]:
     return {c: v for c, v in asked.channels.items() if c != "motor_torque"}
 
 
-def _filtered(
-    recording: Recording, channel: str, time: np.ndarray, band: float = BAND
-) -> tuple[np.ndarray, np.ndarray]:
-    """A channel on the grid behind the low-pass, and where its readings are there (m)."""
+def _on_grid(recording: Recording, channel: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A channel on the grid, and where its readings are there (m)."""
     values = recording[channel]
     ok = np.isfinite(values)
-    nearest = np.interp(time, recording.time, ok.astype(float)) > 0.5
-    return low_passed(np.interp(time, *_bridged(recording.time[ok], values[ok])), GRID, band), nearest
+    at, values = recording.time[ok], values[ok]
+    behind = np.clip(np.searchsorted(at, time, side="right"), 1, len(at) - 1)
+    dense = at[behind] - at[behind - 1] < _SPARSE * _raw_period(recording)
+    met = np.minimum(np.abs(time - at[behind - 1]), np.abs(at[behind] - time)) < 1e-6
+    known = (dense | met) & (time < at[-1] + GRID) & (time > at[0] - GRID)
+    if channel == "motor_torque":  # a held torque jumps
+        return np.interp(time, at, values), known
+    return CubicSpline(*_bridged(at, values))(np.clip(time, at[0], at[-1])), known
 
 
 def _bridged(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -445,7 +480,7 @@ def motion_band(
     recording: Recording, noise: float, time: np.ndarray, bands: Sequence[float] = MOTION_BANDS
 ) -> float:
     """The widest of the bands in which the strongest accelerations stand out of their noise [Hz]."""
-    reading, _ = _filtered(recording, "hub_angle", time, bands[-1])
+    reading = low_passed(_on_grid(recording, "hub_angle", time)[0], GRID, bands[-1])
     strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
     for band in bands:
         if noise * _gain(band, _raw_period(recording), 2) < _CLEAR * strong:
@@ -477,18 +512,8 @@ def _sensor_noise(prepared: Prepared, hub: dict[str, float]) -> dict[str, float]
 
 def _propagated(prepared: Prepared, view: View, model: Model) -> tuple[dict[str, float], np.ndarray]:
     """Noise of each channel, and noise (m) of the torque on the hub [N m]: a simulation with noise added to the hub."""
-    generator = np.random.default_rng(0)
-    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(_raw_period(prepared.recording) / GRID))
-    shaken = low_passed(generator.normal(0, sigma, len(view.time)), GRID, view.band)
-    spline = smooth(view.time, shaken)
     plain, torque = move(view, prepared, model, prepared.start)
-    noisy = replace(
-        view,
-        moves={},
-        reading=view.reading + shaken,
-        rate=view.rate + spline(view.time, 1),
-        acceleration=view.acceleration + spline(view.time, 2),
-    )
+    noisy = _shaken(view, prepared, np.random.default_rng(0), np.ones(len(view.time)))
     moved, torque_moved = move(noisy, prepared, model, prepared.start)
     asked = Recording(
         "", view.time, {c: np.zeros(len(view.time)) for c in view.measured if c != "motor_torque"}
@@ -496,6 +521,48 @@ def _propagated(prepared: Prepared, view: View, model: Model) -> tuple[dict[str,
     a, b = reported(model, asked, plain), reported(model, asked, moved)
     hub = {c: float(np.std(low_passed(a[c] - b[c], GRID))) for c in asked.measured()}
     return _sensor_noise(prepared, hub), low_passed(torque_moved - torque, GRID)
+
+
+def _shaken(view: View, prepared: Prepared, generator: np.random.Generator, where: np.ndarray) -> View:
+    """The view with noise added to the hub, a share (m) of it at each instant."""
+    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(_raw_period(prepared.recording) / GRID))
+    shaken = low_passed(generator.normal(0, sigma, len(view.time)), GRID, view.band) * where
+    spline = smooth(view.time, shaken)
+    return replace(
+        view,
+        moves={},
+        reading=view.reading + shaken,
+        rate=view.rate + spline(view.time, 1),
+        acceleration=view.acceleration + spline(view.time, 2),
+    )
+
+
+def _swell(view: View, prepared: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """Name -> (m) size of the noise, in that of the quiet stretches.
+
+    All else takes what noise of the hub angle does to the link as the same throughout. A link that bends far answers to
+    it several times as loudly, at other frequencies than those at which it rings: noises are tried.
+    """
+    moving = view.direction != 0
+    if not moving.any():
+        return {}
+    generator = np.random.default_rng(1)
+    plain = residual(view, prepared, model, prepared.start)
+    squares = {name: np.zeros(len(view.time)) for name in view.ringing}
+    for _ in range(_DRAWS):
+        noisy = residual(_shaken(view, prepared, generator, moving), prepared, model, prepared.start)
+        squares = {name: s + (noisy[name] - plain[name]) ** 2 / _DRAWS for name, s in squares.items()}
+    known = {**view.known, "hub_torque": view.sliding}
+    return {name: _swelling(s, known[name], moving) for name, s in squares.items()}
+
+
+def _swelling(squares: np.ndarray, known: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Size (m) of a unit noise a part of which has these squares (m) about each instant, in that where it is usual."""
+    size = 2 * int(_LOCAL / GRID) + 1
+    share = uniform_filter1d(known.astype(float), size, mode="constant")
+    local = uniform_filter1d(squares * known, size, mode="constant") / np.maximum(share, 1 / size)
+    usual = float(np.median(local[known & moving])) if (known & moving).any() else 0.0
+    return np.sqrt(1 + np.maximum(local - usual, 0.0))
 
 
 def _evened(view: View, swings: Sequence[Swing], torque: np.ndarray) -> tuple[float, Ringing]:

@@ -23,6 +23,7 @@ MEMORY = 0.25
 """Span over which a change of the hub angle is compared [s]."""
 _CORRELATION = 0.05  # s, over which a misfit is taken as one piece of evidence while fitting
 _TRIALS, _SECANTS = 5, 4  # trials of a step with a new Jacobian; steps with one that was put right
+_FEWEST = 4  # readings that make a channel
 _OPEN = 0.1  # share of a sample period within which the instant of a command is calibration
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
 _REACH = 3.0  # standard deviations by which a declared parameter may be off
@@ -64,7 +65,7 @@ def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared,
     """Returns the recording made ready, and what was left out of it."""
     known = {name: noise[name] for name in recording.measured() if noise.get(name, 0.0) > 0}
     clean, notes = observe.without_outliers(recording, known)
-    channels = tuple(c for c in known if np.isfinite(clean[c]).any())
+    channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= _FEWEST)
     hub = None
     if "hub_angle" in channels and not clean.clamped:
         hub = observe.hub_motion(clean, known["hub_angle"])

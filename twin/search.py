@@ -154,7 +154,8 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
     paid = price(len([p for p in effect.parameters if not p.choice]), bench)
     if effect.wave is not None:
         columns = waves.slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
-        return Slopes(columns, tuple(effect.replaces), paid, tops[0].rivals if tops else 1)
+        rivals, level = (tops[0].rivals, tops[0].level) if tops else (1, 1.0)
+        return Slopes(columns, tuple(effect.replaces), paid, rivals, level)
     neutral = effect.neutral(base.model.declared)
     changes = []
     for ray in rays(bench, effect, neutral, base.model):

@@ -13,6 +13,7 @@ from typing import cast
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
+from scipy.stats import chi2
 
 from twin import driven, fit
 from twin.effects.base import Effect
@@ -21,6 +22,7 @@ from twin.fit import Fit, Workbench
 from twin.model import Model, Motion
 
 _PEAKS = 3
+_ABOUT = 60  # orders to either side that tell how loud the noise is about one
 _AT_ONCE = 16  # orders of one piece of work
 _MODES = 3
 _FINEST = 0.05  # smallest step of an order
@@ -40,12 +42,14 @@ class Peak:
       coefficients: (k) by regression.
       gain: drop of half the weighted squares.
       rivals: number of peaks in the spectrum, this one among them.
+      level: what the spectrum is usually like about this place, in that of white noise.
     """
 
     order: float
     coefficients: tuple[float, ...]
     gain: float
     rivals: int = 1
+    level: float = 1.0
 
 
 def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
@@ -59,7 +63,17 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     inner = np.r_[-np.inf, gains, -np.inf]
     tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
     best = tops[np.argsort(-gains[tops])[:_PEAKS]]
-    return tuple(replace(found[k], rivals=len(tops)) for k in best if found[k].gain > 0)
+    return tuple(
+        replace(found[k], rivals=len(tops), level=_level(gains, k, len(found[k].coefficients)))
+        for k in best
+        if found[k].gain > 0
+    )
+
+
+def _level(gains: np.ndarray, place: int, coefficients: int) -> float:
+    """Median of a spectrum (o) about a place, over that of white noise; at least 1."""
+    about = gains[max(place - _ABOUT, 0) : place + _ABOUT + 1]
+    return max(1.0, float(np.median(about) / (chi2.median(coefficients) / 2)))
 
 
 def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
@@ -119,7 +133,9 @@ class _Scan:
                 parts = _responses(acts, orders, waves, views[i], base.model)
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
-                        found[k] = parts[g.channel] * bench.weight[g.rows]
+                        found[k] = (
+                            parts[g.channel] * bench.weight[g.rows] / views[i].swell.get(g.channel, 1.0)
+                        )
             return found
 
         weights = fit.row_weights(bench, base.residual)
