@@ -95,12 +95,11 @@ def sweep(tmp_path_factory):
     return campaign.fit[0], noise, Model(campaign.rig, campaign.sensors, shape, step=2e-3)
 
 
-def left(sweep, gone=None):
-    """What the model leaves of a recording (m), channel by channel, and its view; `gone` are missing strains (m)."""
+def left(sweep, **gone):
+    """What the model leaves of a recording (m), channel by channel, and its view; `gone` are missing readings (m)."""
     recording, noise, twin = sweep
-    if gone is not None:
-        lost = np.where(gone, np.nan, recording["strain_base"])
-        recording = recording.replace(channels={**recording.channels, "strain_base": lost})
+    lost = {channel: np.where(mask, np.nan, recording[channel]) for channel, mask in gone.items()}
+    recording = recording.replace(channels={**recording.channels, **lost})
     prepared, _ = fit.prepare(recording, noise)
     with ThreadPoolExecutor(1) as pool:
         bench = fit.Workbench(driven.DrivenData([prepared], twin), pool)
@@ -123,7 +122,7 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     residual, _ = left(sweep)
     # 24 ms in every half second, through the resonance too.
     gone = (sweep[0].time + 0.3) % 0.5 < 0.023
-    filled, view = left(sweep, gone)
+    filled, view = left(sweep, strain_base=gone)
     known = view.known["strain_base"]
     assert known.mean() == pytest.approx(1 - gone.mean(), abs=0.01)
     # The noise of what is missing is gone from beside it as well.
@@ -136,12 +135,19 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     assert np.std((bridged - as_it_is)[known]) > 1.0
 
 
+def test_a_missing_hub_angle_is_bridged_to_its_noise(sweep):
+    residual, _ = left(sweep)
+    bridged, _ = left(sweep, hub_angle=(sweep[0].time + 0.3) % 0.5 < 0.013)
+    for channel in ("strain_base", "strain_mid"):
+        assert np.std(bridged[channel]) < np.std(residual[channel]) + 0.1
+
+
 def test_what_a_spectrum_usually_is_about_a_place():
     white = np.random.default_rng(2).exponential(size=400)
-    assert waves._level(white, 200, 2) < 1.5
+    assert waves._level(white, 200) < 1.5
     coloured = np.where(np.abs(np.arange(400) - 200) < 80, 8.0, 1.0) * white
-    assert waves._level(coloured, 200, 2) == pytest.approx(8.0, rel=0.4)
-    assert waves._level(coloured, 20, 2) < 1.5
+    assert waves._level(coloured, 200) == pytest.approx(8.0, rel=0.4)
+    assert waves._level(coloured, 20) < 1.5
 
 
 class Declared(dict):

@@ -14,8 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy.fft import irfft, rfft, rfftfreq
-from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, make_interp_spline
+from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, PPoly, make_interp_spline
 from scipy.ndimage import binary_dilation, uniform_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 
@@ -39,8 +40,8 @@ MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
-_GAP = 0.012  # s beyond which missing samples are bridged by level and slope beside them
-_SIDE = 12  # samples that tell these
+_GAP = 0.005  # s beyond which missing samples are bridged by a polynomial through those beside them
+_SIDE, _DEGREE = 12, 6  # samples on either side, and its degree
 _SPARSE = 1.8  # sample periods between two readings beyond which nothing is known of what lies between
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
@@ -144,7 +145,11 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
             holes=holes,
         )
     band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
-    reading, read = _on_grid(at_rest(recording, prepared.hub), "hub_angle", time)
+    pushed = _pushed(model, recording)
+    held = at_rest(recording, prepared.hub)
+    smooth_part = {**held.channels, "hub_angle": held["hub_angle"] - pushed(recording.time)}
+    rest, read = _on_grid(held.replace(channels=smooth_part), "hub_angle", time)
+    reading = rest + pushed(time)
     reading = low_passed(reading, GRID, band)
     # Modelled strains follow a motion that has passed this filter too.
     measured |= {c: low_passed(v, GRID, band) for c, v in measured.items() if c != "motor_torque"}
@@ -453,21 +458,27 @@ def _on_grid(recording: Recording, channel: str, time: np.ndarray) -> tuple[np.n
     return CubicSpline(*_bridged(at, values))(np.clip(time, at[0], at[-1])), known
 
 
+def _pushed(model: Model, recording: Recording) -> PPoly:
+    """What the command alone would make of the hub's angle [rad] over time, without link and friction.
+
+    Its jumps are those of the hub's acceleration: what is left is smooth, and can be bridged where readings miss.
+    """
+    step = GRID / 4
+    time = np.arange(recording.time[0] - step, recording.time[-1] + 2 * step, step)
+    swing = model.drive(recording).impulse(time)
+    angle = np.r_[0.0, np.cumsum((swing[1:] + swing[:-1]) / 2 * step)] / model.rig["hub_inertia"]
+    return CubicHermiteSpline(time, angle, swing / model.rig["hub_inertia"])
+
+
 def _bridged(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Known samples (n) with gaps filled by the cubic that continues level and slope of either side."""
-    gaps = np.flatnonzero(np.diff(time) > _GAP)
+    """Known samples (n) with gaps filled by the polynomial through those on either side."""
     pieces_t, pieces_v = [time], [values]
-    for g in gaps:
-        ends = []
-        for side in (slice(max(0, g - _SIDE + 1), g + 1), slice(g + 1, g + 1 + _SIDE)):
-            at = time[g] if side.stop == g + 1 else time[g + 1]
-            t = time[side] - at
-            level = np.polyfit(t, values[side], min(2, len(t) - 1)) if len(t) > 1 else values[side]
-            ends.append((at, level[-1], level[-2] if len(level) > 1 else 0.0))
-        (t0, v0, s0), (t1, v1, s1) = ends
-        inside = np.arange(t0 + GRID, t1 - GRID / 2, GRID)
+    for g in np.flatnonzero(np.diff(time) > _GAP):
+        beside = slice(max(0, g - _SIDE + 1), g + 1 + _SIDE)
+        degree = min(_DEGREE, len(time[beside]) // 2)
+        inside = np.arange(time[g] + GRID, time[g + 1] - GRID / 2, GRID)
         pieces_t.append(inside)
-        pieces_v.append(CubicHermiteSpline([t0, t1], [v0, v1], [s0, s1])(inside))
+        pieces_v.append(Polynomial.fit(time[beside], values[beside], degree)(inside))
     order = np.argsort(np.concatenate(pieces_t), kind="stable")
     return np.concatenate(pieces_t)[order], np.concatenate(pieces_v)[order]
 

@@ -13,7 +13,6 @@ from typing import cast
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
-from scipy.stats import chi2
 
 from twin import driven, fit
 from twin.effects.base import Effect
@@ -22,7 +21,7 @@ from twin.fit import Fit, Workbench
 from twin.model import Model, Motion
 
 _PEAKS = 3
-_ABOUT = 60  # orders to either side that tell how loud the noise is about one
+_ABOUT = 60  # frequencies to either side that tell how loud the noise is about one
 _AT_ONCE = 16  # orders of one piece of work
 _MODES = 3
 _FINEST = 0.05  # smallest step of an order
@@ -42,7 +41,7 @@ class Peak:
       coefficients: (k) by regression.
       gain: drop of half the weighted squares.
       rivals: number of peaks in the spectrum, this one among them.
-      level: what the spectrum is usually like about this place, in that of white noise.
+      level: how high the spectrum over time is about this place, in that of white noise; 1 of any other spectrum.
     """
 
     order: float
@@ -64,16 +63,16 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
     best = tops[np.argsort(-gains[tops])[:_PEAKS]]
     return tuple(
-        replace(found[k], rivals=len(tops), level=_level(gains, k, len(found[k].coefficients)))
+        replace(found[k], rivals=len(tops), level=_level(gains, k) if _wave(effect).acts == "time" else 1.0)
         for k in best
         if found[k].gain > 0
     )
 
 
-def _level(gains: np.ndarray, place: int, coefficients: int) -> float:
-    """Median of a spectrum (o) about a place, over that of white noise; at least 1."""
+def _level(gains: np.ndarray, place: int) -> float:
+    """Median of a spectrum (o) of sine and cosine about a place, over that of white noise; at least 1."""
     about = gains[max(place - _ABOUT, 0) : place + _ABOUT + 1]
-    return max(1.0, float(np.median(about) / (chi2.median(coefficients) / 2)))
+    return max(1.0, float(np.median(about) / np.log(2)))
 
 
 def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
