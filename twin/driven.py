@@ -14,13 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from scipy.fft import irfft, rfft, rfftfreq
-from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, PPoly, make_interp_spline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.ndimage import binary_dilation, uniform_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 
-from twin import evidence, planar, ringing
+from twin import evidence, on_grid, planar, ringing
 from twin.evidence import Group
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
@@ -40,9 +39,6 @@ MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
-_GAP = 0.005  # s beyond which missing samples are bridged by a polynomial through those beside them
-_SIDE, _DEGREE = 12, 6  # samples on either side, and its degree
-_SPARSE = 1.8  # sample periods between two readings beyond which nothing is known of what lies between
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
@@ -134,7 +130,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     measured, known, holes = {}, {}, {}
     for channel in prepared.channels:
         if channel != "hub_angle":
-            values, known[channel] = _on_grid(recording, channel, time)
+            values, known[channel] = on_grid.resampled(recording, channel, time)
             measured[channel] = low_passed(values, GRID)
             if channel != "motor_torque" and not known[channel].all():
                 holes[channel] = values
@@ -145,11 +141,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
             holes=holes,
         )
     band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
-    pushed = _pushed(model, recording)
-    held = at_rest(recording, prepared.hub)
-    smooth_part = {**held.channels, "hub_angle": held["hub_angle"] - pushed(recording.time)}
-    rest, read = _on_grid(held.replace(channels=smooth_part), "hub_angle", time)
-    reading = rest + pushed(time)
+    reading, read = on_grid.hub_resampled(model, at_rest(recording, prepared.hub), time)
     reading = low_passed(reading, GRID, band)
     # Modelled strains follow a motion that has passed this filter too.
     measured |= {c: low_passed(v, GRID, band) for c, v in measured.items() if c != "motor_torque"}
@@ -158,9 +150,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
     direction = np.where(stuck, 0.0, np.sign(rate))
     doubtful = (
-        stuck
-        | ~read
-        | _may_stick(rate, acceleration, prepared.noise["hub_angle"], _raw_period(recording), band)
+        stuck | ~read | _may_stick(rate, acceleration, prepared.noise["hub_angle"], recording.period, band)
     )
     sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
@@ -169,7 +159,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     view = View(time, *signals, {}, onsets, band, holes=holes)
     view = replace(view, whitening=_whitening(prepared, view, model))
     noise, torque = _propagated(prepared, view, model)
-    density = prepared.noise["hub_angle"] ** 2 * _raw_period(recording)
+    density = prepared.noise["hub_angle"] ** 2 * recording.period
     swings = ringing.swings(model, time, direction != 0, density, BAND)
     even, swing = _evened(view, swings, torque)
     ringing_of = {"hub_torque": swing, **_swinging_strains(view, model, swings)}
@@ -263,7 +253,7 @@ def _whitening(prepared: Prepared, view: View, model: Model) -> dict[str, np.nda
     """Channel -> gain over frequency that makes the noise of its residual white, unit variance behind the filter."""
     count = len(view.time)
     f = rfftfreq(count + 2 * min(count - 1, _pad(view)), GRID)
-    period = _raw_period(prepared.recording)
+    period = prepared.recording.period
     hub = 2 * prepared.noise["hub_angle"] ** 2 * period * passed(f, GRID, view.band) ** 2
     wide = float(np.trapezoid(passed(f, GRID) ** 2, f))
     omega = 2 * np.pi * f
@@ -444,57 +434,14 @@ def _strains_only(asked: Recording) -> dict[str, np.ndarray]:
     return {c: v for c, v in asked.channels.items() if c != "motor_torque"}
 
 
-def _on_grid(recording: Recording, channel: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A channel on the grid, and where its readings are there (m)."""
-    values = recording[channel]
-    ok = np.isfinite(values)
-    at, values = recording.time[ok], values[ok]
-    behind = np.clip(np.searchsorted(at, time, side="right"), 1, len(at) - 1)
-    dense = at[behind] - at[behind - 1] < _SPARSE * _raw_period(recording)
-    met = np.minimum(np.abs(time - at[behind - 1]), np.abs(at[behind] - time)) < 1e-6
-    known = (dense | met) & (time < at[-1] + GRID) & (time > at[0] - GRID)
-    if channel == "motor_torque":  # a held torque jumps
-        return np.interp(time, at, values), known
-    return CubicSpline(*_bridged(at, values))(np.clip(time, at[0], at[-1])), known
-
-
-def _pushed(model: Model, recording: Recording) -> PPoly:
-    """What the command alone would make of the hub's angle [rad] over time, without link and friction.
-
-    Its jumps are those of the hub's acceleration: what is left is smooth, and can be bridged where readings miss.
-    """
-    step = GRID / 4
-    time = np.arange(recording.time[0] - step, recording.time[-1] + 2 * step, step)
-    swing = model.drive(recording).impulse(time)
-    angle = np.r_[0.0, np.cumsum((swing[1:] + swing[:-1]) / 2 * step)] / model.rig["hub_inertia"]
-    return CubicHermiteSpline(time, angle, swing / model.rig["hub_inertia"])
-
-
-def _bridged(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Known samples (n) with gaps filled by the polynomial through those on either side."""
-    pieces_t, pieces_v = [time], [values]
-    for g in np.flatnonzero(np.diff(time) > _GAP):
-        beside = slice(max(0, g - _SIDE + 1), g + 1 + _SIDE)
-        degree = min(_DEGREE, len(time[beside]) // 2)
-        inside = np.arange(time[g] + GRID, time[g + 1] - GRID / 2, GRID)
-        pieces_t.append(inside)
-        pieces_v.append(Polynomial.fit(time[beside], values[beside], degree)(inside))
-    order = np.argsort(np.concatenate(pieces_t), kind="stable")
-    return np.concatenate(pieces_t)[order], np.concatenate(pieces_v)[order]
-
-
-def _raw_period(recording: Recording) -> float:
-    return float(np.median(np.diff(recording.time)))
-
-
 def motion_band(
     recording: Recording, noise: float, time: np.ndarray, bands: Sequence[float] = MOTION_BANDS
 ) -> float:
     """The widest of the bands in which the strongest accelerations stand out of their noise [Hz]."""
-    reading = low_passed(_on_grid(recording, "hub_angle", time)[0], GRID, bands[-1])
+    reading = low_passed(on_grid.resampled(recording, "hub_angle", time)[0], GRID, bands[-1])
     strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
     for band in bands:
-        if noise * _gain(band, _raw_period(recording), 2) < _CLEAR * strong:
+        if noise * _gain(band, recording.period, 2) < _CLEAR * strong:
             return band
     return bands[-1]
 
@@ -516,7 +463,7 @@ def _may_stick(
 
 
 def _sensor_noise(prepared: Prepared, hub: dict[str, float]) -> dict[str, float]:
-    share = np.sqrt(2 * BAND * _raw_period(prepared.recording))
+    share = np.sqrt(2 * BAND * prepared.recording.period)
     noise = {c: prepared.noise[c] * min(1.0, share) for c in prepared.channels if c != "hub_angle"}
     return {name: float(np.hypot(value, hub.get(name, 0.0))) for name, value in noise.items()}
 
@@ -536,7 +483,7 @@ def _propagated(prepared: Prepared, view: View, model: Model) -> tuple[dict[str,
 
 def _shaken(view: View, prepared: Prepared, generator: np.random.Generator, where: np.ndarray) -> View:
     """The view with noise added to the hub, a share (m) of it at each instant."""
-    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(_raw_period(prepared.recording) / GRID))
+    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(prepared.recording.period / GRID))
     shaken = low_passed(generator.normal(0, sigma, len(view.time)), GRID, view.band) * where
     spline = smooth(view.time, shaken)
     return replace(

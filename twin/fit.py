@@ -128,7 +128,7 @@ def clock(prepared: Sequence[Prepared]) -> Unknown:
 
     Nothing that the model lacks follows from it. An effect may look like it, so that it stays open beside all of them.
     """
-    most = _OPEN * min(float(np.median(np.diff(p.recording.time))) for p in prepared)
+    most = _OPEN * min(p.recording.period for p in prepared)
     return Unknown("clock", "late", 0.0, most / 2, True, (-most, most))
 
 

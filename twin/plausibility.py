@@ -229,7 +229,7 @@ def _inertia(rig: Rig) -> float:
 
 def _period(recording: Recording, rig: Rig) -> float:
     # A vibration faster than the samples would only make the windows many.
-    return max(1 / _first_frequency(rig), 2 * float(np.median(np.diff(recording.time))))
+    return max(1 / _first_frequency(rig), 2 * recording.period)
 
 
 def _first_frequency(rig: Rig) -> float:

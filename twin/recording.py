@@ -83,6 +83,11 @@ class Recording:
         object.__setattr__(self, "channels", MappingProxyType(channels))
 
     @property
+    def period(self) -> float:
+        """Median time between two samples [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
     def commanded_at(self) -> np.ndarray:
         """Instants (n) from which each command is held [s]."""
         return self.time if self.command_time is None else self.command_time

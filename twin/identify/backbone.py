@@ -85,7 +85,7 @@ def resonance(found: Response, expected: float) -> Estimate | None:
 def _amplitude(recording: Recording, channel: str, frequency: float) -> float:
     """Largest amplitude of a channel in the half octave about a frequency [Hz], its units."""
     known = np.isfinite(recording[channel])
-    period = float(np.median(np.diff(recording.time)))
+    period = recording.period
     time = np.arange(recording.time[0], recording.time[-1], period)
     values = np.interp(time, recording.time[known], recording[channel][known])
     band = [0.8 * frequency, 1.25 * frequency]

@@ -76,7 +76,7 @@ def _read(
 ) -> FrictionMap | None:
     """The map of one release; None where it swings too seldom."""
     recording, noise = prepared.recording, prepared.noise.get(channel, 0.0)
-    period = float(np.median(np.diff(recording.time)))
+    period = recording.period
     smoothed = noise * math.sqrt(2 * _BAND * frequency * period)
     swings = _swings(recording, channel, frequency, noise)
     runs: dict[float, np.ndarray] = {}

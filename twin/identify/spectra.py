@@ -104,7 +104,7 @@ def _excites(recording: Recording, least: float) -> bool:
 
 
 def _response(recordings: Sequence[Recording], channel: str) -> Response:
-    period = max(float(np.median(np.diff(r.time))) for r in recordings)
+    period = max(r.period for r in recordings)
     size = int(2 ** math.ceil(math.log2(max(r.duration for r in recordings) / period)))
     f = np.fft.rfftfreq(size, period)
     spectra = {key: np.zeros(len(f), dtype=complex) for key in ("uu", "yy", "yu", "yr", "ur")}
@@ -131,7 +131,7 @@ def _uniform(
     recording: Recording, channel: str, period: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """The channel on a uniform clock; a torque is held, so that half a sample is added to its instants."""
-    period = period or float(np.median(np.diff(recording.time)))
+    period = period or recording.period
     time = np.arange(recording.time[0], recording.time[-1], period)
     known = np.isfinite(recording[channel])
     held = 0.5 * period if channel == "torque_command" else 0.0
