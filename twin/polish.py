@@ -27,15 +27,19 @@ _GAPS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)  # parts of a play that whole runs 
 _LIKELY = 2.0  # log likelihood below the best up to which a value is within two standard errors
 _STATIC = ("static_friction", "static_positive", "static_negative")
 _COULOMB = ("coulomb_friction", "coulomb_positive", "coulomb_negative")
-_WIDEST = 0.1  # part of a Coulomb torque beyond which it is not sought, however uncertain it is
 _SCANS: tuple[tuple[tuple[str, ...], float, int], ...] = (
     (_STATIC, 0.06, 25),
-    (_COULOMB, 2.0, 15),
-    (_STATIC, 0.01, 25),
-    (_COULOMB, 0.3, 9),
-    (_STATIC, 0.001, 11),
+    (_COULOMB, 0.06, 15),
+    (_STATIC, 0.02, 25),
+    (_COULOMB, 0.015, 11),
+    (_STATIC, 0.0015, 11),
+    (_COULOMB, 0.003, 5),
 )
-"""Levels, how far either way (a part of a static, standard errors of a Coulomb one), and how many values are tried."""
+"""Levels, how far either way (a part of the level), and how many values are tried.
+
+A static level a part in a thousand off makes other sticks, and none of these tells the Coulomb torque: the one is
+looked for before the other, and both again about what was found.
+"""
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ def _polished(bench: Workbench, best: Fit) -> Fit:
         open_yet = [index for index, unknown in enumerate(best.unknowns) if unknown.name in names]
         # The level that brings the runs closest first: others would make up for it.
         while open_yet:
-            tries = [_scanned(free, model, best, x, k, _half_width(best, k, reach), count) for k in open_yet]
+            tries = [_scanned(free, model, best, x, k, reach, count) for k in open_yet]
             chosen = int(np.argmin([t.cost for t in tries]))
             x, errors[open_yet.pop(chosen)] = tries[chosen].values, tries[chosen].error
     x = _on_whole_runs(bench, model, best, x)
@@ -131,13 +135,6 @@ def _on_hub(model: Model, unknown: Unknown) -> bool:
     return driven.link_of(model.plant) == driven.link_of(without.plant)
 
 
-def _half_width(best: Fit, index: int, reach: float) -> float:
-    value = abs(best.values[index])
-    if best.unknowns[index].name in _STATIC:
-        return float(reach * value)
-    return float(min(reach * best.errors[index], _WIDEST * value))
-
-
 def _between_gaps(bench: Workbench, best: Fit) -> Fit:
     """The fit with its play between those that two views prefer, half their distance added to its error.
 
@@ -166,9 +163,10 @@ class _Scanned:
 
 
 def _scanned(
-    free: Workbench, model: Model, best: Fit, x: np.ndarray, index: int, half: float, count: int
+    free: Workbench, model: Model, best: Fit, x: np.ndarray, index: int, reach: float, count: int
 ) -> _Scanned:
     """Tries a grid of one value about a point (p), the recordings simulated freely."""
+    half = reach * abs(x[index])
     values = np.clip(x[index] + np.linspace(-half, half, count), *best.unknowns[index].bounds)
     points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
     cost = fit.costs(free, model, best.starts, best.unknowns, points)
