@@ -9,13 +9,27 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import beam, chain, driven, evidence, fit, jackknife, limit, observe, planar, ridge, scatter, waves
+from twin import (
+    beam,
+    breakaway,
+    chain,
+    driven,
+    evidence,
+    fit,
+    jackknife,
+    limit,
+    observe,
+    planar,
+    ridge,
+    scatter,
+    waves,
+)
 from twin.campaign import read_campaign
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
 from twin.identify import against, break_away, joint, profile, sentences, spectra
 from twin.identify.against import Comparison
-from twin.model import Model
+from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
 from twin.virtual_rig import Rig as VirtualRig
@@ -140,6 +154,22 @@ def test_a_missing_hub_angle_is_bridged_to_its_noise(sweep):
     bridged, _ = left(sweep, hub_angle=(sweep[0].time + 0.3) % 0.5 < 0.013)
     for channel in ("strain_base", "strain_mid"):
         assert np.std(bridged[channel]) < np.std(residual[channel]) + 0.1
+
+
+def test_commands_that_act_a_little_late_move_no_break_away():
+    time = np.arange(0, 6, 0.002)
+    twin = model().replace(step=5e-4)
+    prepared = []
+    for command in (np.where(time < 1, 0.01, 0.15), np.clip(0.02 * (time - 1), 0, None)):
+        channels = {"torque_command": command, "hub_angle": np.zeros(len(time))}
+        measured = simulate(twin, Recording("start", time, channels), Start())
+        prepared.append(fit.prepare(measured, {"hub_angle": 3e-4})[0])
+    starts = [p.start for p in prepared]
+    for late in (0.0, 5e-6, -5e-6):
+        # A jump of the command tells no level, a ramp does.
+        [event] = breakaway.find(twin.replace(late=late), prepared, starts)
+        assert event.recording == 1
+        assert event.torque == pytest.approx(RIG["static_friction"], rel=0.01)
 
 
 def test_what_a_spectrum_usually_is_about_a_place():

@@ -55,7 +55,7 @@ def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) ->
     held = model.with_plant(static_positive=1e9, static_negative=1e9)
     motion = integrate(held, prepared.recording, start, guided(held, prepared, tight=True))
     time = prepared.recording.time
-    drive = held.drive(prepared.recording).at(time)
+    drive = held.read_torque(prepared.recording)
     needed = planar.holding_torque(held.plant, time, *motion.state(), drive)
     period = float(np.median(np.diff(time)))
     lag = max(1, int(round(_SPAN / period)))

@@ -78,7 +78,7 @@ def _ends_a_ramp(model: Model, prepared: Prepared, event: BreakAway) -> bool:
     if prepared.hub is None or time[0] > event.time - _REST or before.sum() < 3:
         return False
     sure = time[before] < event.time - _END
-    command = event.direction * model.drive(prepared.recording).at(time[before])
+    command = event.direction * model.read_torque(prepared.recording)[before]
     even = np.abs(np.diff(command)).max() < _STEP * np.abs(command).max()
     quiet = abs(event.torque - event.direction * command[-1]) < _QUIET * abs(event.torque)
     resting = bool((prepared.hub.observed[before][sure] == STUCK).all())
@@ -97,7 +97,8 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     gain = driving / _free_hub_inertia(model)
     unseen, spread = _unseen(gain * period**2 / prepared.noise["hub_angle"])
     late = (unseen - BEFORE_ONSET + 0.5) * period
-    of_link = abs(event.torque - float(model.drive(prepared.recording).at(np.array([event.time]))[0]))
+    delivered = float(model.read_torque(prepared.recording)[np.searchsorted(time, event.time)])
+    of_link = abs(event.torque - delivered)
     error = math.hypot(event.slope * period * math.hypot(spread, 1 / math.sqrt(12)), _MODEL * of_link)
     return event.torque - event.direction * event.slope * late, error
 
@@ -134,7 +135,7 @@ def _stairs(model: Model, prepared: Prepared, index: int) -> list[tuple[BreakAwa
     if prepared.hub is None:
         return []
     time, observed = prepared.recording.time, prepared.hub.observed
-    command = model.drive(prepared.recording).at(time)
+    command = model.read_torque(prepared.recording)
     found: dict[tuple[float, float], tuple[BreakAway, float]] = {}
     for onset, direction in prepared.hub.onsets:
         first = int(np.searchsorted(time, time[onset] - _CLIMB))
