@@ -29,16 +29,15 @@ _STATIC = ("static_friction", "static_positive", "static_negative")
 _COULOMB = ("coulomb_friction", "coulomb_positive", "coulomb_negative")
 _SCANS: tuple[tuple[tuple[str, ...], float, int], ...] = (
     (_STATIC, 0.06, 25),
-    (_COULOMB, 0.06, 15),
-    (_STATIC, 0.02, 25),
-    (_COULOMB, 0.015, 11),
-    (_STATIC, 0.0015, 11),
-    (_COULOMB, 0.003, 5),
+    (_STATIC, 0.006, 25),
+    (_COULOMB, 0.05, 21),
+    (_STATIC, 0.001, 11),
+    (_COULOMB, 0.006, 9),
 )
 """Levels, how far either way (a part of the level), and how many values are tried.
 
-A static level a part in a thousand off makes other sticks, and none of these tells the Coulomb torque: the one is
-looked for before the other, and both again about what was found.
+A static level that is a part in a thousand off makes other sticks, and among these a Coulomb torque tells little: it is
+looked for where the static levels are known to half a part in a thousand.
 """
 
 
