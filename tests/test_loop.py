@@ -16,7 +16,7 @@ from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
 from twin.patches import of_worst
 from twin.rigs import preset
-from twin.search import Candidate, tried
+from twin.search import Candidate, gain, tried
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.experiments import planned_campaign
@@ -157,6 +157,16 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     assert choice.effects == right.effects
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]
     start.bench.defect = defect
+
+
+@pytest.mark.parametrize("name", ["sensor-delay", "actuator-delay"])
+def test_a_delay_within_what_a_card_leaves_open_gains_nothing(viscous, name):
+    start, _ = viscous
+    neutral = REGISTRY[name].neutral(preset("bossi2009"))
+    for delay, worth in ((1e-5, False), (3e-4, True)):
+        late = start.base.model.replace(effects={name: {**neutral, "delay": delay}})
+        better = replace(start.base, model=late, cost=start.base.cost - 100)
+        assert gain(start.bench, start.base, better) == pytest.approx(100.0 if worth else 0.0)
 
 
 def test_when_commands_act_is_not_bent_to_what_is_missing(viscous):

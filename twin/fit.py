@@ -14,6 +14,7 @@ from scipy.optimize import lsq_linear
 
 from twin import evidence, observe
 from twin.effects import REGISTRY
+from twin.effects.base import OPEN
 from twin.evidence import Group
 from twin.model import Guide, Model, Start, simulate
 from twin.observe import HubMotion
@@ -24,7 +25,6 @@ MEMORY = 0.25
 _CORRELATION = 0.05  # s, over which a misfit is taken as one piece of evidence while fitting
 _TRIALS, _SECANTS = 5, 4  # trials of a step with a new Jacobian; steps with one that was put right
 _FEWEST = 4  # readings that make a channel
-_OPEN = 0.1  # share of a sample period within which the instant of a command is calibration
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
 _REACH = 3.0  # standard deviations by which a declared parameter may be off
 _RIGID = ("torque_limit",)
@@ -128,7 +128,7 @@ def clock(prepared: Sequence[Prepared]) -> Unknown:
 
     Nothing that the model lacks follows from it. An effect may look like it, so that it stays open beside all of them.
     """
-    most = _OPEN * min(p.recording.period for p in prepared)
+    most = OPEN * min(p.recording.period for p in prepared)
     return Unknown("clock", "late", 0.0, most / 2, True, (-most, most))
 
 

@@ -186,9 +186,15 @@ def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
 
 
 def gain(bench: Workbench, base: Fit, result: Fit) -> float:
-    """Cost gained, less the price of the parameters added; at neutral nothing is lost but that."""
+    """Cost gained, less the price of the parameters added; at neutral nothing is lost but that.
+
+    A delay that is less than what a card leaves open is no discovery, and gains nothing.
+    """
     added = len(result.unknowns) - len(base.unknowns)
-    return max(base.cost - result.cost, 0.0) - price(added, bench)
+    period = min(p.recording.period for p in bench.prepared)
+    new = result.model.effects.keys() - base.model.effects.keys()
+    resolved = all(REGISTRY[name].resolved(result.model.effects[name], period) for name in new)
+    return (max(base.cost - result.cost, 0.0) if resolved else 0.0) - price(added, bench)
 
 
 def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:

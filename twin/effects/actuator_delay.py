@@ -1,6 +1,6 @@
 """Dead time between command and torque."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import OPEN, Effect, EffectParameter
 
 
 class ActuatorDelay(Effect):
@@ -8,6 +8,9 @@ class ActuatorDelay(Effect):
 
     name = "actuator-delay"
     parameters = (EffectParameter("delay", "s", 0.0, (0.0, 0.2), 2e-3),)
+
+    def resolved(self, values, period):
+        return values["delay"] >= OPEN * period
 
     def drive(self, drive, p):
         return drive.replace(time=drive.time + p["delay"])

@@ -17,6 +17,9 @@ from twin.planar import Plant
 TORSION = "torsion"
 """Name under which `Effect.sensing` finds the angle of a torsional mode against the hub [rad]."""
 
+OPEN = 0.1
+"""Share of a sample period within which nobody declares when a command is put out or a reading is taken."""
+
 
 @dataclass(frozen=True)
 class EffectParameter:
@@ -138,6 +141,10 @@ class Effect:
     def neutral(self, rig: Mapping[str, float]) -> dict[str, float]:
         """Values at which the model is exactly the one without this effect."""
         return {p.name: rig[p.name] if p.neutral is None else p.neutral for p in self.parameters}
+
+    def resolved(self, values: Mapping[str, float], period: float) -> bool:
+        """Whether an effect of this size is more than what a card leaves open that samples once in a period [s]."""
+        return True
 
     def starts(self, rig: Mapping[str, float]) -> tuple[dict[str, float], ...]:
         """Values close to neutral from which a search can leave it: one per direction that it should try."""

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import OPEN, Effect, EffectParameter
 
 
 class SensorDelay(Effect):
@@ -21,6 +21,9 @@ class SensorDelay(Effect):
     def starts(self, rig):
         which = ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
         return tuple({"delay": 1e-3, **dict(zip(self.along, late, strict=True))} for late in which)
+
+    def resolved(self, values, period):
+        return values["delay"] >= OPEN * period
 
     def sensing(self, time, channels, p):
         late = {
