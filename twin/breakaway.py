@@ -57,7 +57,7 @@ def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) ->
     time = prepared.recording.time
     drive = held.read_torque(prepared.recording)
     needed = planar.holding_torque(held.plant, time, *motion.state(), drive)
-    period = float(np.median(np.diff(time)))
+    period = prepared.recording.period
     lag = max(1, int(round(_SPAN / period)))
     found = []
     assert prepared.hub is not None

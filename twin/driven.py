@@ -46,10 +46,8 @@ _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which th
 _EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
 _KEPT = 12  # simulations of a recording that are remembered
 _LAST = 0.06  # s left out at the end: a sensor that is late says nothing of them
-_DRAWS, _LOCAL = (
-    4,
-    0.4,
-)  # noises that are tried on the link; s to either side over which their effect is averaged
+_DRAWS = 4  # noises that are tried on the link
+_LOCAL = 0.4  # s to either side over which their effect is averaged
 _SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
 
@@ -136,10 +134,8 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
                 holes[channel] = values
     still = np.zeros(count)
     if prepared.hub is None:
-        return View(
-            *(time, still, still, still, still, still > 0, measured, known, _sensor_noise(prepared, {}), ()),
-            holes=holes,
-        )
+        rest = still, still, still, still, still > 0
+        return View(time, *rest, measured, known, _sensor_noise(prepared, {}), (), holes=holes)
     band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
     reading, read = on_grid.hub_resampled(model, at_rest(recording, prepared.hub), time)
     reading = low_passed(reading, GRID, band)
@@ -155,8 +151,8 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = _well_defined(ends, stuck, model.drive(recording).at(time))
-    signals = reading, rate, acceleration, direction, sliding, measured, known
-    view = View(time, *signals, {}, onsets, band, holes=holes)
+    motion = reading, rate, acceleration, direction, sliding
+    view = View(time, *motion, measured, known, {}, onsets, band, holes=holes)
     view = replace(view, whitening=_whitening(prepared, view, model))
     noise, torque = _propagated(prepared, view, model)
     density = prepared.noise["hub_angle"] ** 2 * recording.period

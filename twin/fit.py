@@ -128,8 +128,13 @@ def clock(prepared: Sequence[Prepared]) -> Unknown:
 
     Nothing that the model lacks follows from it. An effect may look like it, so that it stays open beside all of them.
     """
-    most = OPEN * min(p.recording.period for p in prepared)
+    most = OPEN * shortest_period(prepared)
     return Unknown("clock", "late", 0.0, most / 2, True, (-most, most))
+
+
+def shortest_period(prepared: Sequence[Prepared]) -> float:
+    """Sample period of the fastest recording [s]."""
+    return min(p.recording.period for p in prepared)
 
 
 def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen: set[str]) -> list[Unknown]:
@@ -552,22 +557,6 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     move = _bounded_move(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
     after = base.residual + J @ move * bench.weight
     return bench.cost(base.residual) - bench.cost(after)
-
-
-def slope_move(bench: Workbench, base: Fit, column: np.ndarray) -> float:
-    """Value of one unknown with this slope (n x 1) at which the linearised cost is least, the base's free.
-
-    What changes nothing stays where it is.
-    """
-    weights = row_weights(bench, base.residual)
-    information, gradient = normal_equations(bench, base)
-    J = np.hstack([base.jacobian, column])
-    normal = J.T @ (weights[:, None] * J)
-    normal[:-1, :-1] = information
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    slope = np.r_[gradient, column[:, 0] @ (weights * base.residual)]
-    move, *_ = np.linalg.lstsq(normal / np.outer(scale, scale), -slope / scale)
-    return float(move[-1] / scale[-1])
 
 
 def _bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -191,7 +191,7 @@ def gain(bench: Workbench, base: Fit, result: Fit) -> float:
     A delay that is less than what a card leaves open is no discovery, and gains nothing.
     """
     added = len(result.unknowns) - len(base.unknowns)
-    period = min(p.recording.period for p in bench.prepared)
+    period = fit.shortest_period(bench.prepared)
     new = result.model.effects.keys() - base.model.effects.keys()
     resolved = all(REGISTRY[name].resolved(result.model.effects[name], period) for name in new)
     return (max(base.cost - result.cost, 0.0) if resolved else 0.0) - price(added, bench)

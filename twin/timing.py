@@ -13,12 +13,11 @@ from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
 from twin.recording import Recording
 
-_UNIFORM: tuple[Clock, ...] = ("mean", "earliest")
-_SURE = 3.0  # standard errors from which commands are said to act late
-
-
 Clock = Literal["stamped", "mean", "earliest"]
 """When commands are held: at their time stamps, or on the uniform clock about which these scatter."""
+
+_UNIFORM: tuple[Clock, ...] = ("mean", "earliest")
+_SURE = 3.0  # standard errors from which commands are said to act late
 
 
 def on_best_clock(

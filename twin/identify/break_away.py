@@ -92,7 +92,7 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     levels nobody sees it, and the torque has grown meanwhile. The break-away itself is anywhere between two samples.
     """
     time = prepared.recording.time
-    period = float(np.median(np.diff(time)))
+    period = prepared.recording.period
     driving = max(abs(event.torque) - model.declared["coulomb_friction"], 0.1 * abs(event.torque))
     gain = driving / _free_hub_inertia(model)
     unseen, spread = _unseen(gain * period**2 / prepared.noise["hub_angle"])
