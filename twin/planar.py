@@ -679,7 +679,8 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
             middle, end = start + slope * h / 2, start + slope * h
             for i in range(m):
                 k1v[i] = omega[i]
-            _driven_accelerations(plant, phi, omega, start, k1a, scratch)
+            if step > 0:  # the first is known: it gave the torque
+                _driven_accelerations(plant, phi, omega, start, k1a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k1v[i]
                 k2v[i] = omega[i] + 0.5 * h * k1a[i]
