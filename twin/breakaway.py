@@ -13,7 +13,7 @@ import numpy as np
 
 from twin import planar
 from twin.fit import Prepared, guided
-from twin.model import Model, Start, integrate
+from twin.model import Model, Motion, Start, integrate
 from twin.observe import BEFORE_ONSET
 
 _SLOW = 0.02  # relative change of the torque over `_SPAN` up to which the instant of the break-away is sure enough
@@ -51,12 +51,18 @@ def levels(events: Sequence[BreakAway]) -> dict[int, float]:
     return {d: abs(min(seen, key=lambda e: e.slope).torque) for d, seen in by_direction.items() if seen}
 
 
+def held(model: Model, prepared: Prepared, start: Start) -> Motion:
+    """A recording simulated with a hub that rests whenever the measured one does, whatever it takes to hold it."""
+    # A friction that falls from the static level would hold it in motion too.
+    firm = model.with_plant(static_positive=1e9, static_negative=1e9, stribeck_velocity=0.0)
+    return integrate(firm, prepared.recording, start, guided(firm, prepared, tight=True))
+
+
 def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) -> list[BreakAway]:
-    held = model.with_plant(static_positive=1e9, static_negative=1e9)
-    motion = integrate(held, prepared.recording, start, guided(held, prepared, tight=True))
+    motion = held(model, prepared, start)
     time = prepared.recording.time
-    drive = held.read_torque(prepared.recording)
-    needed = planar.holding_torque(held.plant, time, *motion.state(), drive)
+    drive = model.read_torque(prepared.recording)
+    needed = planar.holding_torque(model.plant, time, *motion.state(), drive)
     period = prepared.recording.period
     lag = max(1, int(round(_SPAN / period)))
     found = []

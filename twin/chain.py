@@ -111,6 +111,11 @@ class Chain:
         """A step [s] with which a fourth-order Runge-Kutta method is stable: 9/10 of 2.83 / omega_max."""
         return float(0.9 * 2.83 / self.modes("free")[0][-1])
 
+    def free_hub_inertia(self) -> float:
+        """Torque at once per acceleration of the hub, the hinges free [kg m^2]: hardly more than the hub's inertia."""
+        M = self.mass_matrix()
+        return float(M[0, 0] - M[0, 1:] @ np.linalg.solve(M[1:, 1:], M[1:, 0]))
+
     def static_tip_compliance(self) -> float:
         """Tip deflection per transverse tip force with the hub clamped, small deflections [m/N]."""
         levers = self.lengths.sum() - self.hinges

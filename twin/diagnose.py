@@ -66,7 +66,7 @@ def diagnose(
         if followed:
             progress("fitting the whole recordings")
         polished = polish.polish(
-            found.start.prepared, found.base, found.best, found.start.declared, pool, whole=followed
+            found.start.data, found.base, found.best, found.start.declared, pool, whole=followed
         )
         progress("simulating every recording")
         predicted = predictions.predict(campaign, found, polished, pool)

@@ -43,6 +43,7 @@ _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque 
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
 _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
+_FIRM = 1.2  # parts of its static friction that a rig may have
 _EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
 _KEPT = 12  # simulations of a recording that are remembered
 _LAST = 0.06  # s left out at the end: a sensor that is late says nothing of them
@@ -146,7 +147,9 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
     direction = np.where(stuck, 0.0, np.sign(rate))
     doubtful = (
-        stuck | ~read | _may_stick(rate, acceleration, prepared.noise["hub_angle"], recording.period, band)
+        stuck
+        | ~read
+        | _may_stick(rate, acceleration, prepared.noise["hub_angle"], recording.period, band, _grip(model))
     )
     sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
@@ -359,10 +362,14 @@ def near_reversals(view: View) -> np.ndarray:
 
 
 def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
-    """Torque (m) of all hub laws and sliding friction along a motion [N m], friction as its mean over a grid step."""
+    """Torque (m) of all hub laws and sliding friction along a motion [N m].
+
+    Friction is its mean over a grid step, in which the hub may turn round, behind the filter of the motion.
+    """
     resting = _laws(view, model, motion, np.zeros(len(view.time)))
-    friction = _laws(view, model, motion, motion.modes) - resting
-    return resting + one_way(view.rate, view.acceleration, GRID) * friction
+    ahead, back = (_laws(view, model, motion, side * motion.modes) - resting for side in (1, -1))
+    share = (1 + one_way(view.rate, view.acceleration, GRID)) / 2
+    return resting + low_passed(share * ahead + (1 - share) * back, GRID, view.band)
 
 
 def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
@@ -447,15 +454,21 @@ def _gain(band: float, period: float, order: int) -> float:
     return (2 * np.pi * band) ** order * float(np.sqrt(2 * band * period / (2 * order + 1)))
 
 
+def _grip(model: Model) -> float:
+    """Acceleration at a reversal up to which friction can hold the hub [rad/s^2], with a margin."""
+    return _FIRM * model.declared["static_friction"] / model.chain.free_hub_inertia()
+
+
 def _may_stick(
-    rate: np.ndarray, acceleration: np.ndarray, noise: float, period: float, band: float
+    rate: np.ndarray, acceleration: np.ndarray, noise: float, period: float, band: float, grip: float
 ) -> np.ndarray:
     """Samples (m) about reversals and slow stretches at which the hub may have stuck for a moment.
 
-    A stick has neither rate nor acceleration; where the acceleration stands out of its noise there was none.
+    A stick has neither rate nor acceleration, but a short one is lost between the motion before it and behind it: there
+    was none where the acceleration stands out of its noise and is more than friction can hold.
     """
     slow = np.abs(rate) < 3 * noise * _gain(band, period, 1)
-    return slow & (np.abs(acceleration) < _SURE * noise * _gain(band, period, 2))
+    return slow & (np.abs(acceleration) < max(_SURE * noise * _gain(band, period, 2), grip))
 
 
 def _sensor_noise(prepared: Prepared, hub: dict[str, float]) -> dict[str, float]:

@@ -198,12 +198,8 @@ def simulate(model: Model, recording: Recording, start: Start, guide: Guide | No
 
 def integrate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Motion:
     """Moves the chain under the recording's command."""
-    drive = model.drive(recording)
-    plant = model.plant._replace(lag=float(drive.lag))
+    plant, times, torques = delivered(model, recording)
     phi, omega = initial_state(model, recording, start)
-    # A command before the first sample stands for what the drive delivered until then.
-    times = np.r_[drive.time[0] - 1e3, drive.time]
-    torques = np.r_[drive.before, drive.torque]
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
     step = min(model.step, model.chain.largest_step(), planar.largest_step(plant))
@@ -212,6 +208,14 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
         plant, times, torques, recording.time, phi, omega, mode, recording.clamped, step, *flags
     )
     return Motion.of(recording.time, *motion, len(model.chain.lengths))
+
+
+def delivered(model: Model, recording: Recording) -> tuple[planar.Plant, np.ndarray, np.ndarray]:
+    """The plant, its motor as slow as the drive makes it, and what the drive delivers: instants [s], torques [N m]."""
+    drive = model.drive(recording)
+    # A command before the first sample stands for what the drive delivered until then.
+    times = np.r_[drive.time[0] - 1e3, drive.time]
+    return model.plant._replace(lag=float(drive.lag)), times, np.r_[drive.before, drive.torque]
 
 
 def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.ndarray, np.ndarray]:

@@ -94,7 +94,7 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     time = prepared.recording.time
     period = prepared.recording.period
     driving = max(abs(event.torque) - model.declared["coulomb_friction"], 0.1 * abs(event.torque))
-    gain = driving / _free_hub_inertia(model)
+    gain = driving / model.chain.free_hub_inertia()
     unseen, spread = _unseen(gain * period**2 / prepared.noise["hub_angle"])
     late = (unseen - BEFORE_ONSET + 0.5) * period
     delivered = float(model.read_torque(prepared.recording)[np.searchsorted(time, event.time)])
@@ -119,12 +119,6 @@ def _unseen(gain: float) -> tuple[float, float]:
     n = n[: len(first)]
     mean = float(first @ n)
     return mean, math.sqrt(float(first @ (n - mean) ** 2))
-
-
-def _free_hub_inertia(model: Model) -> float:
-    """Torque at once per acceleration of the hub, the link's hinges free [kg m^2]: hardly more than J0."""
-    M = model.chain.mass_matrix()
-    return float(M[0, 0] - M[0, 1:] @ np.linalg.solve(M[1:, 1:], M[1:, 0]))
 
 
 def _stairs(model: Model, prepared: Prepared, index: int) -> list[tuple[BreakAway, float]]:

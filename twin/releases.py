@@ -1,0 +1,150 @@
+"""Static friction levels by runs that begin in a measured rest: the level at which they leave it as the rig did.
+
+Where a torque grows slowly, the instant of a break-away tells its level; a hub that has just come free gains speed so
+quickly that a few readings behind it tell that instant better than a sample period. Nothing else that sticks or slips
+enters: what the link does until then follows from the measured hub, and the run ends before that comes to rest again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import breakaway, driven, planar
+from twin.breakaway import BreakAway
+from twin.driven import DrivenData, View
+from twin.fit import Prepared
+from twin.model import Model, Motion, Start, delivered, reported
+from twin.planar import STUCK
+from twin.recording import Recording
+
+_REST = 0.2  # s before a break-away in which the hub has to rest
+_BEFORE, _BEHIND = 0.06, 0.06  # s about a break-away that are run, from beyond the reach of the filter
+_FEWEST = 8  # readings behind the break-away that tell its instant
+_LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
+_INSTANT = 5e-4  # s to which a model tells when it was, noise apart
+_STEPS = 41  # levels that are tried, twice
+_LIKELY = 2.0  # log likelihood below the best up to which a level is within two standard errors
+_FOLLOWED = 2.0  # noise levels up to which a run follows the rig
+_APART = 5.0  # standard errors by which two levels differ for sure
+
+
+@dataclass(frozen=True)
+class Level:
+    """A static level [N m] and its standard error."""
+
+    value: float
+    error: float
+
+
+def levels(data: DrivenData, model: Model, starts: Sequence[Start]) -> dict[int, Level]:
+    """Static level by direction, +1 and -1, where the recordings show it; the model's other numbers are taken as true.
+
+    A rest that ends below what friction bore elsewhere was none: the hub had only been slow.
+    """
+    read: dict[int, list[Level]] = {1: [], -1: []}
+    for event in breakaway.find(model, data.prepared, starts):
+        i = event.recording
+        run = _Run.of(model, data.prepared[i], data.views[i], starts[i], event)
+        level = _level(run, event) if run is not None else None
+        if level is not None:
+            read[event.direction].append(level)
+    return {direction: together(seen) for direction, seen in read.items() if seen}
+
+
+def together(seen: Sequence[Level]) -> Level:
+    """One level of several: the mean of those that do not lie clearly below another."""
+    highest = max(seen, key=lambda level: level.value - _APART * level.error)
+    kept = [
+        level for level in seen if highest.value - level.value < _APART * np.hypot(highest.error, level.error)
+    ]
+    weights = np.array([1 / level.error**2 for level in kept])
+    value = float(weights @ [level.value for level in kept] / weights.sum())
+    return Level(value, float(1 / np.sqrt(weights.sum())))
+
+
+def _level(run: _Run, event: BreakAway) -> Level | None:
+    """The level at which a run follows the rig; None where none does."""
+    centre = abs(event.torque) - run.raised
+    half = max(event.slope * _LATE, _OFF * centre)
+    for _ in range(2):
+        values = centre + np.linspace(-half, half, _STEPS)
+        costs = np.array([run.cost(value) for value in values])
+        likely = values[costs < costs.min() + _LIKELY]
+        centre, half = float(likely.mean()), float(np.ptp(likely)) / 2 + 2 * half / (_STEPS - 1)
+    if costs.min() > _FOLLOWED**2 * len(run.time) / 2:
+        return None
+    # Commands rise by stairs: between two of them all levels are alike.
+    error = max(float(np.ptp(likely)) / np.sqrt(12), 2 * half / (_STEPS - 1))
+    return Level(centre, float(np.hypot(error, event.slope * _INSTANT)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A rig that comes free, from a rest on; n instants.
+
+    Attributes:
+      model: with which it is run.
+      prepared: the recording.
+      time: the first at rest, behind it those of the recording (n) [s].
+      reading: of the hub (n) [rad]; none at the first.
+      state: angles and rates of the plant at the first.
+      direction: of the break-away.
+      raised: by which the level there exceeds the plant's own [N m].
+    """
+
+    model: Model
+    prepared: Prepared
+    time: np.ndarray
+    reading: np.ndarray
+    state: tuple[np.ndarray, np.ndarray]
+    direction: int
+    raised: float
+
+    @staticmethod
+    def of(model: Model, prepared: Prepared, view: View, start: Start, event: BreakAway) -> _Run | None:
+        """The run about a break-away; None where the hub did not rest before it, or hardly moved behind it."""
+        recording, hub = prepared.recording, prepared.hub
+        assert hub is not None
+        time = recording.time
+        rest = (time > event.time - _REST) & (time <= event.time)
+        if time[0] > event.time - _REST or not (hub.tight[rest] == STUCK).all():
+            return None
+        row = int(np.searchsorted(view.time, event.time - _BEFORE))
+        moved = (time > event.time) & (time < event.time + _BEHIND)
+        again = np.flatnonzero(moved & (hub.observed == STUCK))
+        rows = np.flatnonzero((time > view.time[row]) & (time < event.time + _BEHIND))
+        rows = rows[rows < again[0]] if len(again) else rows
+        if (time[rows] > event.time).sum() < _FEWEST:
+            return None
+        motion, _ = driven.move(view, prepared, model, start)
+        angles, rates = (planar.extended(model.plant, values[row]) for values in motion.state())
+        resting = model.hub_angle_of(hub.reading, time)[rows[0]]
+        level = planar.static_level(model.plant, resting, event.direction)
+        own = model.plant.static_positive if event.direction > 0 else model.plant.static_negative
+        return _Run(
+            model,
+            prepared,
+            np.r_[view.time[row], time[rows]],
+            np.r_[np.nan, recording["hub_angle"][rows]],
+            (angles + resting - angles[0], rates - rates[0]),
+            event.direction,
+            float(level - own),
+        )
+
+    def cost(self, level: float) -> float:
+        """Minus the log likelihood of the readings under a static level [N m]."""
+        plant, times, torques = delivered(self.model, self.prepared.recording)
+        plant = _with_level(plant, self.direction, level)
+        step = min(self.model.step, self.model.chain.largest_step(), planar.largest_step(plant))
+        moved = planar.simulate(plant, times, torques, self.time, *self.state, 0, False, step)
+        motion = Motion.of(self.time, *moved, len(self.model.chain.lengths))
+        told = reported(self.model, Recording("", self.time, {"hub_angle": self.reading}), motion)
+        missing = (self.reading - told["hub_angle"]) / self.prepared.noise["hub_angle"]
+        return 0.5 * float(np.nansum(missing**2))
+
+
+def _with_level(plant: planar.Plant, direction: int, level: float) -> planar.Plant:
+    return plant._replace(static_positive=level) if direction > 0 else plant._replace(static_negative=level)
