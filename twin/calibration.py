@@ -67,7 +67,7 @@ def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress =
     clock, prepared, notes = timing.on_best_clock(sound, noise, model, pool)
     bench = Workbench(driven.DrivenData(prepared, model), pool)
     progress("calibrating")
-    base = calibrated(bench, model)
+    bench, base = calibrated(bench, model)
     return Calibration(model, bench, base, clock, (*cuts, *notes))
 
 
@@ -95,12 +95,22 @@ def sound_stretches(
     return kept, notes
 
 
-def calibrated(bench: Workbench, model: Model) -> Fit:
-    """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way."""
+def calibrated(bench: Workbench, model: Model) -> tuple[Workbench, Fit]:
+    """Moves declared parameters within their uncertainty; the chain's own error is taken out on the way.
+
+    Returns:
+      The data as the calibrated model sees them, and the fit.
+    """
     starts = tuple(p.start for p in bench.prepared)
     unknowns = (*fit.calibration(model), fit.clock(bench.prepared), *fit.start_unknowns(bench.prepared))
     limit.move(bench, model, starts, limit.ROUGH)
     x = search.roughly(bench, model, starts, unknowns)
     first = fit.minimise(bench, model, starts, unknowns, x, iterations=20)
+    bench = seen_by(bench, first.model)
     limit.move(bench, first.model, first.starts, limit.QUICK)
-    return fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
+    return bench, fit.minimise(bench, model, starts, unknowns, first.values, iterations=3)
+
+
+def seen_by(bench: Workbench, model: Model) -> Workbench:
+    """The same data, their noise that of this model: it rings at its frequencies."""
+    return Workbench(driven.DrivenData(bench.prepared, model), bench.pool)

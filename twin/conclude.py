@@ -46,7 +46,7 @@ def conclude(
         depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
-        traces=traces.traces_of(found.bench, found.start.data, found.base, found.best),
+        traces=traces.traces_of(found.bench, found.data, found.base, found.best),
         notes=(
             *campaign.warnings,
             *found.start.notes,
@@ -111,7 +111,7 @@ def variables(found: Found) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
     shares = {}
     for channel in verdict.unexplained(found.bench, found.best):
-        residual = traces.unexplained(found.bench, found.start.data, found.best, channel)
+        residual = traces.unexplained(found.bench, found.data, found.best, channel)
         if len(residual.values) > 50:
             shares[channel] = traces.dependence(residual)
     return traces.strongest(shares)

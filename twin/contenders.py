@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
-from twin import fit, limit, search, verdict
+from twin import driven, fit, limit, search, verdict
+from twin.calibration import seen_by
 from twin.fit import Fit, Workbench
+from twin.model import Model
 from twin.search import Candidate, Progress, silent
 
 _CONTENDERS = 3  # candidates that are fitted to the end
 _CLOSE = 0.3  # share of the best score that they need
 _CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
 _ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
+_SAME = (
+    2e-3  # relative change of a clamped frequency that changes nothing: part of the width of its resonance
+)
 LONG = 12  # iterations of a fit that is to arrive
 
 
@@ -78,26 +84,43 @@ def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
 
 def confirmed(
     bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float
-) -> tuple[list[Candidate], Candidate | None]:
+) -> tuple[list[Candidate], Candidate | None, Workbench]:
     """The candidates, and the one to adopt, if any, with the chain's own error taken out where it stands.
 
     What a coarse chain makes of an effect may be what is gained: near a resonance it answers to the least motion
     wrongly. A gain that is gone with the chain's error was none.
+
+    Returns:
+      The candidates, the one to adopt, and the data without the chain's error there.
     """
-    ranked, defect = list(ranked), bench.defect
-    checked: dict[Candidate, np.ndarray] = {}
+    ranked = list(ranked)
+    checked: dict[Candidate, Workbench] = {}
     while (choice := verdict.worth_adopting(bench, base, ranked, by_chance)) is not None:
         if choice in checked:
-            bench.defect = checked[choice]
-            return ranked, choice
-        fine = on_fine_chain(bench, choice.fit)
-        found = replace(choice, fit=fine, score=search.gain(bench, base, fine))
-        checked[found] = bench.defect
+            return ranked, choice, checked[choice]
+        own = copy(bench)
+        fine = on_fine_chain(own, choice.fit)
+        found = replace(choice, fit=fine, score=search.gain(own, base, fine))
+        checked[found] = own
         ranked[0] = found
         if found.score < choice.score - _close(choice.score):
             ranked = simplest_first(ranked)
-    bench.defect = defect
-    return ranked, None
+    return ranked, None, bench
+
+
+def seen_anew(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
+    """The data as an adopted model sees them, and its fit to them: another link rings otherwise with noise."""
+    if not _rings_otherwise(found.model, base.model):
+        return bench, found
+    bench = seen_by(bench, found.model)
+    return bench, on_fine_chain(bench, found)
+
+
+def _rings_otherwise(model: Model, before: Model) -> bool:
+    now, then = (m.chain.modes("clamped")[0][:2] for m in (model, before))
+    return bool(np.any(np.abs(now / then - 1) > _SAME)) or driven.on_link(model.plant) != driven.on_link(
+        before.plant
+    )
 
 
 def on_fine_chain(bench: Workbench, found: Fit) -> Fit:

@@ -66,7 +66,7 @@ def diagnose(
         if followed:
             progress("fitting the whole recordings")
         polished = polish.polish(
-            found.start.data, found.base, found.best, found.start.declared, pool, whole=followed
+            found.data, found.base, found.best, found.start.declared, pool, whole=followed
         )
         progress("simulating every recording")
         predicted = predictions.predict(campaign, found, polished, pool)
@@ -96,6 +96,7 @@ def find(
     """Searches the fit recordings for effects that the model lacks."""
     start = calibration.calibrate(campaign, pool, progress)
     bench = start.bench
+    benches = [bench]
     rounds: list[tuple[Candidate, ...]] = []
     adopted: list[Candidate] = []
     thresholds: list[float] = []
@@ -109,16 +110,19 @@ def find(
         ranked = explored.ranked
         if verdict.worth_adopting(bench, current, ranked, by_chance):
             ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
-        ranked, choice = contenders.confirmed(bench, current, ranked, by_chance)
+        ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, by_chance)
         rounds.append(tuple(ranked))
         thresholds.append(max(by_chance, verdict.LEAST_SCORE))
         if choice is None:
             break
         progress(f"adopting {choice.effects[-1]}")
-        current = choice.fit
-        adopted.append(choice)
+        bench, current = contenders.seen_anew(confirmed, current, choice.fit)
+        adopted.append(replace(choice, fit=current))
+        benches.append(bench)
     progress("telling how sure it is")
-    found, sound = on_sound_channels(Found(start, tuple(adopted), tuple(rounds), tuple(thresholds)))
+    found, sound = on_sound_channels(
+        Found(start, tuple(adopted), tuple(rounds), tuple(thresholds), tuple(benches))
+    )
     return with_errors(found, sound)
 
 
@@ -156,8 +160,7 @@ def with_errors(found: Found, sound: Workbench) -> Found:
     """The same with honest errors of what was fitted last, on these data, and of the calibration."""
     best = jackknife.sure(sound, ridge.with_slopes(sound, found.best))
     if found.adopted:
-        # The chain's error has since been taken out where the effects bend it to: slopes are as they were.
-        calibrated = jackknife.sure(found.bench, found.base)
+        calibrated = jackknife.sure(found.start.bench, found.base)
         found = replace(found, start=replace(found.start, base=calibrated))
     return with_best(found, best)
 

@@ -342,6 +342,12 @@ _ON_HUB = (
 )
 
 
+def on_link(plant: planar.Plant) -> dict[str, float]:
+    """What acts on the link beyond its own inertia, stiffness and damping: fields of the plant."""
+    own = ("flexibility", "hub_inertia", *_ON_HUB)
+    return {n: v for n, v in plant._asdict().items() if n not in own and not isinstance(v, np.ndarray)}
+
+
 def link_of(plant: planar.Plant) -> tuple:
     """What the link's motion under a given hub depends on: the plant without the torques on the hub, to be compared."""
     values = [value for name, value in plant._asdict().items() if name not in _ON_HUB]

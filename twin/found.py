@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from twin.calibration import Calibration
+from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
 from twin.search import Candidate
 
@@ -18,17 +19,25 @@ class Found:
       adopted: candidates that were adopted, each on top of those before it.
       rounds: all candidates of each round, best first; the last one adopted nothing, unless the most were reached.
       thresholds: score that each round asked for.
+      benches: the data as the calibrated model sees them, and then each that was adopted.
     """
 
     start: Calibration
     adopted: tuple[Candidate, ...]
     rounds: tuple[tuple[Candidate, ...], ...]
     thresholds: tuple[float, ...]
+    benches: tuple[Workbench, ...]
 
     @property
     def bench(self) -> Workbench:
-        """The data."""
-        return self.start.bench
+        """The data as the model sees them that stands at the end of the search."""
+        return self.benches[len(self.adopted)]
+
+    @property
+    def data(self) -> DrivenData:
+        """The recordings of these, the link driven by the measured hub angle."""
+        assert isinstance(self.bench.data, DrivenData)
+        return self.bench.data
 
     @property
     def base(self) -> Fit:

@@ -169,13 +169,15 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
 def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Candidate:
     """Follows an effect out of its neutral value, then fits it with the declared parameters' slopes kept."""
     model = with_effect(base.model, name, REGISTRY[name].neutral(base.model.declared))
-    values = at_peak(bench, base, name, tops) if tops else outwards(bench, base, model, name)
-    model = with_effect(base.model, name, values)
-    unknowns = unknowns_of(bench, model, base)
+    points = at_peaks(bench, base, name, tops) if tops else [outwards(bench, base, model, name)]
     kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
-    result = fit.minimise(
-        bench, model, base.starts, unknowns, first_values(unknowns, model, base), kept, _QUICK
-    )
+    fits = []
+    for values in points:
+        model = with_effect(base.model, name, values)
+        unknowns = unknowns_of(bench, model, base)
+        first = first_values(unknowns, model, base)
+        fits.append(fit.minimise(bench, model, base.starts, unknowns, first, kept, _QUICK))
+    result = min(fits, key=lambda f: f.cost)
     return Candidate((*base.model.effects, name), result, gain(bench, base, result))
 
 
@@ -248,13 +250,17 @@ def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> dict[str, 
     return best
 
 
-def at_peak(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> dict[str, float]:
-    """The best of a wave's peaks."""
+def at_peaks(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> list[dict[str, float]]:
+    """Where to start from among a wave's peaks: the highest, and that which fits best as it stands, if it is another.
+
+    Declared parameters have bent to what is missing, and as they stand the highest may fit worse than none.
+    """
     effect = REGISTRY[name]
     found = [effect.at_order(top.order, top.coefficients) for top in tops]
     points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in found]
     jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
-    return points[int(np.argmin([bench.cost(r) for r in bench.residuals(jobs)]))]
+    best = int(np.argmin([bench.cost(r) for r in bench.residuals(jobs)]))
+    return [points[k] for k in sorted({0, best})]
 
 
 def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:

@@ -128,7 +128,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     """Fits all declared parameters within their uncertainty, and checks the errors."""
     start = calibration.calibrate(campaign, pool, progress)
     progress("fitting in the limit of a fine chain")
-    bench = Workbench(DrivenData(start.prepared, start.declared, BANDS), pool)
+    bench = Workbench(DrivenData(start.prepared, start.base.model, BANDS), pool)
     base, left = _in_the_limit(bench, start.base)
     progress("leaving recordings out")
     said = scatter.evidence(bench, base)
