@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from test_effects import PLANTED
 
+from twin import waves
 from twin.calibration import calibrate
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
-from twin.contenders import confirmed, freely_decided
+from twin.contenders import confirmed, freely_decided, seen_anew
 from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
 from twin.patches import of_worst
 from twin.rigs import preset
-from twin.search import Candidate, gain, tried
+from twin.search import Candidate, at_peaks, gain, tried
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.experiments import planned_campaign
@@ -157,6 +158,35 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     assert choice.effects == right.effects
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]
     start.bench.defect = defect
+
+
+def test_noise_is_that_of_the_link_that_stands(viscous):
+    start, right = viscous
+    same, found = seen_anew(start.bench, start.base, right.fit)
+    assert same is start.bench
+    assert found is right.fit
+    softer = start.base.model.declared["bending_stiffness"] * 0.8
+    changed = start.base.model.replace(effects={"stiffness-loss": {"bending_stiffness": softer}})
+    bench, found = seen_anew(start.bench, start.base, replace(start.base, model=changed))
+    assert bench is not start.bench
+    assert bench.groups == start.bench.groups
+    # It rings lower: the noise of its strains is filtered at other frequencies.
+    before, after = (b.data.views[0].whitening["strain_base"] for b in (start.bench, bench))
+    assert np.abs(after / before - 1).max() > 0.1
+
+
+def test_a_wave_starts_from_its_highest_peak_and_from_the_one_that_fits_as_it_stands(viscous):
+    start, _ = viscous
+    effect = REGISTRY["position-dependent-friction"]
+    tops = waves.peaks(start.bench, start.base, effect)
+    # As if the highest stood for far more friction than there is.
+    far = replace(tops[0], coefficients=tuple(0.05 + 0 * c for c in tops[0].coefficients))
+    points = at_peaks(start.bench, start.base, effect.name, (far, *tops[1:]))
+    assert len(points) == 2
+    assert points[0]["amplitude"] > 10 * points[1]["amplitude"]
+    assert points[0]["order"] == pytest.approx(tops[0].order)
+    [alone] = at_peaks(start.bench, start.base, effect.name, tops[:1])
+    assert alone["order"] == pytest.approx(tops[0].order)
 
 
 @pytest.mark.parametrize("name", ["sensor-delay", "actuator-delay"])

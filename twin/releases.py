@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import breakaway, driven, planar
-from twin.breakaway import BreakAway
-from twin.driven import DrivenData, View
+from twin import driven, planar
+from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.model import Model, Motion, Start, delivered, reported
+from twin.observe import BEFORE_ONSET
 from twin.planar import STUCK
 from twin.recording import Recording
 
@@ -25,6 +25,8 @@ _BEFORE, _BEHIND = 0.06, 0.06  # s about a break-away that are run, from beyond 
 _FEWEST = 8  # readings behind the break-away that tell its instant
 _LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
 _INSTANT = 5e-4  # s to which a model tells when it was, noise apart
+_KNOWN = 0.01  # relative error that the instant may leave
+_FIRM = 1e9  # N m
 _STEPS = 41  # levels that are tried, twice
 _LIKELY = 2.0  # log likelihood below the best up to which a level is within two standard errors
 _FOLLOWED = 2.0  # noise levels up to which a run follows the rig
@@ -45,12 +47,15 @@ def levels(data: DrivenData, model: Model, starts: Sequence[Start]) -> dict[int,
     A rest that ends below what friction bore elsewhere was none: the hub had only been slow.
     """
     read: dict[int, list[Level]] = {1: [], -1: []}
-    for event in breakaway.find(model, data.prepared, starts):
-        i = event.recording
-        run = _Run.of(model, data.prepared[i], data.views[i], starts[i], event)
-        level = _level(run, event) if run is not None else None
-        if level is not None:
-            read[event.direction].append(level)
+    for prepared, view, start in zip(data.prepared, data.views, starts, strict=True):
+        if prepared.hub is None:
+            continue
+        motion, _ = driven.move(view, prepared, model, start)
+        for onset, direction in prepared.hub.onsets:
+            run = _Run.of(model, prepared, motion, onset - BEFORE_ONSET, direction)
+            level = _level(run) if run is not None else None
+            if level is not None:
+                read[direction].append(level)
     return {direction: together(seen) for direction, seen in read.items() if seen}
 
 
@@ -65,10 +70,13 @@ def together(seen: Sequence[Level]) -> Level:
     return Level(value, float(1 / np.sqrt(weights.sum())))
 
 
-def _level(run: _Run, event: BreakAway) -> Level | None:
-    """The level at which a run follows the rig; None where none does."""
-    centre = abs(event.torque) - run.raised
-    half = max(event.slope * _LATE, _OFF * centre)
+def _level(run: _Run) -> Level | None:
+    """The level at which a run follows the rig; None where none does, or the torque that friction bore jumped."""
+    torque, slope = run.borne()
+    if slope * _INSTANT > _KNOWN * torque:
+        return None
+    centre = torque - run.raised
+    half = max(slope * _LATE, _OFF * centre)
     for _ in range(2):
         values = centre + np.linspace(-half, half, _STEPS)
         costs = np.array([run.cost(value) for value in values])
@@ -78,7 +86,7 @@ def _level(run: _Run, event: BreakAway) -> Level | None:
         return None
     # Commands rise by stairs: between two of them all levels are alike.
     error = max(float(np.ptp(likely)) / np.sqrt(12), 2 * half / (_STEPS - 1))
-    return Level(centre, float(np.hypot(error, event.slope * _INSTANT)))
+    return Level(centre, float(np.hypot(error, slope * _INSTANT)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +99,8 @@ class _Run:
       time: the first at rest, behind it those of the recording (n) [s].
       reading: of the hub (n) [rad]; none at the first.
       state: angles and rates of the plant at the first.
-      direction: of the break-away.
+      end: index of the last at rest.
+      direction: in which it comes free.
       raised: by which the level there exceeds the plant's own [N m].
     """
 
@@ -100,51 +109,65 @@ class _Run:
     time: np.ndarray
     reading: np.ndarray
     state: tuple[np.ndarray, np.ndarray]
+    end: int
     direction: int
     raised: float
 
     @staticmethod
-    def of(model: Model, prepared: Prepared, view: View, start: Start, event: BreakAway) -> _Run | None:
-        """The run about a break-away; None where the hub did not rest before it, or hardly moved behind it."""
+    def of(model: Model, prepared: Prepared, motion: Motion, last: int, direction: int) -> _Run | None:
+        """The run about the end of a rest at a sample; None where that was no rest, or hardly a motion followed."""
         recording, hub = prepared.recording, prepared.hub
         assert hub is not None
         time = recording.time
-        rest = (time > event.time - _REST) & (time <= event.time)
-        if time[0] > event.time - _REST or not (hub.tight[rest] == STUCK).all():
+        end = time[max(last, 0)]
+        rest = (time > end - _REST) & (time <= end)
+        if time[0] > end - _REST or not (hub.tight[rest] == STUCK).all():
             return None
-        row = int(np.searchsorted(view.time, event.time - _BEFORE))
-        moved = (time > event.time) & (time < event.time + _BEHIND)
-        again = np.flatnonzero(moved & (hub.observed == STUCK))
-        rows = np.flatnonzero((time > view.time[row]) & (time < event.time + _BEHIND))
+        row = int(np.searchsorted(motion.time, end - _BEFORE))
+        again = np.flatnonzero((time > end) & (time < end + _BEHIND) & (hub.observed == STUCK))
+        rows = np.flatnonzero((time > motion.time[row]) & (time < end + _BEHIND))
         rows = rows[rows < again[0]] if len(again) else rows
-        if (time[rows] > event.time).sum() < _FEWEST:
+        if (rows > last).sum() < _FEWEST:
             return None
-        motion, _ = driven.move(view, prepared, model, start)
         angles, rates = (planar.extended(model.plant, values[row]) for values in motion.state())
         resting = model.hub_angle_of(hub.reading, time)[rows[0]]
-        level = planar.static_level(model.plant, resting, event.direction)
-        own = model.plant.static_positive if event.direction > 0 else model.plant.static_negative
+        own = model.plant.static_positive if direction > 0 else model.plant.static_negative
         return _Run(
             model,
             prepared,
-            np.r_[view.time[row], time[rows]],
+            np.r_[motion.time[row], time[rows]],
             np.r_[np.nan, recording["hub_angle"][rows]],
             (angles + resting - angles[0], rates - rates[0]),
-            event.direction,
-            float(level - own),
+            int((rows <= last).sum()),
+            direction,
+            float(planar.static_level(model.plant, resting, direction) - own),
         )
+
+    def borne(self) -> tuple[float, float]:
+        """Torque that friction bore at the end of the rest [N m], and how fast it grew [N m/s]."""
+        rest = slice(0, self.end + 1)
+        firm = self.model.plant._replace(static_positive=_FIRM, static_negative=_FIRM)
+        angles, rates, _ = self._moved(firm, rest)
+        drive = self.model.drive(self.prepared.recording).at(self.time[rest])
+        torque = self.direction * planar.holding_torque(firm, self.time[rest], angles, rates, drive)
+        half = len(torque) // 2
+        span = self.time[self.end] - self.time[self.end - half]
+        return float(torque[-1]), abs(float(torque[-1] - torque[-1 - half])) / float(span)
 
     def cost(self, level: float) -> float:
         """Minus the log likelihood of the readings under a static level [N m]."""
-        plant, times, torques = delivered(self.model, self.prepared.recording)
-        plant = _with_level(plant, self.direction, level)
-        step = min(self.model.step, self.model.chain.largest_step(), planar.largest_step(plant))
-        moved = planar.simulate(plant, times, torques, self.time, *self.state, 0, False, step)
-        motion = Motion.of(self.time, *moved, len(self.model.chain.lengths))
-        told = reported(self.model, Recording("", self.time, {"hub_angle": self.reading}), motion)
+        changed = {"static_positive" if self.direction > 0 else "static_negative": level}
+        model = self.model.with_plant(**changed)
+        motion = Motion.of(self.time, *self._moved(model.plant), len(model.chain.lengths))
+        told = reported(model, Recording("", self.time, {"hub_angle": self.reading}), motion)
         missing = (self.reading - told["hub_angle"]) / self.prepared.noise["hub_angle"]
         return 0.5 * float(np.nansum(missing**2))
 
-
-def _with_level(plant: planar.Plant, direction: int, level: float) -> planar.Plant:
-    return plant._replace(static_positive=level) if direction > 0 else plant._replace(static_negative=level)
+    def _moved(
+        self, plant: planar.Plant, rows: slice = slice(None)
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angles, rates and modes of a plant at some of the instants."""
+        lagging, times, torques = delivered(self.model, self.prepared.recording)
+        plant = plant._replace(lag=lagging.lag)
+        step = min(self.model.step, self.model.chain.largest_step(), planar.largest_step(plant))
+        return planar.simulate(plant, times, torques, self.time[rows], *self.state, 0, False, step)

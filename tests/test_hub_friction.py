@@ -1,0 +1,98 @@
+"""Friction of the hub as recordings show it: static levels where rests end, both levels where it turns round."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from twin import chain, driven, fit, planar, polish, releases
+from twin.calibration import noises
+from twin.campaign import read_campaign
+from twin.driven import GRID, DrivenData, View
+from twin.fit import Unknown, Workbench
+from twin.model import Model, Motion
+from twin.releases import Level
+from twin.rigs import preset
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
+
+LEVELS = {
+    "static_positive": 0.0612,
+    "static_negative": 0.0731,
+    "coulomb_positive": 0.004,
+    "coulomb_negative": 0.0105,
+}
+
+
+def model(rig, sensors):
+    shape = chain.fit_shape(rig, 5)
+    return Model(rig, sensors, shape, step=2e-3).replace(effects={"asymmetric-friction": LEVELS})
+
+
+@pytest.fixture(scope="module")
+def ramps(tmp_path_factory):
+    """A slow torque up and another down, on a rig whose friction differs by direction: the data, a model, starts."""
+    folder = tmp_path_factory.mktemp("ramps") / "rig"
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(7))
+    slow = [e for e in plan if e.name == "break-away"]
+    make_campaign(folder, {"asymmetric-friction": LEVELS}, 7, experiments=slow)
+    campaign = read_campaign(folder)
+    twin = model(campaign.rig, campaign.sensors)
+    prepared = [fit.prepare(r, noises(campaign))[0] for r in campaign.fit]
+    return DrivenData(prepared, twin), twin, [p.start for p in prepared]
+
+
+def test_static_levels_are_read_to_some_parts_in_ten_thousand(ramps):
+    data, twin, starts = ramps
+    off = twin.replace(effects={"asymmetric-friction": {n: 1.02 * v for n, v in LEVELS.items()}})
+    found = releases.levels(data, off, starts)
+    assert set(found) == {1, -1}
+    for direction, name in ((1, "static_positive"), (-1, "static_negative")):
+        assert found[direction].value == pytest.approx(LEVELS[name], rel=1.5e-3)
+        assert found[direction].error < 2e-3 * LEVELS[name]
+
+
+def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkeypatch):
+    data, twin, starts = ramps
+    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in LEVELS.items()]
+    with ThreadPoolExecutor(1) as pool:
+        bench = Workbench(data, pool)
+        [residual] = bench.residuals([(twin, starts, None)])
+        x = np.array(list(LEVELS.values()))
+        slopes = np.zeros((len(residual), len(x)))
+        size = np.ones(len(bench.groups))
+        best = fit.Fit(twin, tuple(starts), tuple(unknowns), x, np.eye(4), residual, size, 0.0, slopes)
+        monkeypatch.setattr(fit, "costs", None)
+        polished = polish.polish(data, best, best, twin, pool, whole=True)
+    told = dict(zip(LEVELS, polished.augmented.errors, strict=True))
+    assert told["static_positive"] < 1e-4
+    assert told["static_negative"] < 2e-4
+    assert told["coulomb_positive"] == told["coulomb_negative"] == 1.0
+
+
+def test_a_rest_that_ends_far_below_the_others_was_none():
+    read = [Level(0.065, 1e-5), Level(0.06502, 2e-5), Level(0.013, 1e-5)]
+    assert releases.together(read).value == pytest.approx(0.065, abs=1e-5)
+    assert releases.together(read[2:]).value == 0.013
+
+
+def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
+    rig = preset("bossi2009")
+    twin = model(rig, {})
+    time = GRID * np.arange(1500)
+    omega = 2 * np.pi * 7.3
+    angle, rate = 0.05 * np.sin(omega * time), 0.05 * omega * np.cos(omega * time)
+    nothing = np.zeros(len(time))
+    view = View(
+        time, angle, rate, -(omega**2) * angle, np.sign(rate), np.ones(len(time), dtype=bool), {}, {}, {}, ()
+    )
+    links = len(twin.chain.lengths)
+    angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
+    motion = Motion.of(time, angles, rates, np.sign(rate), links)
+    inner = slice(200, -200)
+    mean = driven.hub_laws(view, twin, motion)[inner].mean()
+    instants = np.linspace(time[200] - GRID / 2, time[-201] + GRID / 2, 200_000)
+    ahead = np.cos(omega * instants) > 0
+    exact = np.where(ahead, -LEVELS["coulomb_positive"], LEVELS["coulomb_negative"]).mean()
+    assert mean == pytest.approx(exact, abs=1.5e-5)
+    assert planar.hub_laws(twin.plant, time, angle, rate, nothing).max() == 0
