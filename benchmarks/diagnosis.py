@@ -5,7 +5,7 @@
 
 WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
 campaign is begun later than that, and the table is of those that are there. The verdict and the
-ranking come from the search; `--whole` also runs the last fit and simulates the held-out recordings.
+ranking come from the search, values from the last fit; `--whole` also simulates the held-out recordings.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from twin.diagnose import diagnose, find
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
 from twin.found import Found
+from twin.polish import polish
 from twin.verdict import alternatives, misfit, probabilities
 from twin.virtual_rig import make_campaign
 
@@ -67,6 +68,10 @@ def _whole(result: Diagnosis) -> dict:
 def _searched(campaign: Campaign) -> dict:
     with ThreadPoolExecutor(1) as pool:
         found = find(campaign, pool)
+        last = polish(
+            found.data, found.base, found.best, found.start.declared, pool, said(found) == "explained"
+        )
+    fit = last.augmented
     return {
         "verdict": said(found),
         "adopted": [c.effects[-1] for c in found.adopted],
@@ -75,8 +80,8 @@ def _searched(campaign: Campaign) -> dict:
             c.effects[-1]: probabilities(ranked)[c.effects[-1]]
             for c, ranked in zip(found.adopted, found.rounds, strict=False)
         },
-        "values": {name: dict(p) for name, p in found.best.model.effects.items()},
-        "errors": {name: errors_of(found.best, name) for name in found.best.model.effects},
+        "values": {name: dict(p) for name, p in fit.model.effects.items()},
+        "errors": {name: errors_of(fit, name) for name in fit.model.effects},
         "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
         "depends": list(variables(found)),
         "rounds": _rounds(found),

@@ -189,6 +189,14 @@ def test_a_wave_starts_from_its_highest_peak_and_from_the_one_that_fits_as_it_st
     assert alone["order"] == pytest.approx(tops[0].order)
 
 
+def test_a_gain_within_what_gauges_are_sold_with_gains_nothing(viscous):
+    start, _ = viscous
+    for off, gains in ((0.002, False), (0.008, True)):
+        model = start.base.model.replace(effects={"strain-gain": {"gain_base": 1.0, "gain_mid": 1 - off}})
+        better = replace(start.base, model=model, cost=start.base.cost - 50.0)
+        assert (gain(start.bench, start.base, better) > 40) == gains
+
+
 @pytest.mark.parametrize("name", ["sensor-delay", "actuator-delay"])
 def test_a_delay_within_what_a_card_leaves_open_gains_nothing(viscous, name):
     start, _ = viscous

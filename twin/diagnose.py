@@ -107,12 +107,13 @@ def find(
         )
         progress("scoring what chance gives")
         by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
+        least = max(by_chance, verdict.OWN_ERROR * sum(c.score for c in adopted))
         ranked = explored.ranked
-        if verdict.worth_adopting(bench, current, ranked, by_chance):
+        if verdict.worth_adopting(bench, current, ranked, least):
             ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
-        ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, by_chance)
+        ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, least)
         rounds.append(tuple(ranked))
-        thresholds.append(max(by_chance, verdict.LEAST_SCORE))
+        thresholds.append(max(least, verdict.LEAST_SCORE))
         if choice is None:
             break
         progress(f"adopting {choice.effects[-1]}")

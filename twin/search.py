@@ -190,7 +190,7 @@ def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
 def gain(bench: Workbench, base: Fit, result: Fit) -> float:
     """Cost gained, less the price of the parameters added; at neutral nothing is lost but that.
 
-    A delay that is less than what a card leaves open is no discovery, and gains nothing.
+    What is less than good sensors and cards leave open, a delay or a gain, is no discovery, and gains nothing.
     """
     added = len(result.unknowns) - len(base.unknowns)
     period = fit.shortest_period(bench.prepared)

@@ -17,6 +17,8 @@ LEAST_SHARE = (
 LEAST_SCORE = 30.0
 """Gain in log likelihood, after the price of its parameters, that chance may not need but the chain's own error does:
 on recordings of a rig without a missing effect it gives up to 23."""
+OWN_ERROR = 2e-3
+"""Share of what effects have gained so far that the model's own error, which grows with it, may gain once more."""
 LEAST_ELSEWHERE = 10.0
 """Gain in log likelihood without the recording that gains most: odds of 20 000 that it is not that one alone."""
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation

@@ -143,7 +143,7 @@ class Effect:
         return {p.name: rig[p.name] if p.neutral is None else p.neutral for p in self.parameters}
 
     def resolved(self, values: Mapping[str, float], period: float) -> bool:
-        """Whether an effect of this size is more than what a card leaves open that samples once in a period [s]."""
+        """Whether an effect of this size is more than what good sensors, and a card of this period [s], leave open."""
         return True
 
     def starts(self, rig: Mapping[str, float]) -> tuple[dict[str, float], ...]:

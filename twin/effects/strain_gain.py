@@ -2,6 +2,8 @@
 
 from twin.effects.base import Effect, EffectParameter
 
+_SOLD = 5e-3
+"""Relative tolerance of gauge factors, as data sheets of good foil gauges have it: less is no fault of a bridge."""
 _GAINS = {"strain_base": "gain_base", "strain_mid": "gain_mid"}
 
 
@@ -10,6 +12,9 @@ class StrainGain(Effect):
 
     name = "strain-gain"
     parameters = tuple(EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch) for ch, gain in _GAINS.items())
+
+    def resolved(self, values, period):
+        return max(abs(values[gain] - 1) for gain in _GAINS.values()) >= _SOLD
 
     def sensing(self, time, channels, p):
         read = {ch: channels[ch] * p[gain] for ch, gain in _GAINS.items() if ch in channels}
