@@ -70,6 +70,13 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
     assert told["coulomb_positive"] == told["coulomb_negative"] == 1.0
 
 
+def test_a_rest_that_seems_to_end_below_the_coulomb_level_tells_nothing(ramps):
+    data, twin, starts = ramps
+    # As if friction in motion were as large as what the rest withstood.
+    heavy = {**LEVELS, "coulomb_positive": 0.09, "coulomb_negative": 0.09}
+    assert releases.levels(data, twin.replace(effects={"asymmetric-friction": heavy}), starts) == {}
+
+
 def test_a_rest_that_ends_far_below_the_others_was_none():
     read = [Level(0.065, 1e-5), Level(0.06502, 2e-5), Level(0.013, 1e-5)]
     assert releases.together(read).value == pytest.approx(0.065, abs=1e-5)

@@ -79,6 +79,11 @@ def _level(run: _Run) -> Level | None:
     half = max(slope * _LATE, _OFF * centre)
     for _ in range(2):
         values = centre + np.linspace(-half, half, _STEPS)
+        values = values[
+            values > run.coulomb
+        ]  # below it a hub that has come free would rest and go on without end
+        if not len(values):
+            return None
         costs = np.array([run.cost(value) for value in values])
         likely = values[costs < costs.min() + _LIKELY]
         centre, half = float(likely.mean()), float(np.ptp(likely)) / 2 + 2 * half / (_STEPS - 1)
@@ -142,6 +147,12 @@ class _Run:
             direction,
             float(planar.static_level(model.plant, resting, direction) - own),
         )
+
+    @property
+    def coulomb(self) -> float:
+        """The plant's own Coulomb level in the direction of the break-away [N m]."""
+        plant = self.model.plant
+        return plant.coulomb_positive if self.direction > 0 else plant.coulomb_negative
 
     def borne(self) -> tuple[float, float]:
         """Torque that friction bore at the end of the rest [N m], and how fast it grew [N m/s]."""
