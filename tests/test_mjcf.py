@@ -29,8 +29,8 @@ def _same(found: str, expected: str) -> bool:
     number = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?$")
     if not (number.match(found) and number.match(expected)):
         return found == expected
-    # The fit ends where its steps are small: another machine may stop a little elsewhere in a flat valley.
-    return float(found) == pytest.approx(float(expected), rel=1e-2, abs=1e-4)
+    # The sums of another processor are rounded otherwise, and the fit of the chain ends a little elsewhere.
+    return float(found) == pytest.approx(float(expected), rel=1e-3, abs=1e-7)
 
 
 @pytest.mark.parametrize("name", ["bossi2009.xml", "scene.xml"])
