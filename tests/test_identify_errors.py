@@ -13,10 +13,10 @@ from twin import (
     beam,
     breakaway,
     chain,
+    disagreement,
     driven,
     evidence,
     fit,
-    jackknife,
     limit,
     observe,
     planar,
@@ -267,7 +267,7 @@ def test_a_recording_that_contradicts_the_others_is_seen():
         bench = Bench(
             [noises[0] + off * known[0][:2500], *noises[1:]], lambda a, b: a * known[0] + b * known[1]
         )
-        _, distances = scatter.evidence(bench, ridge.refined(bench, bench.start(0.0, 0.0))).moves()
+        distances = scatter.evidence(bench, ridge.refined(bench, bench.start(0.0, 0.0))).distances()
         assert (np.abs(distances).max() > 4) == seen
 
 
@@ -279,8 +279,8 @@ def test_the_first_state_of_a_recording_is_nothing_to_the_others():
     trace = fitted.jacobian + 1e-9 * np.cos(3 * T)[:, None]
     first = Unknown("start", "b", 0.0, 1e3, False, (-3e3, 3e3), 0)
     owned = replace(fitted, jacobian=trace, unknowns=(fitted.unknowns[0], first))
-    moves, distances = scatter.evidence(bench, owned).moves()
-    assert moves[0, 1] == 0
+    distances = scatter.evidence(bench, owned).distances()
+    assert distances[0, 1] == 0
     assert np.abs(distances).max() < 4
 
 
@@ -300,7 +300,7 @@ def test_errors_are_those_of_recordings_that_differ(off):
     known = np.sin(2 * np.pi * (0.5 * t**2))
     apart = off * np.repeat([1, -1, 1, -1], 2500) * known
     bench = Bench(list(noise + apart.reshape(4, -1)), lambda a, b: a * known + b * np.cos(3 * t))
-    found = jackknife.sure(bench, ridge.refined(bench, bench.start(0.0, 0.0)))
+    found = disagreement.sure(bench, ridge.refined(bench, bench.start(0.0, 0.0)))
     by_noise = np.sqrt(2 / 10000)
     assert found.errors[0] == pytest.approx(max(by_noise, off / np.sqrt(3)), rel=0.6 if off == 0 else 0.1)
     assert found.errors[1] == pytest.approx(by_noise, rel=0.6)
@@ -308,37 +308,23 @@ def test_errors_are_those_of_recordings_that_differ(off):
 
 def test_recordings_that_contradict_each_other_leave_what_was_declared():
     covariance = np.diag([1e-4, 1e-4])
-    without = np.array([[0.9, 0.01], [-0.9, -0.01]])
-    widened = jackknife.widened(covariance, without, np.array([0.3, 0.3]))
+    distances = np.array([[90.0, 0.5], [-90.0, -0.5]])
+    widened = disagreement.widened(covariance, distances, np.array([0.3, 0.3]))
     assert np.sqrt(np.diag(widened)) == pytest.approx([0.3, 0.01])
 
 
-def test_a_straight_step_out_of_the_range_is_not_taken():
-    fitted = Bench([np.ones(1000)], wave).start(0.0, 0.0)
-    moves, influences = np.array([[1e5, 2.0], [1.0, -2.0]]), np.array([[5.0, 0.1], [0.5, -1.0]])
-    without = jackknife.left_out(fitted, moves, influences)
-    assert without == pytest.approx(np.array([[5.0, 0.1], [1.0, -2.0]]))
+def test_a_recording_that_says_nothing_does_not_speak_for_the_others():
+    widened = disagreement.widened(np.eye(1), np.array([[3.0], [4.0], [0.0]]), np.array([np.inf]))
+    assert widened[0, 0] == pytest.approx((3**2 + 4**2) / 2)
 
 
 def test_a_parameter_at_the_end_of_its_range_is_named():
     fitted = replace(Bench([np.ones(1000)], wave).start(0.0, 0.0), values=np.array([2999.0, -3000.0]))
     found = joint.Joint(
-        fitted, None, None, ("a", "b"), fitted.values, np.eye(2), {}, (), np.ones((2, 2)), {}, ()
+        fitted, None, None, ("a", "b"), fitted.values, np.eye(2), (), (), np.ones((2, 2)), {}, ()
     )
     assert found.at_an_end() == ["b"]
     assert any(s.startswith("b stands at the end of its range") for s in sentences.joint(found, ()).sentences)
-
-
-def test_influence_is_the_move_by_weight():
-    rng = np.random.default_rng(5)
-    noises = [rng.standard_normal(500) for _ in range(2)]
-    bench = Bench(noises, wave)
-    said = scatter.evidence(bench, ridge.refined(bench, bench.start(0.0, 0.0)))
-    # At the estimate the pulls of all recordings are in balance, but for that of a wide prior.
-    assert said.influences().sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-4)
-    information = said.information.sum(axis=0) + np.diag(said.prior)
-    less = np.linalg.solve(information - 1e-6 * said.information[0], 1e-6 * said.pulls[0])
-    assert said.influences()[0] == pytest.approx(1e6 * less, rel=1e-3)
 
 
 def test_slopes_along_the_ridge():

@@ -14,8 +14,8 @@ from twin import (
     calibration,
     chance,
     contenders,
+    disagreement,
     fit,
-    jackknife,
     patches,
     planning,
     polish,
@@ -64,7 +64,7 @@ def diagnose(
         found = find(campaign, pool, progress, false_alarm_rate)
         followed = not verdict.unexplained(found.bench, found.best)
         if followed:
-            progress("fitting the whole recordings")
+            progress("reading the static friction")
         polished = polish.polish(
             found.data, found.base, found.best, found.start.declared, pool, whole=followed
         )
@@ -159,9 +159,9 @@ def with_best(found: Found, best: Fit) -> Found:
 
 def with_errors(found: Found, sound: Workbench) -> Found:
     """The same with honest errors of what was fitted last, on these data, and of the calibration."""
-    best = jackknife.sure(sound, ridge.with_slopes(sound, found.best))
+    best = disagreement.sure(sound, ridge.with_slopes(sound, found.best))
     if found.adopted:
-        calibrated = jackknife.sure(found.start.bench, found.base)
+        calibrated = disagreement.sure(found.start.bench, found.base)
         found = replace(found, start=replace(found.start, base=calibrated))
     return with_best(found, best)
 

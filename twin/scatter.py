@@ -52,29 +52,25 @@ class Evidence:
         """Covariance (p x p) of the estimate."""
         return self.inverse @ (self.scatter.sum(axis=0) + np.diag(self.prior)) @ self.inverse
 
-    def influences(self) -> np.ndarray:
-        """How far (k x p) the estimate moves by a little less of each recording, over that little: H^-1 g_i."""
-        return self.pulls @ self.inverse
+    def distances(self) -> np.ndarray:
+        """How far (k x p) the estimate moves without each recording, in standard errors of the move.
 
-    def moves(self) -> tuple[np.ndarray, np.ndarray]:
-        """How far (k x p) the estimate moves without each recording, and that in standard errors of the move.
-
-        Without recording i it moves by (H - H_i)^-1 g_i. At the estimate its pull is
+        0 where the others say nothing. Without recording i it moves by (H - H_i)^-1 g_i. At the estimate its pull is
         g_i = (1 - H_i H^-1) e_i - H_i H^-1 sum_j e_j, with e of each recording and of the priors independent.
         """
         inverse = self.inverse
         information = self.information.sum(axis=0) + np.diag(self.prior)
         every = self.scatter.sum(axis=0) + np.diag(self.prior)
-        moves, distances = np.zeros_like(self.pulls), np.zeros_like(self.pulls)
+        distances = np.zeros_like(self.pulls)
         for i, (H, M) in enumerate(zip(self.information, self.scatter, strict=True)):
             rest = _inverse(information - H)
             given = H @ inverse
             own = np.eye(len(H)) - given
             variance = np.diag(rest @ (own @ M @ own.T + given @ (every - M) @ given.T) @ rest)
-            moves[i] = rest @ self.pulls[i]
+            move = rest @ self.pulls[i]
             sure = variance > _NOTHING * np.diag(self.covariance)
-            distances[i] = np.where(sure, moves[i] / np.sqrt(np.where(sure, variance, 1.0)), 0.0)
-        return moves, distances
+            distances[i] = np.where(sure, move / np.sqrt(np.where(sure, variance, 1.0)), 0.0)
+        return distances
 
 
 def evidence(bench: Workbench, base: Fit) -> Evidence:

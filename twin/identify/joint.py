@@ -2,8 +2,8 @@
 
 The calibration starts a last fit in the limit of a fine chain; what the last power of the extrapolation came to counts
 as error. The covariance is that of the residuals as they are (`scatter`), which is neither what the weights take them
-for nor more. The errors are checked: each recording is left out in turn, and where the jackknife's are larger, they
-grow to these (B. Efron and C. Stein, 1981). Where the likelihood is no ellipse, intervals are by its profile.
+for nor more. The errors are checked: each recording is left out in turn, and where they disagree by more than their
+noise, the errors grow (`disagreement`). Where the likelihood is no ellipse, intervals are by its profile.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from twin import calibration, driven, fit, jackknife, limit, ridge, scatter, timing
+from twin import calibration, disagreement, driven, fit, limit, ridge, scatter, timing
 from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Fit, Prepared, Workbench
@@ -46,7 +46,7 @@ class Joint:
       names: (p) parameters of the rig that were free.
       values: (p) estimate.
       covariance: (p x p).
-      without: recording -> (p) estimate without it.
+      recordings: that were fitted.
       odd: (recording, parameter, distance) of estimates that move by more than chance without that recording, in
         standard errors of the move.
       rises: (p x 2) cost two standard errors below and above, over what an ellipse would have, others giving way.
@@ -60,7 +60,7 @@ class Joint:
     names: tuple[str, ...]
     values: np.ndarray
     covariance: np.ndarray
-    without: Mapping[str, np.ndarray]
+    recordings: tuple[str, ...]
     odd: tuple[tuple[str, str, float], ...]
     rises: np.ndarray
     intervals: Mapping[str, tuple[float, float]]
@@ -133,9 +133,8 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     progress("leaving recordings out")
     said = scatter.evidence(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
-    moves, distances = said.moves()
-    without = jackknife.left_out(base, moves, said.influences())
-    full = jackknife.widened(said.covariance + np.outer(left, left), without, jackknife.most(base))
+    distances = said.distances()
+    full = disagreement.widened(said.covariance + np.outer(left, left), distances, disagreement.most(base))
     progress("looking along the likelihood")
     rises = _rises(bench, base)
     intervals = _profiles(bench, base, np.sqrt(np.diag(full)), said, rises)
@@ -148,7 +147,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
         names,
         base.values[mine],
         full[np.ix_(mine, mine)],
-        dict(zip(recordings, without[:, mine], strict=True)),
+        recordings,
         _odd(recordings, names, distances[:, mine]),
         rises[mine],
         {name: intervals[i] for i, name in zip(mine, names, strict=True) if i in intervals},

@@ -260,7 +260,7 @@ def _paired(peak: PairedPeak) -> str:
 
 def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding:
     """The joint estimate: what moves together, what follows from it, and how the errors were checked."""
-    count = len(found.without)
+    count = len(found.recordings)
     said = [
         f"{len(found.names)} parameters from {count} recording{'s' if count > 1 else ''}, "
         "each with its declared uncertainty as prior."
