@@ -69,7 +69,7 @@ def _searched(campaign: Campaign) -> dict:
     with ThreadPoolExecutor(1) as pool:
         found = find(campaign, pool)
         last = polish(
-            found.data, found.base, found.best, found.start.declared, pool, said(found) == "explained"
+            found.data, found.base, found.best, found.start.declared, pool, said(found) != "outside-library"
         )
     fit = last.augmented
     return {

@@ -51,15 +51,15 @@ def levels(events: Sequence[BreakAway]) -> dict[int, float]:
     return {d: abs(min(seen, key=lambda e: e.slope).torque) for d, seen in by_direction.items() if seen}
 
 
-def held(model: Model, prepared: Prepared, start: Start) -> Motion:
+def _held(model: Model, prepared: Prepared, start: Start) -> Motion:
     """A recording simulated with a hub that rests whenever the measured one does, whatever it takes to hold it."""
     # A friction that falls from the static level would hold it in motion too.
-    firm = model.with_plant(static_positive=1e9, static_negative=1e9, stribeck_velocity=0.0)
+    firm = model.with_plant(static_positive=planar.FIRM, static_negative=planar.FIRM, stribeck_velocity=0.0)
     return integrate(firm, prepared.recording, start, guided(firm, prepared, tight=True))
 
 
 def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) -> list[BreakAway]:
-    motion = held(model, prepared, start)
+    motion = _held(model, prepared, start)
     time = prepared.recording.time
     drive = model.read_torque(prepared.recording)
     needed = planar.holding_torque(model.plant, time, *motion.state(), drive)

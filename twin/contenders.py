@@ -18,9 +18,7 @@ _CONTENDERS = 3  # candidates that are fitted to the end
 _CLOSE = 0.3  # share of the best score that they need
 _CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
 _ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
-_SAME = (
-    2e-3  # relative change of a clamped frequency that changes nothing: part of the width of its resonance
-)
+_SAME = 2e-3  # relative change of a clamped frequency that changes nothing: part of its resonance's width
 LONG = 12  # iterations of a fit that is to arrive
 
 
@@ -118,9 +116,8 @@ def seen_anew(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
 
 def _rings_otherwise(model: Model, before: Model) -> bool:
     now, then = (m.chain.modes("clamped")[0][:2] for m in (model, before))
-    return bool(np.any(np.abs(now / then - 1) > _SAME)) or driven.on_link(model.plant) != driven.on_link(
-        before.plant
-    )
+    acts, acted = (driven.on_link(m.plant) for m in (model, before))
+    return acts != acted or bool(np.any(np.abs(now / then - 1) > _SAME))
 
 
 def on_fine_chain(bench: Workbench, found: Fit) -> Fit:

@@ -156,6 +156,11 @@ class Model:
             )
         return plant
 
+    @property
+    def stable_step(self) -> float:
+        """Integration step [s]: `step`, or less where the chain or what stands behind it asks for less."""
+        return min(self.step, self.chain.largest_step(), planar.largest_step(self.plant))
+
     def with_plant(self, **changes: Any) -> Model:
         """A model whose plant has some fields changed, whatever the rig and the effects say."""
         changed = self.replace()
@@ -202,10 +207,9 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
     phi, omega = initial_state(model, recording, start)
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
-    step = min(model.step, model.chain.largest_step(), planar.largest_step(plant))
     phi, omega = planar.extended(plant, phi), planar.extended(plant, omega)
     motion = planar.simulate(
-        plant, times, torques, recording.time, phi, omega, mode, recording.clamped, step, *flags
+        plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.stable_step, *flags
     )
     return Motion.of(recording.time, *motion, len(model.chain.lengths))
 

@@ -35,6 +35,9 @@ _inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always"
 TIME_TOLERANCE = 1e-7
 """Width of the interval in which a stick or slip is located [s]."""
 
+FIRM = 1e9
+"""Static level of a hub that no torque moves out of a rest [N m]."""
+
 CONTACT_STIFFNESS = 1000.0
 """Of the flanks of a backlash [N m/rad]: the largest torque of a motor like this turns them by 0.01 degrees."""
 CONTACT_LOSS = 0.2

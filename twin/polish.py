@@ -76,7 +76,6 @@ def _with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | 
 def _read_levels(data: DrivenData, result: Fit) -> tuple[np.ndarray, dict[int, float]]:
     """The values (p) of a fit, its static levels read where rests end, and the errors of those that are known well."""
     read = releases.levels(data, result.model, result.starts)
-    rough = breakaway.levels(breakaway.find(result.model, data.prepared, result.starts))
     x, errors = result.values.copy(), dict[int, float]()
     for j, u in enumerate(result.unknowns):
         asked = _STATIC.get(u.name, ())
@@ -84,8 +83,9 @@ def _read_levels(data: DrivenData, result: Fit) -> tuple[np.ndarray, dict[int, f
         if seen:
             level = releases.together(seen)
             x[j], errors[j] = np.clip(level.value, *u.bounds), level.error
-        elif any(d in rough for d in asked):
-            x[j] = np.clip(max(rough[d] for d in asked if d in rough), *u.bounds)
+        elif asked:
+            rough = breakaway.levels(breakaway.find(result.model, data.prepared, result.starts))
+            x[j] = np.clip(max((rough[d] for d in asked if d in rough), default=x[j]), *u.bounds)
     return x, errors
 
 

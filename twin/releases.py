@@ -7,6 +7,7 @@ enters: what the link does until then follows from the measured hub, and the run
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,7 +27,6 @@ _FEWEST = 8  # readings behind the break-away that tell its instant
 _LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
 _INSTANT = 5e-4  # s to which a model tells when it was, noise apart
 _KNOWN = 0.01  # relative error that the instant may leave
-_FIRM = 1e9  # N m
 _STEPS = 41  # levels that are tried, twice
 _LIKELY = 2.0  # log likelihood below the best up to which a level is within two standard errors
 _FOLLOWED = 2.0  # noise levels up to which a run follows the rig
@@ -79,9 +79,8 @@ def _level(run: _Run) -> Level | None:
     half = max(slope * _LATE, _OFF * centre)
     for _ in range(2):
         values = centre + np.linspace(-half, half, _STEPS)
-        values = values[
-            values > run.coulomb
-        ]  # below it a hub that has come free would rest and go on without end
+        # Below the Coulomb level a hub that has come free would rest and go on without end.
+        values = values[values > run.coulomb]
         if not len(values):
             return None
         costs = np.array([run.cost(value) for value in values])
@@ -157,7 +156,7 @@ class _Run:
     def borne(self) -> tuple[float, float]:
         """Torque that friction bore at the end of the rest [N m], and how fast it grew [N m/s]."""
         rest = slice(0, self.end + 1)
-        firm = self.model.plant._replace(static_positive=_FIRM, static_negative=_FIRM)
+        firm = self.model.plant._replace(static_positive=planar.FIRM, static_negative=planar.FIRM)
         angles, rates, _ = self._moved(firm, rest)
         drive = self.model.drive(self.prepared.recording).at(self.time[rest])
         torque = self.direction * planar.holding_torque(firm, self.time[rest], angles, rates, drive)
@@ -167,10 +166,12 @@ class _Run:
 
     def cost(self, level: float) -> float:
         """Minus the log likelihood of the readings under a static level [N m]."""
-        changed = {"static_positive" if self.direction > 0 else "static_negative": level}
-        model = self.model.with_plant(**changed)
-        motion = Motion.of(self.time, *self._moved(model.plant), len(model.chain.lengths))
-        told = reported(model, Recording("", self.time, {"hub_angle": self.reading}), motion)
+        own = self.model.plant
+        plant = (
+            own._replace(static_positive=level) if self.direction > 0 else own._replace(static_negative=level)
+        )
+        motion = Motion.of(self.time, *self._moved(plant), len(self.model.chain.lengths))
+        told = reported(self.model, Recording("", self.time, {"hub_angle": self.reading}), motion)
         missing = (self.reading - told["hub_angle"]) / self.prepared.noise["hub_angle"]
         return 0.5 * float(np.nansum(missing**2))
 
@@ -178,7 +179,12 @@ class _Run:
         self, plant: planar.Plant, rows: slice = slice(None)
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angles, rates and modes of a plant at some of the instants."""
-        lagging, times, torques = delivered(self.model, self.prepared.recording)
+        lagging, times, torques = self._drive
         plant = plant._replace(lag=lagging.lag)
-        step = min(self.model.step, self.model.chain.largest_step(), planar.largest_step(plant))
+        step = self.model.stable_step
         return planar.simulate(plant, times, torques, self.time[rows], *self.state, 0, False, step)
+
+    @functools.cached_property
+    def _drive(self) -> tuple[planar.Plant, np.ndarray, np.ndarray]:
+        """What all levels have in common: see `delivered`."""
+        return delivered(self.model, self.prepared.recording)

@@ -109,7 +109,7 @@ class CompiledPlant(_Links):
         """Prepares the chain of a model, its effects included; `period` [s]."""
         super().__init__(model, period)
         self._plant = model.plant
-        self._step = min(model.step, model.chain.largest_step(), planar.largest_step(model.plant))
+        self._step = model.stable_step
         size = len(self._plant.lengths)
         self._work, self._scratch = np.empty((8, size)), np.empty((size + 3, size))
         self.reset()
