@@ -10,9 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from twin import scatter
 from twin.fit import Fit, Workbench
+
+_CHANCE = 0.05  # of moves as large as these by the noise alone, up to which it is not taken to explain them
 
 
 def sure(bench: Workbench, base: Fit) -> Fit:
@@ -41,7 +44,8 @@ def widened(covariance: np.ndarray, distances: np.ndarray, most: np.ndarray) -> 
       most: (p) that the recordings can make an error.
     """
     speaking = np.maximum((distances != 0).sum(axis=0), 1)
-    ratio = np.maximum(np.sqrt((distances**2).sum(axis=0) / speaking), 1.0)
+    squares = (distances**2).sum(axis=0)
+    ratio = np.where(squares > chi2.isf(_CHANCE, speaking), np.sqrt(squares / speaking), 1.0)
     own = np.sqrt(np.diag(covariance))
     factor = np.clip(np.divide(most, own, out=np.ones_like(own), where=own > 0), 1.0, ratio)
     return covariance * np.outer(factor, factor)

@@ -19,7 +19,7 @@ from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.ndimage import binary_dilation, uniform_filter1d
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 
-from twin import evidence, on_grid, planar, ringing
+from twin import departures, evidence, on_grid, planar, ringing
 from twin.evidence import Group
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
@@ -39,6 +39,8 @@ MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
+_ROUNDS = 4  # by which the motion that friction makes is put back
+_PARTS = 8  # of a grid step over which a friction that falls with the speed is averaged
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
@@ -46,6 +48,8 @@ _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which th
 _FIRM = 1.2  # parts of its static friction that a rig may have
 _EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
 _KEPT = 12  # simulations of a recording that are remembered
+SINGLE = ("break_away", "departure")
+"""Channels of instants that are independent of one another; the filter makes those of the others alike."""
 _LAST = 0.06  # s left out at the end: a sensor that is late says nothing of them
 _DRAWS = 4  # noises that are tried on the link
 _LOCAL = 0.4  # s to either side over which their effect is averaged
@@ -66,6 +70,8 @@ class View:
       holes: strain -> (m) its readings before the filter, where some are missing; there they are bridged.
       noise: name -> standard deviation of what is compared, after the filter.
       onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
+      departures: samples of the recording at which the hub is seen to leave a rest, and its direction then.
+      departing: (m) whether the hub's reading about these is compared.
       band: corner of the low-pass on the motion of the hub [Hz].
       whitening: channel -> gain over frequency of `whitened`; empty where the hub is clamped.
       ringing: name -> what the noise of the hub angle does to it by way of a ringing link; empty where the hub is
@@ -89,6 +95,8 @@ class View:
     ringing: dict[str, Ringing] = field(default_factory=dict, repr=False)
     swell: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     holes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    departures: tuple[departures.Event, ...] = ()
+    departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
 
@@ -163,7 +171,11 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     even, swing = _evened(view, swings, torque)
     ringing_of = {"hub_torque": swing, **_swinging_strains(view, model, swings)}
     view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
-    return replace(view, swell=_swell(view, prepared, model))
+    view = replace(view, swell=_swell(view, prepared, model))
+    driven, _ = move(view, prepared, model, prepared.start)
+    leaving = departures.events(prepared, model, driven)
+    _, departing = departures.residual(view.time, prepared, model, driven, leaving)
+    return replace(view, departures=leaving, departing=departing)
 
 
 def smooth(time: np.ndarray, values: np.ndarray) -> BSpline:
@@ -210,6 +222,7 @@ def residual(
         missing = unmodelled(view, model, motion, required, drive_of)
         parts["hub_torque"] = np.where(view.sliding, missing / view.noise["hub_torque"], 0.0)
         parts["break_away"] = _break_aways(view, model, motion, required, drive_of)
+        parts["departure"], _ = departures.residual(view.time, prepared, model, motion, view.departures)
     if not white:
         return parts
     parts |= {name: r.whitened(parts[name]) for name, r in view.ringing.items()}
@@ -372,15 +385,37 @@ def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
 
     Friction is its mean over a grid step, in which the hub may turn round, behind the filter of the motion.
     """
-    resting = _laws(view, model, motion, np.zeros(len(view.time)))
-    ahead, back = (_laws(view, model, motion, side * motion.modes) - resting for side in (1, -1))
-    share = (1 + one_way(view.rate, view.acceleration, GRID)) / 2
-    return resting + low_passed(share * ahead + (1 - share) * back, GRID, view.band)
+    rate = motion.rates[:, 0]
+    resting = _laws(view, model, motion, rate, np.zeros(len(rate)))
+    if model.plant.stribeck_velocity > 0:
+        friction = _falling(view, model, motion)
+    else:
+        ahead, back = (_laws(view, model, motion, rate, side * motion.modes) - resting for side in (1, -1))
+        share = (1 + one_way(view.rate, view.acceleration, GRID)) / 2
+        friction = share * ahead + (1 - share) * back
+    return resting + low_passed(friction, GRID, view.band)
 
 
-def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
+def _falling(view: View, model: Model, motion: Motion) -> np.ndarray:
+    """Sliding friction (m) that falls with the speed [N m], its mean over a grid step.
+
+    The filter of the motion rounds off what friction does to the hub where it turns round, and friction hangs on that:
+    what the filter has taken is put back, as far as friction has made it.
+    """
+    angle, rate, inertia = motion.angles[:, 0], motion.rates[:, 0], model.chain.free_hub_inertia()
+    friction, kink = np.zeros(len(rate)), np.zeros(len(rate))
+    for _ in range(_ROUNDS):
+        there = rate + kink
+        mean = planar.mean_friction(model.plant, angle, there, np.gradient(there, GRID), GRID, _PARTS)
+        friction = np.where(motion.modes == 0, 0.0, mean)
+        pushed = np.cumsum(friction) * GRID / inertia
+        kink = (kink + pushed - low_passed(pushed, GRID, view.band)) / 2
+    return friction
+
+
+def _laws(view: View, model: Model, motion: Motion, rate: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Torque (m) of all hub laws [N m], friction that of a hub that slides in a direction (m), 0 where that is 0."""
-    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], direction)
+    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], rate, direction)
 
 
 def _break_aways(
@@ -394,7 +429,7 @@ def _break_aways(
     parts = np.zeros(len(view.time))
     if not view.onsets:
         return parts
-    laws = _laws(view, model, motion, np.zeros(len(parts)))
+    laws = _laws(view, model, motion, motion.rates[:, 0], np.zeros(len(parts)))
     borne = delivered + low_passed(laws - required, GRID)
     for k, direction in view.onsets:
         before = slice(k - int(_APPROACH / GRID), k - int(_SMEAR / GRID))
@@ -574,10 +609,7 @@ class DrivenData:
         """Number of independent samples of each block (g): the filter leaves two a hertz and second."""
         per_sample = min(1.0, 2 * BAND * GRID)
         return np.array(
-            [
-                self.weight[g.rows].sum() * (1.0 if g.channel == "break_away" else per_sample)
-                for g in self.blocks
-            ]
+            [self.weight[g.rows].sum() * (1.0 if g.channel in SINGLE else per_sample) for g in self.blocks]
         )
 
     def _layout(self) -> tuple[tuple[Group, ...], np.ndarray]:
@@ -592,6 +624,7 @@ class DrivenData:
                 at_onset = np.zeros(len(view.time), dtype=bool)
                 at_onset[[k for k, _ in view.onsets if 0 < k < len(at_onset)]] = True
                 named["break_away"] = at_onset
+                named["departure"] = view.departing & late
             for channel, mask in named.items():
                 if mask.any() and np.isfinite(list(view.noise.values())).all():
                     groups.append(Group(i, channel, slice(row, row + len(mask))))

@@ -124,6 +124,16 @@ def without_motor(plant: Plant) -> Plant:
     )
 
 
+def closed(plant: Plant) -> Plant:
+    """A plant whose motor stays on the flank that pushes: the same where it has no play."""
+    if plant.gap <= 0:
+        return plant
+    behind = without_motor(plant)
+    inertia = behind.inertia.copy()
+    inertia[0, 0] += plant.motor_inertia
+    return behind._replace(inertia=inertia, motor_inertia=0.0, cogging_amplitude=plant.cogging_amplitude)
+
+
 def _with_extra(plant: Plant, inertia: float, place: int) -> Plant:
     """A plant with one more coordinate on the hub's axis, its inertia [kg m^2] taken from the hub's."""
     matrix = np.insert(np.insert(plant.inertia, place, 0.0, axis=0), place, 0.0, axis=1)
@@ -721,6 +731,39 @@ def _hub_laws(plant, time, angle, rate, direction):
         torque[k] = hub_torque(plant, time[k], angle[k], rate[k])
         if direction[k] != 0:
             torque[k] -= direction[k] * sliding_level(plant, angle[k], rate[k], direction[k])
+    return torque
+
+
+def mean_friction(
+    plant: Plant, angle: np.ndarray, rate: np.ndarray, acceleration: np.ndarray, step: float, parts: int
+) -> np.ndarray:
+    """Torque of sliding friction (m) along a motion [N m], its mean over a step about each instant.
+
+    Args:
+      plant: the `Plant`.
+      angle, rate, acceleration: (m) of the hub [rad], [rad/s], [rad/s^2].
+      step: [s].
+      parts: of the step at which friction is taken, where it changes within it.
+    """
+    angle, rate, acceleration = (np.ascontiguousarray(v, dtype=float) for v in (angle, rate, acceleration))
+    return _mean_friction(plant, angle, rate, acceleration, float(step), parts)
+
+
+@_compiled
+def _mean_friction(plant, angle, rate, acceleration, step, parts):
+    torque = np.empty(angle.size)
+    for k in range(angle.size):
+        change = acceleration[k] * step
+        # Beyond six times the velocity of its fall nothing is left of it.
+        steady = abs(rate[k]) > 0.5 * abs(change) + 6 * plant.stribeck_velocity
+        count = 1 if steady else parts
+        total = 0.0
+        for part in range(count):
+            omega = rate[k] + change * ((part + 0.5) / count - 0.5)
+            direction = np.sign(omega)
+            if direction != 0:
+                total -= direction * sliding_level(plant, angle[k], omega, direction)
+        torque[k] = total / count
     return torque
 
 

@@ -17,13 +17,12 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from twin import fit
-from twin.driven import GRID
+from twin.driven import GRID, SINGLE
 from twin.fit import Fit, Workbench
 
 _SMOOTH = 1.0  # Hz to either side over which a spectrum is averaged
 _APART = 2.0  # s of zeros behind a recording, longer than its noise is correlated
 _NOTHING = 1e-6  # of a variance, below which a recording says nothing of a parameter
-_SINGLE = "break_away"  # a channel of single instants, which have no spectrum
 
 
 @dataclass(frozen=True)
@@ -87,9 +86,9 @@ def evidence(bench: Workbench, base: Fit) -> Evidence:
             J = w[g.rows, None] * slopes[g.rows]
             information[i] += slopes[g.rows].T @ J
             pulls[i] += J.T @ base.residual[g.rows]
-            if g.channel == _SINGLE:
+            if g.channel in SINGLE:
                 scatter[i] += slopes[g.rows].T @ J
-        rows = [g.rows for g in mine if g.channel != _SINGLE]
+        rows = [g.rows for g in mine if g.channel not in SINGLE]
         scatter[i] += _scatter(
             np.stack([bench.weight[r] for r in rows], axis=1),
             np.stack([base.residual[r] for r in rows], axis=1),

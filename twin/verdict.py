@@ -71,7 +71,7 @@ def unexplained(bench: Workbench, fit: Fit) -> tuple[str, ...]:
     sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * _timed(bench, fit))
     worst: dict[str, list[float]] = {}
     for group, size in zip(bench.data.groups, sizes, strict=True):
-        if size > LARGE_MISFIT and group.channel != "break_away":
+        if size > LARGE_MISFIT and group.channel not in driven.SINGLE:
             worst.setdefault(group.channel, []).append(float(size))
     repeated = {
         c: float(np.median(s)) for c, s in worst.items() if len(s) >= min(REPEATED, len(bench.prepared))

@@ -110,7 +110,9 @@ class _Scan:
     @staticmethod
     def of(bench: Workbench, base: Fit, effect: Effect) -> _Scan | None:
         acts, data = _wave(effect).acts, cast(driven.DrivenData, bench.data)
-        seen = [(k, g) for k, g in enumerate(data.groups) if g.channel not in ("break_away", "motor_torque")]
+        seen = [
+            (k, g) for k, g in enumerate(data.groups) if g.channel not in (*driven.SINGLE, "motor_torque")
+        ]
         free = {i for i, p in enumerate(data.prepared) if p.hub is not None}
         groups = [
             (k, g)

@@ -1,0 +1,136 @@
+"""Runs that begin in a measured rest and leave it: what a hub does in the moments after it comes free.
+
+What the link does until then follows from the measured hub, and the run ends before that comes to rest again: nothing
+else that sticks or slips enters.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin import planar
+from twin.fit import Prepared
+from twin.model import Model, Motion, delivered, reported
+from twin.observe import BEFORE_ONSET
+from twin.planar import STUCK
+from twin.recording import Recording
+
+_REST = 0.2  # s before a break-away in which the hub has to rest
+_BEFORE, _BEHIND = 0.06, 0.06  # s about a break-away that are run, from beyond the reach of the filter
+_FEWEST = 8  # readings behind the break-away that tell its instant
+INSTANT = 5e-4
+"""To which a model tells when a hub came free, noise apart [s]."""
+_KNOWN = 0.01  # relative error that the instant may leave
+_ABOVE = 1.001  # times the Coulomb level, the least that a static level is
+_JUMP = 0.1  # part of the torque borne, beyond which a change from one sample to the next is no slow growth
+
+
+@dataclass(frozen=True, eq=False)
+class RestRun:
+    """A rig that comes free, from a rest on; n instants.
+
+    Attributes:
+      model: with which it is run.
+      prepared: the recording.
+      plant: of the model; a motor with play pushes from its flank as long as a torque grows.
+      time: the first at rest, behind it those of the recording (n) [s].
+      reading: of the hub (n) [rad]; none at the first.
+      state: angles and rates of the plant at the first.
+      end: index of the last at rest.
+      direction: in which it comes free.
+      raised: by which the level there exceeds the plant's own [N m].
+    """
+
+    model: Model
+    prepared: Prepared
+    plant: planar.Plant
+    time: np.ndarray
+    reading: np.ndarray
+    state: tuple[np.ndarray, np.ndarray]
+    end: int
+    direction: int
+    raised: float
+
+    @staticmethod
+    def of(model: Model, prepared: Prepared, motion: Motion, onset: int, direction: int) -> RestRun | None:
+        """The run about the sample at which a motion is first seen; None without a rest before, or if it was short."""
+        recording, hub = prepared.recording, prepared.hub
+        assert hub is not None
+        time, last = recording.time, onset - BEFORE_ONSET
+        end = time[max(last, 0)]
+        rest = (time > end - _REST) & (time <= end)
+        if time[0] > end - _REST or not (hub.tight[rest] == STUCK).all():
+            return None
+        row = int(np.searchsorted(motion.time, end - _BEFORE))
+        again = np.flatnonzero((time > end) & (time < end + _BEHIND) & (hub.observed == STUCK))
+        rows = np.flatnonzero((time > motion.time[row]) & (time < end + _BEHIND))
+        rows = rows[rows < again[0]] if len(again) else rows
+        if (rows > last).sum() < _FEWEST:
+            return None
+        plant = planar.closed(model.plant)
+        angles, rates = (planar.extended(plant, values[row]) for values in motion.state())
+        resting = model.hub_angle_of(hub.reading, time)[rows[0]]
+        own = plant.static_positive if direction > 0 else plant.static_negative
+        return RestRun(
+            model,
+            prepared,
+            plant,
+            np.r_[motion.time[row], time[rows]],
+            np.r_[np.nan, recording["hub_angle"][rows]],
+            (angles + resting - angles[0], rates - rates[0]),
+            int((rows <= last).sum()),
+            direction,
+            float(planar.static_level(plant, resting, direction) - own),
+        )
+
+    @property
+    def coulomb(self) -> float:
+        """The plant's own Coulomb level in the direction of the break-away [N m]."""
+        return self.plant.coulomb_positive if self.direction > 0 else self.plant.coulomb_negative
+
+    @functools.cached_property
+    def borne(self) -> tuple[float, float]:
+        """Torque that friction bore at the end of the rest [N m], and how fast it grew [N m/s]."""
+        rest = self.time[: self.end + 1]
+        firm = self.plant._replace(static_positive=planar.FIRM, static_negative=planar.FIRM)
+        angles, rates, _ = self._moved(firm, rest)
+        drive = self.model.drive(self.prepared.recording).at(rest)
+        torque = self.direction * planar.holding_torque(firm, rest, angles, rates, drive)
+        half = len(torque) // 2
+        return float(torque[-1]), abs(float(torque[-1] - torque[-1 - half])) / float(
+            rest[-1] - rest[-1 - half]
+        )
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether the torque grew so slowly that the instant at which the hub came free tells the level."""
+        torque, slope = self.borne
+        about = self.model.drive(self.prepared.recording).at(self.time[: self.end + BEFORE_ONSET + 1])
+        return slope * INSTANT < _KNOWN * torque and np.abs(np.diff(about)).max() < _JUMP * torque
+
+    def readings(self, level: float, time: np.ndarray) -> np.ndarray:
+        """The hub (n) as its sensor reports it under a static level [N m], at instants from the first on (n) [s]."""
+        # Below the Coulomb level a hub that has come free would rest and go on without end.
+        own, least = (
+            self.plant,
+            [_ABOVE * c for c in (self.plant.coulomb_positive, self.plant.coulomb_negative)],
+        )
+        ahead, back = (level, own.static_negative) if self.direction > 0 else (own.static_positive, level)
+        plant = own._replace(static_positive=max(ahead, least[0]), static_negative=max(back, least[1]))
+        motion = Motion.of(time, *self._moved(plant, time), len(self.model.chain.lengths))
+        return reported(self.model, Recording("", time, {"hub_angle": time}), motion)["hub_angle"]
+
+    def _moved(self, plant: planar.Plant, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angles, rates and modes of a plant at some instants."""
+        lagging, times, torques = self._drive
+        step = min(self.model.step, self.model.chain.largest_step())
+        plant = plant._replace(lag=lagging.lag)
+        return planar.simulate(plant, times, torques, time, *self.state, 0, False, step)
+
+    @functools.cached_property
+    def _drive(self) -> tuple[planar.Plant, np.ndarray, np.ndarray]:
+        """What all levels have in common: see `delivered`."""
+        return delivered(self.model, self.prepared.recording)
