@@ -22,7 +22,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 from twin import departures, evidence, on_grid, planar, ringing
 from twin.evidence import Group
 from twin.fit import Prepared
-from twin.grid_means import mean_torque, one_way, twice_averaged
+from twin.grid_means import mean_torque, twice_averaged
 from twin.model import Model, Motion, Start, initial_state, reported
 from twin.observe import HubMotion
 from twin.planar import STUCK
@@ -40,7 +40,6 @@ sensor cannot tell them; the widest is taken in which strong accelerations stand
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
 _ROUNDS = 4  # by which the motion that friction makes is put back
-_PARTS = 8  # of a grid step over which a friction that falls with the speed is averaged
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
@@ -385,37 +384,30 @@ def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
 
     Friction is its mean over a grid step, in which the hub may turn round, behind the filter of the motion.
     """
-    rate = motion.rates[:, 0]
-    resting = _laws(view, model, motion, rate, np.zeros(len(rate)))
-    if model.plant.stribeck_velocity > 0:
-        friction = _falling(view, model, motion)
-    else:
-        ahead, back = (_laws(view, model, motion, rate, side * motion.modes) - resting for side in (1, -1))
-        share = (1 + one_way(view.rate, view.acceleration, GRID)) / 2
-        friction = share * ahead + (1 - share) * back
-    return resting + low_passed(friction, GRID, view.band)
+    resting = _laws(view, model, motion, np.zeros(len(view.time)))
+    return resting + low_passed(_sliding_friction(view, model, motion), GRID, view.band)
 
 
-def _falling(view: View, model: Model, motion: Motion) -> np.ndarray:
-    """Sliding friction (m) that falls with the speed [N m], its mean over a grid step.
+def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
+    """Torque (m) of sliding friction [N m], its mean over a grid step.
 
-    The filter of the motion rounds off what friction does to the hub where it turns round, and friction hangs on that:
-    what the filter has taken is put back, as far as friction has made it.
+    The filter of the motion rounds off what friction does to the hub where it turns round, and one that falls with the
+    speed hangs on that: what the filter has taken is put back, as far as friction has made it.
     """
     angle, rate, inertia = motion.angles[:, 0], motion.rates[:, 0], model.chain.free_hub_inertia()
-    friction, kink = np.zeros(len(rate)), np.zeros(len(rate))
-    for _ in range(_ROUNDS):
-        there = rate + kink
-        mean = planar.mean_friction(model.plant, angle, there, np.gradient(there, GRID), GRID, _PARTS)
+    friction, taken = np.zeros(len(rate)), np.zeros(len(rate))
+    for _ in range(_ROUNDS if model.plant.stribeck_velocity > 0 else 1):
+        there = rate + taken
+        mean = planar.mean_friction(model.plant, angle, there, np.gradient(there))
         friction = np.where(motion.modes == 0, 0.0, mean)
         pushed = np.cumsum(friction) * GRID / inertia
-        kink = (kink + pushed - low_passed(pushed, GRID, view.band)) / 2
+        taken = (taken + pushed - low_passed(pushed, GRID, view.band)) / 2
     return friction
 
 
-def _laws(view: View, model: Model, motion: Motion, rate: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
     """Torque (m) of all hub laws [N m], friction that of a hub that slides in a direction (m), 0 where that is 0."""
-    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], rate, direction)
+    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], direction)
 
 
 def _break_aways(
@@ -429,7 +421,7 @@ def _break_aways(
     parts = np.zeros(len(view.time))
     if not view.onsets:
         return parts
-    laws = _laws(view, model, motion, motion.rates[:, 0], np.zeros(len(parts)))
+    laws = _laws(view, model, motion, np.zeros(len(parts)))
     borne = delivered + low_passed(laws - required, GRID)
     for k, direction in view.onsets:
         before = slice(k - int(_APPROACH / GRID), k - int(_SMEAR / GRID))

@@ -19,6 +19,7 @@ springs with a damper that push and never pull; their numbers are assumed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -734,37 +735,43 @@ def _hub_laws(plant, time, angle, rate, direction):
     return torque
 
 
-def mean_friction(
-    plant: Plant, angle: np.ndarray, rate: np.ndarray, acceleration: np.ndarray, step: float, parts: int
-) -> np.ndarray:
-    """Torque of sliding friction (m) along a motion [N m], its mean over a step about each instant.
+def mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Torque of sliding friction (m) along a motion [N m], its mean over steps in which the rate changes steadily.
 
     Args:
       plant: the `Plant`.
-      angle, rate, acceleration: (m) of the hub [rad], [rad/s], [rad/s^2].
-      step: [s].
-      parts: of the step at which friction is taken, where it changes within it.
+      angle, rate: (m) of the hub in the middle of each step [rad], [rad/s].
+      change: (m) of the rate over the step [rad/s].
     """
-    angle, rate, acceleration = (np.ascontiguousarray(v, dtype=float) for v in (angle, rate, acceleration))
-    return _mean_friction(plant, angle, rate, acceleration, float(step), parts)
+    angle, rate, change = (np.ascontiguousarray(v, dtype=float) for v in (angle, rate, change))
+    return _mean_friction(plant, angle, rate, change)
 
 
 @_compiled
-def _mean_friction(plant, angle, rate, acceleration, step, parts):
+def _mean_friction(plant, angle, rate, change):
     torque = np.empty(angle.size)
     for k in range(angle.size):
-        change = acceleration[k] * step
-        # Beyond six times the velocity of its fall nothing is left of it.
-        steady = abs(rate[k]) > 0.5 * abs(change) + 6 * plant.stribeck_velocity
-        count = 1 if steady else parts
-        total = 0.0
-        for part in range(count):
-            omega = rate[k] + change * ((part + 0.5) / count - 0.5)
-            direction = np.sign(omega)
-            if direction != 0:
-                total -= direction * sliding_level(plant, angle[k], omega, direction)
-        torque[k] = total / count
+        if abs(change[k]) > 1e-9:
+            ends = rate[k] + 0.5 * change[k], rate[k] - 0.5 * change[k]
+            mean = (_to_rate(plant, angle[k], ends[0]) - _to_rate(plant, angle[k], ends[1])) / change[k]
+        else:
+            mean = np.sign(rate[k]) * sliding_level(plant, angle[k], rate[k], np.sign(rate[k]))
+        torque[k] = -mean
     return torque
+
+
+@_inlined
+def _to_rate(plant, theta, omega):
+    """Integral of the friction torque over the rate, from rest to `omega` [N m rad/s]."""
+    if omega > 0:
+        coulomb, static = plant.coulomb_positive, plant.static_positive
+    else:
+        coulomb, static = plant.coulomb_negative, plant.static_negative
+    fallen = 0.0
+    if plant.stribeck_velocity > 0.0:
+        fallen = math.erf(abs(omega) / plant.stribeck_velocity) * plant.stribeck_velocity
+        fallen *= (static - coulomb) * 0.5 * math.sqrt(math.pi)
+    return (coulomb + _friction_raise(plant, theta)) * abs(omega) + fallen
 
 
 def transmitted(

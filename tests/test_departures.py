@@ -1,0 +1,177 @@
+"""How a hub leaves a rest, and friction that falls with the speed: what recordings tell of it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from twin import chain, departures, driven, fit, planar
+from twin.calibration import noises
+from twin.campaign import read_campaign
+from twin.driven import GRID, DrivenData, View
+from twin.model import Model, Motion
+from twin.rest_run import RestRun
+from twin.rigs import preset
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
+
+VELOCITY = 0.25  # rad/s
+
+
+def ramps(folder, effects, seed):
+    """A slow torque up and another down: the data, and a model with the rig's own parameters."""
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(seed))
+    slow = [e for e in plan if e.name == "break-away"]
+    make_campaign(folder, effects, seed, experiments=slow)
+    campaign = read_campaign(folder)
+    twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
+    return DrivenData([fit.prepare(r, noises(campaign))[0] for r in campaign.fit], twin), twin
+
+
+@pytest.fixture(scope="module")
+def falling(tmp_path_factory):
+    effects = {"stribeck-friction": {"stribeck_velocity": VELOCITY}}
+    return ramps(tmp_path_factory.mktemp("falling") / "rig", effects, 7)
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return ramps(tmp_path_factory.mktemp("plain") / "rig", {}, 7)
+
+
+def misfit(data, model):
+    """Root mean square of the readings about break-aways [noise levels]."""
+    parts = np.concatenate(
+        [data.residual(model, i, p.start)["departure"] for i, p in enumerate(data.prepared)]
+    )
+    departing = np.concatenate([view.departing for view in data.views])
+    return float(np.sqrt(np.mean(parts[departing] ** 2)))
+
+
+def with_velocity(model, value):
+    return model.replace(effects={"stribeck-friction": {"stribeck_velocity": value}})
+
+
+def test_runs_of_the_right_friction_leave_the_noise(falling, plain):
+    assert misfit(plain[0], plain[1]) < 1.2
+    assert misfit(falling[0], with_velocity(falling[1], VELOCITY)) < 1.2
+
+
+@pytest.mark.parametrize("velocity", [0.0, 0.6])
+def test_runs_of_another_friction_do_not(falling, velocity):
+    assert misfit(falling[0], with_velocity(falling[1], velocity)) > 2
+
+
+@pytest.mark.parametrize("part", [0.9, 1.1])
+def test_the_static_level_is_left_open(plain, part):
+    data, twin = plain
+    level = part * twin.plant.static_positive
+    other = twin.with_plant(static_positive=level, static_negative=level)
+    assert misfit(data, other) == pytest.approx(misfit(data, twin), rel=1e-3)
+
+
+def test_readings_are_a_group_of_their_own(plain):
+    data, twin = plain
+    groups = [g for g in data.groups if g.channel == "departure"]
+    assert [g.recording for g in groups] == [0]
+    counts = [n for g, n in zip(data.blocks, data.counts(), strict=True) if g.channel == "departure"]
+    assert sum(counts) == data.views[0].departing.sum()
+
+
+def test_a_model_that_never_comes_free_is_a_hub_at_rest(plain):
+    data, twin = plain
+    # Friction in motion beyond any torque, and an inertia at which nothing is stable.
+    heavy = twin.with_plant(coulomb_positive=1.5, coulomb_negative=1.5)
+    assert 10 < misfit(data, heavy) < np.inf
+    wild = twin.with_plant(viscous=1e6)
+    assert 10 < misfit(data, wild) < np.inf
+
+
+def test_a_jump_of_the_command_is_no_slow_torque(plain):
+    data, twin = plain
+    [prepared], [view] = data.prepared, data.views
+    motion, _ = driven.move(view, prepared, twin, prepared.start)
+    onset, direction = view.departures[0]
+    run = RestRun.of(twin, prepared, motion, onset, direction)
+    assert run.is_slow
+    command = prepared.recording["torque_command"].copy()
+    command[onset - 1 :] *= 1.5
+    jumped = prepared.recording.replace(channels={**prepared.recording.channels, "torque_command": command})
+    again = RestRun.of(
+        twin, prepared.__class__(**{**vars(prepared), "recording": jumped}), motion, onset, direction
+    )
+    assert not again.is_slow
+
+
+def test_samples_that_share_an_instant_have_the_noise_of_one(plain):
+    data, twin = plain
+    [prepared], [view] = data.prepared, data.views
+    motion, _ = driven.move(view, prepared, twin, prepared.start)
+    fine, _ = departures.residual(view.time, prepared, twin, motion, view.departures)
+    coarse, there = departures.residual(view.time[::5], prepared, twin, motion, view.departures)
+    assert there.sum() < 0.3 * view.departing.sum()
+    assert (coarse**2).sum() < (fine**2).sum()
+    assert np.std(coarse[there]) == pytest.approx(1.0, abs=0.4)
+
+
+def test_a_closed_play_is_a_hub_with_its_motor():
+    rig = preset("bossi2009")
+    plant = planar.declared_plant(rig, chain.build(rig, 5))
+    shut = planar.closed(planar.with_backlash(plant, 0.02, 1e-4))
+    assert shut.gap == 0
+    np.testing.assert_allclose(shut.inertia, plant.inertia)
+    assert planar.closed(plant) is plant
+
+
+def test_the_mean_of_a_falling_friction_over_a_step_is_its_integral():
+    rig = preset("bossi2009")
+    plant = planar.declared_plant(rig, chain.build(rig, 5))._replace(stribeck_velocity=0.2)
+    rate, acceleration = np.linspace(-2, 2, 81), np.full(81, 150.0)
+    found = planar.mean_friction(plant, 0 * rate, rate, acceleration * GRID)
+    within = rate[:, None] + acceleration[:, None] * GRID * (np.arange(4000) + 0.5 - 2000) / 4000
+    fallen = (plant.static_positive - plant.coulomb_positive) * np.exp(-((within / 0.2) ** 2))
+    exact = -(np.sign(within) * (plant.coulomb_positive + fallen)).mean(axis=1)
+    np.testing.assert_allclose(found, exact, atol=1e-3 * plant.static_positive)
+
+
+def test_the_mean_of_friction_at_a_steady_rate_is_its_level():
+    rig = preset("bossi2009")
+    plant = planar.declared_plant(rig, chain.build(rig, 5))._replace(
+        coulomb_positive=0.004, coulomb_negative=0.0105, friction_amplitude=0.002
+    )
+    rate = np.array([-1.0, 0.0, 0.5, -1.0, 0.5])
+    change = np.array([0.0, 0.0, 0.0, 1e-3, 1e-3])
+    expected = np.array([0.0115, 0.0, -0.005, 0.0115, -0.005])
+    np.testing.assert_allclose(planar.mean_friction(plant, 0 * rate, rate, change), expected, rtol=1e-9)
+
+
+def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypatch):
+    rig = preset("bossi2009")
+    twin = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3).with_plant(stribeck_velocity=0.8)
+    plant, inertia = twin.plant, twin.chain.free_hub_inertia()
+    fine, finer = np.arange(0, 2, 2e-4), 10
+    torque = 1.6 * plant.static_positive * np.sin(2 * np.pi * 4 * fine + 0.3)
+
+    def friction(rate):
+        fallen = (plant.static_positive - plant.coulomb_positive) * np.exp(-((rate / 0.8) ** 2))
+        return -np.tanh(rate / 1e-3) * (plant.coulomb_positive + fallen)
+
+    def move(t, x):
+        return [x[1], (np.interp(t, fine, torque) + friction(x[1])) / inertia]
+
+    angle, rate = solve_ivp(move, (0, 2), [0.0, 0.0], "LSODA", fine, max_step=1e-4, rtol=1e-8).y
+    exact = driven.low_passed(driven.low_passed(friction(rate), 2e-4, 70.0), 2e-4)[::finer]
+    time = fine[::finer]
+    spline = driven.smooth(time, driven.low_passed(angle[::finer], GRID, 70.0))
+    seen = spline(time), spline(time, 1), spline(time, 2)
+    view = View(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, {}, ())
+    links = len(twin.chain.lengths)
+    angles, rates = (np.outer(v, np.ones(links)) for v in seen[:2])
+    motion = Motion.of(time, angles, rates, np.sign(seen[1]), links)
+
+    def error():
+        return np.std((driven.low_passed(driven.hub_laws(view, twin, motion), GRID) - exact)[100:-100])
+
+    put_back = error()
+    monkeypatch.setattr(driven, "_ROUNDS", 1)
+    assert put_back < 0.5 * error()
+    assert put_back < 0.15 * np.std(exact)
