@@ -58,7 +58,8 @@ def test_runs_of_the_right_friction_leave_the_noise(falling, plain):
 
 @pytest.mark.parametrize("velocity", [0.0, 0.6])
 def test_runs_of_another_friction_do_not(falling, velocity):
-    assert misfit(falling[0], with_velocity(falling[1], velocity)) > 2
+    data, twin = falling
+    assert misfit(data, with_velocity(twin, velocity)) > 1.5 * misfit(data, with_velocity(twin, VELOCITY))
 
 
 @pytest.mark.parametrize("part", [0.9, 1.1])
@@ -67,6 +68,12 @@ def test_the_static_level_is_left_open(plain, part):
     level = part * twin.plant.static_positive
     other = twin.with_plant(static_positive=level, static_negative=level)
     assert misfit(data, other) == pytest.approx(misfit(data, twin), rel=1e-3)
+
+
+def test_how_strongly_the_hub_is_pushed_is_left_open(plain):
+    data, twin = plain
+    pushed = twin.with_plant(bias=2e-3)
+    assert misfit(data, pushed) == pytest.approx(misfit(data, twin), rel=0.03)
 
 
 def test_readings_are_a_group_of_their_own(plain):

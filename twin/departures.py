@@ -1,8 +1,9 @@
 """How a hub gathers speed once it is free: what its friction is at low speed.
 
 A hub that comes free under a slowly growing torque is held by its sliding friction alone. Where that falls with the
-speed it creeps first, where it falls at once it goes off as a parabola does. When it comes free is left open, and with
-it the static level; so is where it rested, which a sensor tells to a step of its own only.
+speed it creeps first, where it falls at once it goes off as a parabola does. Only that is compared. When it comes free
+is left open, and with it the static level; where it rested, which a sensor tells to a step of its own only; and how
+strongly it is pushed, because a link swings for long from what noise has told of it.
 """
 
 from __future__ import annotations
@@ -110,13 +111,13 @@ def _reached(time: np.ndarray, gone: np.ndarray, goal: float) -> float:
 
 
 def _aligned(time: np.ndarray, reading: np.ndarray, told: CubicSpline, late: float) -> np.ndarray:
-    """What is left of readings (n) by a curve that is moved in time and angle to where it fits best."""
+    """What is left of readings (n) by a curve that is moved in time and angle, and stretched, to where it fits best."""
     missing = reading
     for _ in range(_STEPS):
         moved = np.clip(time + late, told.x[0], told.x[-1])
         missing = reading - told(moved)
-        columns = np.column_stack([told(moved, 1), np.ones(len(time))])
-        change, offset = np.linalg.lstsq(columns, missing, rcond=None)[0]
-        missing = missing - offset
-        late = float(np.clip(late + change, -_FARTHEST, _FARTHEST))
+        columns = np.column_stack([told(moved, 1), np.ones(len(time)), told(moved) - told(told.x[0])])
+        change = np.linalg.lstsq(columns, missing, rcond=None)[0]
+        missing = missing - columns[:, 1:] @ change[1:]
+        late = float(np.clip(late + change[0], -_FARTHEST, _FARTHEST))
     return missing
