@@ -307,15 +307,29 @@ def test_errors_are_those_of_recordings_that_differ(off):
 
 
 def test_recordings_that_contradict_each_other_leave_what_was_declared():
-    covariance = np.diag([1e-4, 1e-4])
-    distances = np.array([[90.0, 0.5], [-90.0, -0.5]])
-    widened = disagreement.widened(covariance, distances, np.array([0.3, 0.3]))
+    covariance, even = np.diag([1e-4, 1e-4]), np.full((2, 2), 5e-5)
+    influences = np.array([[0.9, 5e-3], [-0.9, -5e-3]])
+    widened = disagreement.widened(covariance, 0 * covariance, influences, even, np.array([0.3, 0.3]))
     assert np.sqrt(np.diag(widened)) == pytest.approx([0.3, 0.01])
 
 
+ONE, NOTHING, ANY = np.eye(1), np.zeros((1, 1)), np.array([np.inf])
+
+
 def test_a_recording_that_says_nothing_does_not_speak_for_the_others():
-    widened = disagreement.widened(np.eye(1), np.array([[3.0], [4.0], [0.0]]), np.array([np.inf]))
-    assert widened[0, 0] == pytest.approx((3**2 + 4**2) / 2)
+    influences, variances = np.array([[3.0], [4.0], [0.0]]), np.array([[0.5], [0.5], [0.0]])
+    assert disagreement.widened(ONE, NOTHING, influences, variances, ANY) == pytest.approx(25.0)
+
+
+def test_moves_that_noise_explains_leave_errors_as_they_are():
+    influences, variances = np.array([[0.9], [-0.6], [0.5]]), np.full((3, 1), 1 / 3)
+    assert disagreement.widened(ONE, NOTHING, influences, variances, ANY) == 1.0
+
+
+def test_recordings_that_disagree_say_nothing_of_the_declaration():
+    influences, variances = np.array([[0.2], [-0.2]]), np.full((2, 1), 1e-4)
+    widened = disagreement.widened(1e-4 * ONE, ONE, influences, variances, ANY)
+    assert widened[0, 0] == pytest.approx(1 + 400e-4)
 
 
 def test_a_parameter_at_the_end_of_its_range_is_named():

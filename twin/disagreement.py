@@ -1,8 +1,8 @@
 """How sure a fit is of its values where recordings disagree by more than their noise.
 
-Each recording is left out in turn. A rig that is not quite the model makes the estimate move by more than the noise
-does: its errors grow in that proportion (R. T. Birge, 1932). Moves that the noise explains leave them as they are,
-however unevenly the recordings speak of a parameter; the jackknife's own errors would not.
+Each recording is given a little less weight in turn (the infinitesimal jackknife: L. A. Jaeckel, 1972). A rig that is
+not quite the model makes the estimate move by more than the noise does: its errors grow in that proportion
+(R. T. Birge, 1932). Moves that the noise explains leave them as they are; the jackknife's own errors would not.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ _CHANCE = 0.05  # of moves as large as these by the noise alone, up to which it 
 def sure(bench: Workbench, base: Fit) -> Fit:
     """The fit with the covariance of its residuals as they are, and of recordings as far apart as they are."""
     said = scatter.evidence(bench, base)
-    return replace(base, covariance=widened(said.covariance, said.distances(), most(base)))
+    covariance = widened(said.by_noise, said.by_declaration, *said.influences(), most(base))
+    return replace(base, covariance=covariance)
 
 
 def most(base: Fit) -> np.ndarray:
@@ -34,18 +35,25 @@ def most(base: Fit) -> np.ndarray:
     )
 
 
-def widened(covariance: np.ndarray, distances: np.ndarray, most: np.ndarray) -> np.ndarray:
+def widened(
+    noise: np.ndarray, rest: np.ndarray, influences: np.ndarray, variances: np.ndarray, most: np.ndarray
+) -> np.ndarray:
     """The covariance (p x p) with errors as much larger as recordings lie further apart than their noise.
 
     Args:
-      covariance: (p x p) by the noise.
-      distances: (k x p) by which the estimate moves without each recording, in standard errors of the move; 0 where a
-        recording says nothing.
+      noise: (p x p) what the noise of the recordings adds to it.
+      rest: (p x p) what else does: recordings that disagree say nothing of that.
+      influences: (k x p) of each recording on the estimate.
+      variances: (k x p) of these by the noise.
       most: (p) that the recordings can make an error.
     """
-    speaking = np.maximum((distances != 0).sum(axis=0), 1)
-    squares = (distances**2).sum(axis=0)
-    ratio = np.where(squares > chi2.isf(_CHANCE, speaking), np.sqrt(squares / speaking), 1.0)
+    squares, expected = (influences**2).sum(axis=0), variances.sum(axis=0)
+    ratio = np.divide(squares, expected, out=np.ones_like(squares), where=expected > 0)
+    # So many recordings, all alike, would scatter as those that speak (F. E. Satterthwaite, 1946).
+    alike = np.divide(expected**2, (variances**2).sum(axis=0), out=np.ones_like(ratio), where=expected > 0)
+    ratio = np.where(ratio * alike > chi2.isf(_CHANCE, alike), ratio, 1.0)
+    covariance = noise + rest
     own = np.sqrt(np.diag(covariance))
-    factor = np.clip(np.divide(most, own, out=np.ones_like(own), where=own > 0), 1.0, ratio)
+    wide = np.sqrt(ratio * np.diag(noise) + np.diag(rest))
+    factor = np.divide(np.clip(wide, own, np.maximum(most, own)), own, out=np.ones_like(own), where=own > 0)
     return covariance * np.outer(factor, factor)

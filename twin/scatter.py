@@ -49,7 +49,17 @@ class Evidence:
     @property
     def covariance(self) -> np.ndarray:
         """Covariance (p x p) of the estimate."""
-        return self.inverse @ (self.scatter.sum(axis=0) + np.diag(self.prior)) @ self.inverse
+        return self.by_noise + self.by_declaration
+
+    @property
+    def by_noise(self) -> np.ndarray:
+        """What the noise of the recordings adds to the covariance (p x p)."""
+        return self.inverse @ self.scatter.sum(axis=0) @ self.inverse
+
+    @property
+    def by_declaration(self) -> np.ndarray:
+        """What the uncertainty of the declaration adds to the covariance (p x p)."""
+        return self.inverse @ np.diag(self.prior) @ self.inverse
 
     def distances(self) -> np.ndarray:
         """How far (k x p) the estimate moves without each recording, in standard errors of the move.
@@ -57,19 +67,34 @@ class Evidence:
         0 where the others say nothing. Without recording i it moves by (H - H_i)^-1 g_i. At the estimate its pull is
         g_i = (1 - H_i H^-1) e_i - H_i H^-1 sum_j e_j, with e of each recording and of the priors independent.
         """
-        inverse = self.inverse
         information = self.information.sum(axis=0) + np.diag(self.prior)
-        every = self.scatter.sum(axis=0) + np.diag(self.prior)
         distances = np.zeros_like(self.pulls)
-        for i, (H, M) in enumerate(zip(self.information, self.scatter, strict=True)):
+        for i, (H, V) in enumerate(zip(self.information, self._pull_scatter(), strict=True)):
             rest = _inverse(information - H)
-            given = H @ inverse
-            own = np.eye(len(H)) - given
-            variance = np.diag(rest @ (own @ M @ own.T + given @ (every - M) @ given.T) @ rest)
-            move = rest @ self.pulls[i]
+            variance = np.diag(rest @ V @ rest)
             sure = variance > _NOTHING * np.diag(self.covariance)
+            move = rest @ self.pulls[i]
             distances[i] = np.where(sure, move / np.sqrt(np.where(sure, variance, 1.0)), 0.0)
         return distances
+
+    def influences(self) -> tuple[np.ndarray, np.ndarray]:
+        """How far (k x p) the estimate moves by a little less of each recording, over that little, and its variance.
+
+        Unlike the move without a recording it never is too long a step for slopes to tell it: H^-1 g_i.
+        """
+        inverse = self.inverse
+        variances = [np.diag(inverse @ V @ inverse) for V in self._pull_scatter()]
+        return self.pulls @ inverse, np.array(variances)
+
+    def _pull_scatter(self) -> list[np.ndarray]:
+        """Covariance (p x p) of each recording's pull at the estimate."""
+        inverse, every = self.inverse, self.scatter.sum(axis=0) + np.diag(self.prior)
+        found = []
+        for H, M in zip(self.information, self.scatter, strict=True):
+            given = H @ inverse
+            own = np.eye(len(H)) - given
+            found.append(own @ M @ own.T + given @ (every - M) @ given.T)
+        return found
 
 
 def evidence(bench: Workbench, base: Fit) -> Evidence:
