@@ -116,10 +116,15 @@ class Chain:
         It is wherever an eigenvalue times the step lies in the left half of a disc of radius 2.6; a light clamp that
         gives may be damped beyond any oscillation.
         """
+        return _STABLE / self._fastest
+
+    @functools.cached_property
+    def _fastest(self) -> float:
+        """Size of the largest eigenvalue of the straight chain [1/s]: every simulation asks for it."""
         n = len(self.stiffness)
         pliant = np.linalg.inv(self.mass_matrix())[1:, 1:]
         system = np.block([[np.zeros((n, n)), np.eye(n)], [-pliant * self.stiffness, -pliant @ self.damping]])
-        return float(_STABLE / np.abs(np.linalg.eigvals(system)).max())
+        return float(np.abs(np.linalg.eigvals(system)).max())
 
     def free_hub_inertia(self) -> float:
         """Torque at once per acceleration of the hub, the hinges free [kg m^2]: hardly more than the hub's inertia."""

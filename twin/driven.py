@@ -39,7 +39,7 @@ MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _MARGIN = 0.07  # s, reach of the filter about a stick
-_ROUNDS = 4  # by which the motion that friction makes is put back
+_ROUNDS = 4  # in which friction that falls with the speed is found along with the motion that it makes
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
@@ -171,9 +171,9 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     ringing_of = {"hub_torque": swing, **_swinging_strains(view, model, swings)}
     view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
     view = replace(view, swell=_swell(view, prepared, model))
-    driven, _ = move(view, prepared, model, prepared.start)
-    leaving = departures.events(prepared, model, driven)
-    _, departing = departures.residual(view.time, prepared, model, driven, leaving)
+    moved, _ = move(view, prepared, model, prepared.start)
+    leaving = departures.events(prepared, model, moved)
+    _, departing = departures.residual(view.time, prepared, model, moved, leaving)
     return replace(view, departures=leaving, departing=departing)
 
 
@@ -300,7 +300,7 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
     if (known := view.moves.get(name)) is None:
         if prepared.recording.start == "unknown":
             omega = omega - omega[0] + hub.rate[0]
-        step = min(model.step, model.chain.largest_step())
+        step = model.link_step
         first = planar.extended(plant, phi), planar.extended(plant, omega)
         parts = max(1, round(GRID / model.step))
         fine = planar.driven(plant, *_between(view.time, hub, parts), *first, step)
@@ -395,13 +395,16 @@ def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
     speed hangs on that: what the filter has taken is put back, as far as friction has made it.
     """
     angle, rate, inertia = motion.angles[:, 0], motion.rates[:, 0], model.chain.free_hub_inertia()
-    friction, taken = np.zeros(len(rate)), np.zeros(len(rate))
-    for _ in range(_ROUNDS if model.plant.stribeck_velocity > 0 else 1):
-        there = rate + taken
-        mean = planar.mean_friction(model.plant, angle, there, np.gradient(there))
-        friction = np.where(motion.modes == 0, 0.0, mean)
+
+    def at(rate: np.ndarray) -> np.ndarray:
+        mean = planar.mean_friction(model.plant, angle, rate, np.gradient(rate))
+        return np.where(motion.modes == 0, 0.0, mean)
+
+    friction, taken = at(rate), np.zeros(len(rate))
+    for _ in range(_ROUNDS - 1 if model.plant.stribeck_velocity > 0 else 0):
         pushed = np.cumsum(friction) * GRID / inertia
         taken = (taken + pushed - low_passed(pushed, GRID, view.band)) / 2
+        friction = at(rate + taken)
     return friction
 
 

@@ -157,9 +157,14 @@ class Model:
         return plant
 
     @property
+    def link_step(self) -> float:
+        """Integration step [s] of the link by itself: `step`, or less where the chain asks for less."""
+        return min(self.step, self.chain.largest_step())
+
+    @property
     def stable_step(self) -> float:
-        """Integration step [s]: `step`, or less where the chain or what stands behind it asks for less."""
-        return min(self.step, self.chain.largest_step(), planar.largest_step(self.plant))
+        """Integration step [s]: `link_step`, or less where what stands behind the chain asks for less."""
+        return min(self.link_step, planar.largest_step(self.plant))
 
     def with_plant(self, **changes: Any) -> Model:
         """A model whose plant has some fields changed, whatever the rig and the effects say."""

@@ -114,21 +114,20 @@ class RestRun:
     def readings(self, level: float, time: np.ndarray) -> np.ndarray:
         """The hub (n) as its sensor reports it under a static level [N m], at instants from the first on (n) [s]."""
         # Below the Coulomb level a hub that has come free would rest and go on without end.
-        own, least = (
-            self.plant,
-            [_ABOVE * c for c in (self.plant.coulomb_positive, self.plant.coulomb_negative)],
-        )
+        own = self.plant
         ahead, back = (level, own.static_negative) if self.direction > 0 else (own.static_positive, level)
-        plant = own._replace(static_positive=max(ahead, least[0]), static_negative=max(back, least[1]))
+        plant = own._replace(
+            static_positive=max(ahead, _ABOVE * own.coulomb_positive),
+            static_negative=max(back, _ABOVE * own.coulomb_negative),
+        )
         motion = Motion.of(time, *self._moved(plant, time), len(self.model.chain.lengths))
         return reported(self.model, Recording("", time, {"hub_angle": time}), motion)["hub_angle"]
 
     def _moved(self, plant: planar.Plant, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angles, rates and modes of a plant at some instants."""
         lagging, times, torques = self._drive
-        step = min(self.model.step, self.model.chain.largest_step())
         plant = plant._replace(lag=lagging.lag)
-        return planar.simulate(plant, times, torques, time, *self.state, 0, False, step)
+        return planar.simulate(plant, times, torques, time, *self.state, 0, False, self.model.link_step)
 
     @functools.cached_property
     def _drive(self) -> tuple[planar.Plant, np.ndarray, np.ndarray]:

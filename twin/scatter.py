@@ -68,11 +68,12 @@ class Evidence:
         g_i = (1 - H_i H^-1) e_i - H_i H^-1 sum_j e_j, with e of each recording and of the priors independent.
         """
         information = self.information.sum(axis=0) + np.diag(self.prior)
+        least = _NOTHING * np.diag(self.covariance)
         distances = np.zeros_like(self.pulls)
         for i, (H, V) in enumerate(zip(self.information, self._pull_scatter(), strict=True)):
             rest = _inverse(information - H)
             variance = np.diag(rest @ V @ rest)
-            sure = variance > _NOTHING * np.diag(self.covariance)
+            sure = variance > least
             move = rest @ self.pulls[i]
             distances[i] = np.where(sure, move / np.sqrt(np.where(sure, variance, 1.0)), 0.0)
         return distances

@@ -2,8 +2,9 @@
 
 The calibration starts a last fit in the limit of a fine chain; what the last power of the extrapolation came to counts
 as error. The covariance is that of the residuals as they are (`scatter`), which is neither what the weights take them
-for nor more. The errors are checked: each recording is left out in turn, and where they disagree by more than their
-noise, the errors grow (`disagreement`). Where the likelihood is no ellipse, intervals are by its profile.
+for nor more. The errors are checked: each recording is left out in turn, and those that contradict the others are
+named; where recordings disagree by more than their noise, the errors grow (`disagreement`). Where the likelihood is no
+ellipse, intervals are by its profile.
 """
 
 from __future__ import annotations
