@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from twin import calibration, chain, cli, fit
 from twin.campaign import read_campaign
+from twin.driven import DrivenData
 from twin.errors import InputError
 from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra
 from twin.identify.backbone import backbone
@@ -414,7 +415,7 @@ def test_break_away_on_a_staircase_lies_between_two_stairs():
         "stairs.csv", time, {"torque_command": stairs, "hub_angle": still, "strain_base": still}
     )
     prepared = recorded(model, climb, seed=1)
-    found = break_away.read(model, [prepared], [prepared.start])
+    found = break_away.read(DrivenData([prepared], model), model, [prepared.start])
     assert set(found.by_direction) == {-1}
     assert found.level.value == pytest.approx(0.045)
     assert found.level.standard_error == pytest.approx(0.01 / math.sqrt(12))

@@ -15,6 +15,7 @@ import numpy as np
 from twin import driven
 from twin.driven import DrivenData
 from twin.model import Model, Start
+from twin.observe import BEFORE_ONSET
 from twin.rest_run import INSTANT, RestRun
 
 _LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
@@ -32,13 +33,30 @@ class Level:
     error: float
 
 
+@dataclass(frozen=True)
+class Release:
+    """A rest that ended: recording, last sample at which the hub surely rested [s], direction, the plant's level."""
+
+    recording: int
+    time: float
+    direction: int
+    level: Level
+
+
 def levels(data: DrivenData, model: Model, starts: Sequence[Start]) -> dict[int, Level]:
-    """Static level by direction, +1 and -1, where the recordings show it; the model's other numbers are taken as true.
+    """Static level by direction, +1 and -1, where the recordings show it.
 
     A rest that ends below what friction bore elsewhere was none: the hub had only been slow.
     """
-    read: dict[int, list[Level]] = {1: [], -1: []}
-    for prepared, view, start in zip(data.prepared, data.views, starts, strict=True):
+    read = releases(data, model, starts)
+    seen = {direction: [r.level for r in read if r.direction == direction] for direction in (1, -1)}
+    return {direction: together(levels) for direction, levels in seen.items() if levels}
+
+
+def releases(data: DrivenData, model: Model, starts: Sequence[Start]) -> list[Release]:
+    """The static level at the end of each rest that tells it; the model's other numbers are taken as true."""
+    read = []
+    for i, (prepared, view, start) in enumerate(zip(data.prepared, data.views, starts, strict=True)):
         if prepared.hub is None:
             continue
         motion, _ = driven.move(view, prepared, model, start)
@@ -46,8 +64,9 @@ def levels(data: DrivenData, model: Model, starts: Sequence[Start]) -> dict[int,
             run = RestRun.of(model, prepared, motion, onset, direction)
             level = _level(run) if run is not None else None
             if level is not None:
-                read[direction].append(level)
-    return {direction: together(seen) for direction, seen in read.items() if seen}
+                last = float(prepared.recording.time[onset - BEFORE_ONSET])
+                read.append(Release(i, last, direction, level))
+    return read
 
 
 def together(seen: Sequence[Level]) -> Level:

@@ -12,11 +12,13 @@ from scipy.stats import norm
 
 from twin import breakaway
 from twin.breakaway import BreakAway
+from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.identify.results import Estimate, pooled
 from twin.model import Model, Start
 from twin.observe import BEFORE_ONSET, IN_A_ROW, ONSET
 from twin.planar import STUCK
+from twin.releases import releases
 
 _MODEL = 0.03  # relative standard deviation of what the model says that the link adds to the drive's torque
 _REST, _END = (
@@ -48,11 +50,21 @@ class StaticFriction:
     angle_spread: float
 
 
-def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> StaticFriction:
-    """Reads the static friction from every slow approach to a break-away."""
+def read(data: DrivenData, model: Model, starts: Sequence[Start]) -> StaticFriction:
+    """Reads the static friction from every slow approach to a break-away.
+
+    Where runs from the rest on follow the hub once it is free, they say best when that was.
+    """
+    prepared = data.prepared
+    run = {(r.recording, r.time): r.level for r in releases(data, model, starts)}
     all_events = breakaway.find(model, prepared, starts)
     ramps = tuple(e for e in all_events if _ends_a_ramp(model, prepared[e.recording], e))
-    read_off = [_read(model, prepared[e.recording], e) for e in ramps]
+    read_off = [
+        (e.direction * told.value, told.error)
+        if (told := run.get((e.recording, e.time))) is not None
+        else _read(model, prepared[e.recording], e)
+        for e in ramps
+    ]
     ramped = {e.recording for e in ramps}
     stairs = [s for i, p in enumerate(prepared) if i not in ramped for s in _stairs(model, p, i)]
     events = (

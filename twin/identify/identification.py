@@ -140,7 +140,7 @@ def identify(
         progress("reading decays and break-aways")
         decays = ring_downs(campaign) or decays_at_rest(found.prepared)
         model, starts = found.fit.model, found.fit.starts
-        friction = break_away.read(model, found.prepared, starts)
+        friction = break_away.read(found.data, model, starts)
         progress("balancing torques")
         hub = _hub_balance(found)
         whole = balance.of_rig(found.data, model, starts)
