@@ -99,6 +99,10 @@ OUTSIDE: Mapping[str, Mapping[str, Size]] = {
     "hard-stop": {"angle": Size(0.3, 0.7), "stiffness": Size(2.0, 20.0), "damping": Size(0.01, 0.1)},
     "warming-friction": {"rise": Size(5e-3, 2e-2), "time_constant": Size(1.5, 5.0)},
     "shaking-base": {"amplitude": Size(0.1, 0.6), "frequency": Size(2.0, 12.0), "phase": _PHASE},
+    "saturating-motor": {"loss": Size(0.1, 0.4)},
+    "hardening-cable": {"stiffness": Size(0.02, 0.2)},
+    "warming-link": {"loss": Size(0.03, 0.15), "time_constant": Size(2.0, 6.0)},
+    "motor-in-strain": {"base": Size(1e-4, 1e-3, "either"), "mid": Size(1e-4, 1e-3, "either")},
 }
 """Faults that the vocabulary has no name for."""
 
@@ -108,6 +112,10 @@ DEPENDS: Mapping[str, Sequence[str]] = {
     "hard-stop": ("hub_angle",),
     "warming-friction": ("time", "hub_rate", "direction"),
     "shaking-base": ("time", "hub_angle"),
+    "saturating-motor": ("torque_command",),
+    "hardening-cable": ("hub_angle",),
+    "warming-link": ("time", "strain_base", "strain_mid"),
+    "motor-in-strain": ("torque_command",),
 }
 """The variables that a right answer may name."""
 

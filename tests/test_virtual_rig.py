@@ -319,6 +319,10 @@ STRONG = {
     "hard-stop": {"angle": 0.5, "stiffness": 5.0, "damping": 0.01},
     "warming-friction": {"rise": 0.01, "time_constant": 5.0},
     "shaking-base": {"amplitude": 0.3, "frequency": 2.0, "phase": 0.0},
+    "saturating-motor": {"loss": 0.2},
+    "hardening-cable": {"stiffness": 0.1},
+    "warming-link": {"loss": 0.1, "time_constant": 2.0},
+    "motor-in-strain": {"base": 3e-4, "mid": -3e-4},
 }
 NEUTRAL = {
     "viscous-friction": {"viscous": 0.0},
@@ -351,6 +355,10 @@ NEUTRAL = {
     "hard-stop": {"angle": math.inf},
     "warming-friction": {"rise": 0.0},
     "shaking-base": {"amplitude": 0.0},
+    "saturating-motor": {"loss": 0.0},
+    "hardening-cable": {"stiffness": 0.0},
+    "warming-link": {"loss": 0.0},
+    "motor-in-strain": {"base": 0.0, "mid": 0.0},
 }
 
 

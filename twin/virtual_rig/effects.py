@@ -73,6 +73,10 @@ OUTSIDE_EFFECTS: dict[str, dict[str, str]] = {
         "frequency": "disturbance_frequency",
         "phase": "disturbance_phase",
     },
+    "saturating-motor": {"loss": "torque_loss"},
+    "hardening-cable": {"stiffness": "cable_hardening"},
+    "warming-link": {"loss": "fading", "time_constant": "fading_time"},
+    "motor-in-strain": {"base": "pickup_base", "mid": "pickup_mid"},
 }
 
 

@@ -113,7 +113,10 @@ def saturated(rig, command):
     """Returns what the drive makes of a command before its dynamics [N m]."""
     if abs(command) <= rig.dead_zone:
         return 0.0
-    return rig.torque_gain * min(max(command, -rig.torque_limit), rig.torque_limit)
+    torque = min(max(command, -rig.torque_limit), rig.torque_limit)
+    if rig.torque_loss != 0.0:
+        torque *= 1.0 - rig.torque_loss * (torque / rig.torque_limit) ** 2
+    return rig.torque_gain * torque
 
 
 @compiled
@@ -186,6 +189,7 @@ def sliding_friction(rig, t, direction, theta, omega):
 def hub_torque(rig, t, theta, omega):
     """Returns the torques on the hub other than drive, friction and link [N m]."""
     torque = rig.torque_bias - rig.cable_stiffness * (theta - rig.cable_rest_angle)
+    torque -= rig.cable_hardening * theta**3
     if rig.disturbance_torque != 0.0:
         phase = 2.0 * math.pi * rig.disturbance_frequency * t + rig.disturbance_phase
         torque += rig.disturbance_torque * math.sin(phase)
@@ -254,8 +258,9 @@ def link_balance(plant, t, y):
             mass_matrix[row, row] += weight * product[k, i]
 
     # Elastic and damping moments; the softening part by quadrature of the lost moment.
+    left = 1.0 - rig.fading * (1.0 - math.exp(-t / rig.fading_time))
     for i in range(n):
-        force[i] -= link.stiffness[i] * y[i]
+        force[i] -= left * link.stiffness[i] * y[i]
         for j in range(n):
             force[i] -= link.damping[i, j] * y[nz + j]
     if rig.softening != 0.0:

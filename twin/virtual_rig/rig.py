@@ -43,8 +43,12 @@ class Rig(NamedTuple):
     actuator_lag: float = 0.0  # s
     actuator_delay: float = 0.0  # s
     dead_zone: float = 0.0  # N m, half width: smaller commands deliver nothing
+    torque_loss: float = (
+        0.0  # share of the largest torque that a saturated iron loses; of others by their square
+    )
     cable_stiffness: float = 0.0  # N m/rad
     cable_rest_angle: float = 0.0  # rad
+    cable_hardening: float = 0.0  # N m/rad^3
     cogging_amplitude: float = 0.0  # N m
     cogging_order: float = 1.0
     cogging_phase: float = 0.0  # rad
@@ -65,6 +69,8 @@ class Rig(NamedTuple):
     # The link beyond a linear beam on a rigid clamp.
     softening: float = 0.0  # s in M = EI kappa (1 - s kappa^2/(kappa^2 + kappa_0^2))
     softening_curvature: float = 1.0  # kappa_0, 1/m
+    fading: float = 0.0  # share of the bending stiffness that a warming link loses in the end
+    fading_time: float = 10.0  # s, in which 1 - 1/e of it is lost
     root_stiffness: float = math.inf  # N m/rad, of the clamp
     torsional_frequency: float = 28.0  # Hz, with the hub locked
     torsional_damping: float = 0.01
@@ -82,6 +88,8 @@ class Rig(NamedTuple):
     drift_base: float = 0.0  # 1/s
     drift_mid: float = 0.0  # 1/s
     sensor_delay: float = 0.0  # s
+    pickup_base: float = 0.0  # 1/(N m), strain that a bridge reads from the motor's current
+    pickup_mid: float = 0.0  # 1/(N m)
     clip_base: float = math.inf  # strain, the amplifier clips at both signs of it
     clip_mid: float = math.inf
 

@@ -59,10 +59,11 @@ def measured(
     bends = curvature_at(rig, np.array([sensors.position_base, sensors.position_mid]), len(link.stiffness))
     strain = sensors.half_thickness * motion.states[:, : len(link.stiffness)] @ bends.T
     strain = strain + np.outer(torsion_angle(rig, link, motion.states), TORSION_STRAIN)
-    base = np.clip(rig.gain_base * strain[:, 0] + rig.drift_base * times, -rig.clip_base, rig.clip_base)
-    mid = np.clip(rig.gain_mid * strain[:, 1] + rig.drift_mid * times, -rig.clip_mid, rig.clip_mid)
-    hub = sensed_hub(rig, hub_angle(rig, link, motion.states))
     torque = delivered_torque(rig, times, motion.commands)
+    base = rig.gain_base * strain[:, 0] + rig.drift_base * times + rig.pickup_base * torque
+    mid = rig.gain_mid * strain[:, 1] + rig.drift_mid * times + rig.pickup_mid * torque
+    base, mid = np.clip(base, -rig.clip_base, rig.clip_base), np.clip(mid, -rig.clip_mid, rig.clip_mid)
+    hub = sensed_hub(rig, hub_angle(rig, link, motion.states))
     return {
         "hub_angle": quantised(hub + noise["hub_angle"], sensors.hub_step),
         "strain_base": quantised(base + noise["strain_base"], sensors.strain_step),
