@@ -29,7 +29,7 @@ def conclude(
     wall_s: float,
 ) -> Diagnosis:
     """Puts the answer together."""
-    left = verdict.unexplained(found.bench, found.best)
+    left = verdict.unexplained(found)
     answer = said(found)
     effects = _effects(found, polished)
     ranking = [(c.effects[-1], c.score) for c in (found.rounds[0] if found.rounds else ())]
@@ -65,7 +65,7 @@ def conclude(
 
 def said(found: Found) -> Verdict:
     """The verdict of a search."""
-    if verdict.unexplained(found.bench, found.best):
+    if verdict.unexplained(found):
         return "outside-library"
     return "explained" if found.adopted else "no-missing-effect"
 
@@ -110,7 +110,7 @@ def _correlations(fit: Fit) -> Correlations:
 def variables(found: Found) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
     shares = {}
-    for channel in verdict.unexplained(found.bench, found.best):
+    for channel in verdict.unexplained(found):
         residual = traces.unexplained(found.bench, found.data, found.best, channel)
         if len(residual.values) > 50:
             shares[channel] = traces.dependence(residual)

@@ -62,7 +62,7 @@ def diagnose(
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         found = find(campaign, pool, progress, false_alarm_rate)
-        followed = not verdict.unexplained(found.bench, found.best)
+        followed = not verdict.unexplained(found)
         if followed:
             progress("reading the static friction")
         polished = polish.polish(
@@ -109,7 +109,8 @@ def find(
         by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
         least = max(by_chance, verdict.OWN_ERROR * sum(c.score for c in adopted))
         ranked = explored.ranked
-        if verdict.worth_adopting(bench, current, ranked, least):
+        # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
+        if ranked and ranked[0].score > verdict.LEAST_SCORE:
             ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
         ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, least)
         rounds.append(tuple(ranked))
@@ -138,7 +139,7 @@ def on_sound_channels(found: Found) -> tuple[Found, Workbench]:
     """
     bench, best = found.bench, found.best
     link = bench.channels() - {"hub_angle", "motor_torque"}
-    faulty = link & set(verdict.unexplained(bench, best))
+    faulty = link & set(verdict.unexplained(found))
     if found.adopted and _read_by(found.adopted[-1].effects[-1]) & faulty:
         return on_sound_channels(replace(found, adopted=found.adopted[:-1], rounds=found.rounds[:-1]))
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:

@@ -53,7 +53,7 @@ def patched(
 
 def of_worst(found: Found) -> Patch | None:
     """The lookup of the first unexplained channel that is a function of one variable."""
-    for channel in verdict.unexplained(found.bench, found.best):
+    for channel in verdict.unexplained(found):
         left = traces.unexplained(found.bench, found.data, found.best, channel)
         for variable, share in traces.dependence(left):
             if share < _LEAST_SHARE:

@@ -8,6 +8,7 @@ import numpy as np
 
 from twin import driven, evidence
 from twin.fit import Fit, Workbench
+from twin.found import Found
 from twin.patch import HUB
 from twin.search import Candidate
 
@@ -22,8 +23,14 @@ OWN_ERROR = 2e-3
 LEAST_ELSEWHERE = 10.0
 """Gain in log likelihood without the recording that gains most: odds of 20 000 that it is not that one alone."""
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
-LARGE_MISFIT = 4.0  # noise levels beyond which a group of residuals is not explained
-REPEATED = 2  # recordings in which a channel must stay unexplained
+SOUND = 1.4
+"""Noise levels up to which residuals of a right model lie, on dirty recordings too."""
+UNEXPLAINED = 2.0
+"""Noise levels beyond which the worst of a channel's residuals is not explained."""
+LEFT = 0.05
+"""Share of what a residual was before any effect was adopted that a right effect may leave: its discretisation."""
+CHANCE = 3.0  # standard deviations by which the size of so much noise may seem larger than it is
+REPEATED = 2  # recordings in which a channel must not be sound
 
 
 def misfit(bench: Workbench, residual: np.ndarray) -> np.ndarray:
@@ -66,17 +73,37 @@ def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
     return gains
 
 
-def unexplained(bench: Workbench, fit: Fit) -> tuple[str, ...]:
-    """Channels whose residual stays far above the noise in several recordings, the worst first."""
-    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * _timed(bench, fit))
-    worst: dict[str, list[float]] = {}
-    for group, size in zip(bench.data.groups, sizes, strict=True):
-        if size > LARGE_MISFIT and group.channel not in driven.SINGLE:
-            worst.setdefault(group.channel, []).append(float(size))
-    repeated = {
-        c: float(np.median(s)) for c, s in worst.items() if len(s) >= min(REPEATED, len(bench.prepared))
+def unexplained(found: Found) -> tuple[str, ...]:
+    """Channels whose residual exceeds what noise and a right model leave, in several recordings; the worst first."""
+    before = _sizes(found.benches[0], found.base)
+    sizes: dict[str, list[float]] = {}
+    for (recording, channel), (size, by_chance) in _sizes(found.bench, found.best).items():
+        may_be_left = LEFT * before.get((recording, channel), (0.0, 1.0))[0]
+        more = float(np.sqrt(max(size**2 - may_be_left**2, 0.0)))
+        sizes.setdefault(channel, []).append(more / by_chance)
+    worst = {}
+    for channel, seen in sizes.items():
+        odd = [size for size in seen if size > SOUND]
+        enough = len(odd) >= min(REPEATED, len(found.bench.prepared))
+        if channel not in driven.SINGLE and enough and max(odd) > UNEXPLAINED:
+            worst[channel] = float(np.median(odd))
+    return tuple(sorted(worst, key=lambda c: -worst[c]))
+
+
+def _sizes(bench: Workbench, fit: Fit) -> dict[tuple[int, str], tuple[float, float]]:
+    """Recording and channel -> size of the residual, and that which chance may give noise alone, in noise levels."""
+    weight = bench.weight * _timed(bench, fit)
+    sizes = evidence.sizes(fit.residual, bench.data.groups, weight)
+    independent = {name: 0.0 for name in ((g.recording, g.channel) for g in bench.data.groups)}
+    for group, count in zip(bench.groups, bench.count, strict=True):
+        independent[group.recording, group.channel] += float(count)
+    return {
+        (g.recording, g.channel): (
+            float(s),
+            1 + CHANCE / np.sqrt(2 * max(independent[g.recording, g.channel], 1.0)),
+        )
+        for g, s in zip(bench.data.groups, sizes, strict=True)
     }
-    return tuple(sorted(repeated, key=lambda c: -repeated[c]))
 
 
 def _timed(bench: Workbench, fit: Fit) -> np.ndarray:

@@ -1,0 +1,71 @@
+"""When the residual of a channel is more than noise and a right model leave."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin import verdict
+from twin.evidence import Group
+
+ROWS, INDEPENDENT = 1000, 100.0
+
+
+def seen(sizes, before=None, independent=INDEPENDENT):
+    """What a search came to on recordings whose residuals have these sizes: channel -> one of each recording."""
+    groups, noise = [], []
+    for channel, of_channel in sizes.items():
+        for recording in range(len(of_channel)):
+            row = ROWS * len(groups)
+            groups.append(Group(recording, channel, slice(row, row + ROWS)))
+            noise.append(np.where(np.arange(ROWS) % 2, 1.0, -1.0))
+    data = SimpleNamespace(groups=groups)
+    recordings = max(len(s) for s in sizes.values())
+    bench = SimpleNamespace(
+        data=data,
+        groups=groups,
+        weight=np.ones(ROWS * len(groups)),
+        count=np.full(len(groups), independent),
+        prepared=range(recordings),
+    )
+
+    def fit(of):
+        flat = [size for of_channel in of.values() for size in of_channel]
+        residual = np.concatenate([size * n for size, n in zip(flat, noise, strict=True)])
+        plant = SimpleNamespace(stribeck_velocity=0.0)
+        return SimpleNamespace(residual=residual, model=SimpleNamespace(plant=plant))
+
+    return SimpleNamespace(benches=(bench,), bench=bench, base=fit(before or sizes), best=fit(sizes))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "left"),
+    [
+        ({"strain_base": [1.0, 1.1, 0.9], "hub_torque": [1.4, 1.4, 1.4]}, ()),
+        ({"strain_base": [3.0, 3.0, 1.0], "hub_torque": [1.0, 1.0, 1.0]}, ("strain_base",)),
+        # A lone recording may be odd.
+        ({"strain_base": [30.0, 1.1, 1.0], "hub_torque": [1.0, 1.0, 1.0]}, ()),
+        # A fault that one experiment provokes and another barely shows.
+        ({"motor_torque": [4.5, 1.8, 0.9]}, ("motor_torque",)),
+        ({"hub_torque": [3.0, 4.0], "strain_base": [9.0, 8.0]}, ("strain_base", "hub_torque")),
+        # Instants are no recordings.
+        ({"departure": [9.0, 9.0], "break_away": [9.0, 9.0]}, ()),
+    ],
+)
+def test_what_stays_above_the_noise_in_several_recordings_is_not_explained(sizes, left):
+    assert verdict.unexplained(seen(sizes)) == left
+
+
+def test_one_recording_is_enough_where_there_is_no_other():
+    assert verdict.unexplained(seen({"strain_base": [3.0]})) == ("strain_base",)
+
+
+def test_a_right_effect_may_leave_a_small_part_of_what_it_explains():
+    left = {"hub_torque": [3.0, 2.5]}
+    assert verdict.unexplained(seen(left, before={"hub_torque": [100.0, 80.0]})) == ()
+    assert verdict.unexplained(seen(left, before={"hub_torque": [10.0, 8.0]})) == ("hub_torque",)
+
+
+def test_the_size_of_little_noise_is_not_known_well():
+    assert verdict.unexplained(seen({"hub_torque": [2.4, 2.4]}, independent=5.0)) == ()
+    assert verdict.unexplained(seen({"hub_torque": [2.4, 2.4]}, independent=500.0)) == ("hub_torque",)
