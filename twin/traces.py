@@ -12,7 +12,10 @@ from twin.diagnosis import Trace
 from twin.evidence import Group
 from twin.fit import Fit, Workbench
 
-_BINS = 16
+_BINS = (16, 100)  # of a variable, each with as many samples
+_FEWEST = 20  # samples that tell the mean of a bin
+_STRETCH = 0.75  # s
+DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
 _LABELS = {
     "hub_torque": "unmodelled hub torque [N m]",
     "strain_base": "unmodelled base strain [1]",
@@ -95,26 +98,41 @@ def _variables(
 def dependence(found: Unexplained) -> list[tuple[str, float]]:
     """Share of the variance (0 to 1) that a step function of each variable explains, best first.
 
-    A variable that explains the residual does so in every recording: the bins' means come from the other ones.
+    A variable that explains the residual does so in every recording: the bins' means come from the other ones. Where
+    none does, as when a fault shows in one experiment alone, they come from the other stretches of all recordings.
     """
-    total = float(np.sum(found.values**2))
-    if not total > 0:
+    if not np.any(found.values):
         return []
-    shares = [(name, _cross_share(found, values, total)) for name, values in found.variables.items()]
+    by_recording = _shares(found, found.recording)
+    if by_recording and by_recording[0][1] > DEPENDS:
+        return by_recording
+    by_stretch = _shares(found, np.floor(found.time / _STRETCH).astype(int))
+    return by_stretch if by_stretch and by_stretch[0][1] > DEPENDS else by_recording
+
+
+def _shares(found: Unexplained, part: np.ndarray) -> list[tuple[str, float]]:
+    shares = [(name, _cross_share(found.values, v, part)) for name, v in found.variables.items()]
     return sorted(shares, key=lambda pair: -pair[1])
 
 
-def _cross_share(found: Unexplained, variable: np.ndarray, total: float) -> float:
-    edges = np.quantile(variable, np.linspace(0, 1, _BINS + 1)[1:-1])
-    bins = np.searchsorted(edges, variable)
-    left = 0.0
-    for i in np.unique(found.recording):
-        inside = found.recording == i
-        sums = np.bincount(bins[~inside], found.values[~inside], _BINS)
-        counts = np.bincount(bins[~inside], minlength=_BINS)
-        means = np.divide(sums, counts, out=np.zeros(_BINS), where=counts > 20)
-        left += float(np.sum((found.values[inside] - means[bins[inside]]) ** 2))
-    return max(0.0, 1 - left / total)
+def _cross_share(values: np.ndarray, variable: np.ndarray, part: np.ndarray) -> float:
+    """Share of the variance of values (n) that a step function of a variable (n) explains in each part of them (n).
+
+    Its means come from the other parts, its bins are wide or narrow ones: a dead zone is a narrow fault.
+    """
+    _, part = np.unique(part, return_inverse=True)
+    return max(_share_in_bins(values, variable, part, count) for count in _BINS)
+
+
+def _share_in_bins(values: np.ndarray, variable: np.ndarray, part: np.ndarray, count: int) -> float:
+    edges = np.quantile(variable, np.linspace(0, 1, count + 1)[1:-1])
+    cell = part * count + np.searchsorted(edges, variable)
+    size = (part.max() + 1) * count
+    sums, counts = (np.bincount(cell, w, size).reshape(-1, count) for w in (values, None))
+    elsewhere = counts.sum(0) - counts
+    means = np.where(elsewhere > _FEWEST, (sums.sum(0) - sums) / np.maximum(elsewhere, 1), 0.0)
+    left = np.sum((values - means.ravel()[cell]) ** 2)
+    return max(0.0, 1 - float(left / np.sum(values**2)))
 
 
 def traces_of(bench: Workbench, data: driven.DrivenData, base: Fit, best: Fit) -> tuple[Trace, ...]:
@@ -140,4 +158,4 @@ def strongest(dependences: Mapping[str, list[tuple[str, float]]]) -> tuple[str, 
     for pairs in dependences.values():
         for name, share in pairs:
             best[name] = max(best.get(name, 0.0), share)
-    return tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > 0.05)
+    return tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)

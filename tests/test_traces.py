@@ -1,0 +1,45 @@
+"""On which variable it is found to depend what a model leaves unexplained."""
+
+import numpy as np
+import pytest
+
+from twin.traces import DEPENDS, Unexplained, dependence
+
+NOISE = 1e-3
+COUNT = 3000  # readings of a recording, 2 ms apart
+
+
+def recordings(shows):
+    """Two recordings of 6 s of what a dead zone of 10 mN m leaves of slow commands, in those that show it, in noise."""
+    generator = np.random.default_rng(5)
+    time = 0.002 * np.arange(COUNT)
+    parts = []
+    for k, shown in enumerate(shows):
+        command = 0.1 * np.sin(2 * np.pi * (0.6 + 0.1 * k) * time)
+        lost = np.where(np.abs(command) < 0.01, -command, 0.0) if shown else np.zeros(COUNT)
+        angle = np.cumsum(generator.normal(0, 0.01, COUNT))
+        values = lost + generator.normal(0, NOISE, COUNT)
+        parts.append((values, {"torque_command": command, "hub_angle": angle, "time": time}))
+    return Unexplained(
+        np.concatenate([values for values, _ in parts]),
+        {name: np.concatenate([v[name] for _, v in parts]) for name in parts[0][1]},
+        np.repeat(np.arange(len(parts)), COUNT),
+        np.concatenate([6.0 * k + time for k in range(len(parts))]),
+    )
+
+
+@pytest.mark.parametrize("shows", [(True, True), (True, False)])
+def test_a_narrow_fault_is_seen_in_all_recordings_or_in_one(shows):
+    (first, share), (_, next_share), *_ = dependence(recordings(shows))
+    assert first == "torque_command"
+    assert share > 3 * DEPENDS
+    assert next_share < DEPENDS
+
+
+def test_noise_depends_on_nothing():
+    assert max(share for _, share in dependence(recordings((False, False)))) < DEPENDS
+
+
+def test_where_nothing_is_left_nothing_depends():
+    found = recordings((False,))
+    assert dependence(Unexplained(np.zeros(COUNT), found.variables, found.recording, found.time)) == []
