@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twin import chain, departures, driven, fit, planar
+from twin import chain, departures, fit, hub_balance, planar
 from twin.calibration import noises
 from twin.campaign import read_campaign
-from twin.driven import GRID, DrivenData, View
+from twin.driven import DrivenData
+from twin.low_pass import GRID, low_passed, smooth
 from twin.model import Model, Motion
 from twin.rest_run import RestRun
 from twin.rigs import preset
+from twin.view import View, move
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 
@@ -96,7 +98,7 @@ def test_a_model_that_never_comes_free_is_a_hub_at_rest(plain):
 def test_a_jump_of_the_command_is_no_slow_torque(plain):
     data, twin = plain
     [prepared], [view] = data.prepared, data.views
-    motion, _ = driven.move(view, prepared, twin, prepared.start)
+    motion, _ = move(view, prepared, twin, prepared.start)
     onset, direction = view.departures[0]
     run = RestRun.of(twin, prepared, motion, onset, direction)
     assert run.is_slow
@@ -112,7 +114,7 @@ def test_a_jump_of_the_command_is_no_slow_torque(plain):
 def test_samples_that_share_an_instant_have_the_noise_of_one(plain):
     data, twin = plain
     [prepared], [view] = data.prepared, data.views
-    motion, _ = driven.move(view, prepared, twin, prepared.start)
+    motion, _ = move(view, prepared, twin, prepared.start)
     fine, _ = departures.residual(view.time, prepared, twin, motion, view.departures)
     coarse, there = departures.residual(view.time[::5], prepared, twin, motion, view.departures)
     assert there.sum() < 0.3 * view.departing.sum()
@@ -166,9 +168,9 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
         return [x[1], (np.interp(t, fine, torque) + friction(x[1])) / inertia]
 
     angle, rate = solve_ivp(move, (0, 2), [0.0, 0.0], "LSODA", fine, max_step=1e-4, rtol=1e-8).y
-    exact = driven.low_passed(driven.low_passed(friction(rate), 2e-4, 70.0), 2e-4)[::finer]
+    exact = low_passed(low_passed(friction(rate), 2e-4, 70.0), 2e-4)[::finer]
     time = fine[::finer]
-    spline = driven.smooth(time, driven.low_passed(angle[::finer], GRID, 70.0))
+    spline = smooth(time, low_passed(angle[::finer], GRID, 70.0))
     seen = spline(time), spline(time, 1), spline(time, 2)
     view = View(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, {}, ())
     links = len(twin.chain.lengths)
@@ -176,9 +178,9 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
     motion = Motion.of(time, angles, rates, np.sign(seen[1]), links)
 
     def error():
-        return np.std((driven.low_passed(driven.hub_laws(view, twin, motion), GRID) - exact)[100:-100])
+        return np.std((low_passed(hub_balance.hub_laws(view, twin, motion), GRID) - exact)[100:-100])
 
     put_back = error()
-    monkeypatch.setattr(driven, "_ROUNDS", 1)
+    monkeypatch.setattr(hub_balance, "_ROUNDS", 1)
     assert put_back < 0.5 * error()
     assert put_back < 0.15 * np.std(exact)

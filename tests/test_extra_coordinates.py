@@ -8,7 +8,7 @@ import pytest
 
 from twin import mjcf, planar
 from twin.chain import build
-from twin.driven import low_passed
+from twin.low_pass import low_passed
 from twin.mujoco_chain import MujocoChain
 from twin.rigs import preset
 

@@ -5,14 +5,16 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import chain, driven, fit, planar, polish, releases
+from twin import chain, fit, hub_balance, planar, polish, releases
 from twin.calibration import noises
 from twin.campaign import read_campaign
-from twin.driven import GRID, DrivenData, View
+from twin.driven import DrivenData
 from twin.fit import Unknown, Workbench
+from twin.low_pass import GRID
 from twin.model import Model, Motion
 from twin.releases import Level
 from twin.rigs import preset
+from twin.view import View
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 
@@ -97,7 +99,7 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
     motion = Motion.of(time, angles, rates, np.sign(rate), links)
     inner = slice(200, -200)
-    mean = driven.hub_laws(view, twin, motion)[inner].mean()
+    mean = hub_balance.hub_laws(view, twin, motion)[inner].mean()
     instants = np.linspace(time[200] - GRID / 2, time[-201] + GRID / 2, 200_000)
     ahead = np.cos(omega * instants) > 0
     exact = np.where(ahead, -LEVELS["coulomb_positive"], LEVELS["coulomb_negative"]).mean()

@@ -15,6 +15,7 @@ from twin import (
     chain,
     disagreement,
     driven,
+    driven_residual,
     evidence,
     fit,
     limit,
@@ -29,9 +30,11 @@ from twin.evidence import Group
 from twin.fit import Fit, Unknown
 from twin.identify import against, break_away, joint, profile, sentences, spectra
 from twin.identify.against import Comparison
+from twin.look import look
 from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.view import move
 from twin.virtual_rig import Rig as VirtualRig
 from twin.virtual_rig import Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -81,7 +84,7 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
     channels = {"torque_command": still, "hub_angle": shaken(time), "strain_base": still}
     prepared, _ = fit.prepare(Recording("shaken", time, channels), {"hub_angle": 1e-6, "strain_base": 2e-6})
     coarse = model().replace(step=2e-3)
-    view = driven.look(prepared, coarse)
+    view = look(prepared, coarse)
     fine = np.arange(0, view.time[-1] + 1e-9, 1e-4)
     exact = CubicSpline(fine, shaken(fine))
     at_rest = np.zeros(len(coarse.chain.lengths))
@@ -89,7 +92,7 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
     bend = planar.driven(coarse.plant, *given, 1e-4)[0][::20] @ [-1, 0, 0, 0, 0, 1]
     off = []
     for step in (2e-3, 2.5e-4):
-        motion, _ = driven.move(view, prepared, coarse.replace(step=step), prepared.start)
+        motion, _ = move(view, prepared, coarse.replace(step=step), prepared.start)
         found = motion.angles @ [-1, 0, 0, 0, 0, 1]
         n = min(len(found), len(bend))
         off.append(np.abs(found[:n] - bend[:n]).max() / np.abs(bend).max())
@@ -143,7 +146,7 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     assert np.std((filled["strain_base"] - residual["strain_base"])[known]) < 0.5
     prepared, _ = fit.prepare(sweep[0], sweep[1])
     as_it_is, bridged = (
-        driven.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
+        driven_residual.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
         for v in (view, replace(view, holes={}))
     )
     assert np.std((bridged - as_it_is)[known]) > 1.0

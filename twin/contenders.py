@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin import driven, fit, limit, search, verdict
+from twin import fit, limit, search, verdict
 from twin.calibration import seen_by
 from twin.fit import Fit, Workbench
 from twin.model import Model
 from twin.search import Candidate, Progress, silent
+from twin.view import on_link
 
 _CONTENDERS = 3  # candidates that are fitted to the end
 _CLOSE = 0.3  # share of the best score that they need
@@ -116,7 +117,7 @@ def seen_anew(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
 
 def _rings_otherwise(model: Model, before: Model) -> bool:
     now, then = (m.chain.modes("clamped")[0][:2] for m in (model, before))
-    acts, acted = (driven.on_link(m.plant) for m in (model, before))
+    acts, acted = (on_link(m.plant) for m in (model, before))
     return acts != acted or bool(np.any(np.abs(now / then - 1) > _SAME))
 
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import driven
 from twin.driven import DrivenData
 from twin.model import Model, Start
 from twin.observe import BEFORE_ONSET
 from twin.rest_run import INSTANT, RestRun
+from twin.view import move
 
 _LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
 _STEPS = 41  # levels that are tried, twice
@@ -59,7 +59,7 @@ def releases(data: DrivenData, model: Model, starts: Sequence[Start]) -> list[Re
     for i, (prepared, view, start) in enumerate(zip(data.prepared, data.views, starts, strict=True)):
         if prepared.hub is None:
             continue
-        motion, _ = driven.move(view, prepared, model, start)
+        motion, _ = move(view, prepared, model, start)
         for onset, direction in prepared.hub.onsets:
             run = RestRun.of(model, prepared, motion, onset, direction)
             level = _level(run) if run is not None else None

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import driven, search
+from twin import driven, driven_residual, search
 from twin.diagnosis import Trace
 from twin.evidence import Group
 from twin.fit import Fit, Workbench
+from twin.view import move
 
 _BINS = (16, 100)  # of a variable, each with as many samples
 _FEWEST = 20  # samples that tell the mean of a bin
@@ -64,7 +65,7 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Gr
     i = group.recording
     view, keep = data.views[i], bench.weight[group.rows] > 0
     prepared, start = data.prepared[i], fit.starts[i]
-    plain = driven.residual(view, prepared, fit.model, start, white=False)
+    plain = driven_residual.residual(view, prepared, fit.model, start, white=False)
     left = {c: r * view.noise[c] for c, r in plain.items() if c in view.noise}
     values = left[group.channel]
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
@@ -81,7 +82,7 @@ def _variables(
 ) -> dict[str, np.ndarray]:
     """What a fault may depend on; strains as the model has them: a reading holds the fault itself."""
     view, prepared = data.views[i], data.prepared[i]
-    motion, _ = driven.move(view, prepared, fit.model, fit.starts[i])
+    motion, _ = move(view, prepared, fit.model, fit.starts[i])
     command = fit.model.drive(prepared.recording).at(view.time)
     found = {
         "hub_angle": motion.angles[:, 0],

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin import driven, evidence
+from twin import driven, evidence, hub_balance
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.patch import HUB
@@ -117,7 +117,7 @@ def _timed(bench: Workbench, fit: Fit) -> np.ndarray:
         return known
     for group in bench.data.groups:
         if group.channel == HUB and isinstance(bench.data, driven.DrivenData):
-            known[group.rows] = ~driven.near_reversals(bench.data.views[group.recording])
+            known[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
     return known
 
 

@@ -18,7 +18,9 @@ from twin import driven, fit
 from twin.effects.base import Effect
 from twin.effects.wave import RESONANCE_DAMPING, Wave
 from twin.fit import Fit, Workbench
+from twin.low_pass import GRID, low_passed, passed
 from twin.model import Model, Motion
+from twin.view import View, move, whitened
 
 _PEAKS = 3
 _ABOUT = 60  # frequencies to either side that tell how loud the noise is about one
@@ -122,7 +124,7 @@ class _Scan:
         if not groups:
             return None
         motions = {
-            i: driven.move(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
+            i: move(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
             for i in {g.recording for _, g in groups}
         }
         views = {i: data.views[i] for i in motions}
@@ -215,27 +217,27 @@ def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
 
 
 def _responses(
-    acts: str, orders: np.ndarray, waves: np.ndarray, view: driven.View, model: Model
+    acts: str, orders: np.ndarray, waves: np.ndarray, view: View, model: Model
 ) -> dict[str, np.ndarray]:
     """Channel -> (k, o, m) change of the residual, noise units."""
     if acts == "time":
-        share = driven.passed(orders, driven.GRID)[:, None]
+        share = passed(orders, GRID)[:, None]
         return {"hub_torque": -share * waves / view.noise["hub_torque"]}
     if acts == "resonance":
         return _resonances(waves[0], view, model)
     if acts != "reading":
-        return {"hub_torque": -driven.low_passed(waves, driven.GRID) / view.noise["hub_torque"]}
-    error = driven.low_passed(waves, driven.GRID, view.band)
+        return {"hub_torque": -low_passed(waves, GRID) / view.noise["hub_torque"]}
+    error = low_passed(waves, GRID, view.band)
     found = {}
     for channel, response in _under_hub(model, _second(error)).items():
         if channel in view.noise:
             # What the sensor's error lets the hub seem to do was never there.
             sign = -1.0 if channel == "hub_torque" else 1.0
-            found[channel] = driven.whitened(sign * driven.low_passed(response, driven.GRID), view, channel)
+            found[channel] = whitened(sign * low_passed(response, GRID), view, channel)
     return found
 
 
-def _resonances(angles: np.ndarray, view: driven.View, model: Model) -> dict[str, np.ndarray]:
+def _resonances(angles: np.ndarray, view: View, model: Model) -> dict[str, np.ndarray]:
     """Channel -> (3, o, m): what a share of the hub's inertia that swings (o, m) takes, and what the bridges see."""
     found = {}
     seen = ("hub_torque", "strain_base", "strain_mid")
@@ -243,17 +245,17 @@ def _resonances(angles: np.ndarray, view: driven.View, model: Model) -> dict[str
         columns = np.zeros((len(seen), *angles.shape))
         if channel == "hub_torque":
             swing = model.plant.hub_inertia * _second(angles)
-            columns[0] = driven.low_passed(swing, driven.GRID) / view.noise["hub_torque"]
+            columns[0] = low_passed(swing, GRID) / view.noise["hub_torque"]
         else:
-            filtered = driven.low_passed(angles, driven.GRID)
-            columns[seen.index(channel)] = -driven.whitened(filtered, view, channel)
+            filtered = low_passed(angles, GRID)
+            columns[seen.index(channel)] = -whitened(filtered, view, channel)
         found[channel] = columns
     return found
 
 
 def _second(values: np.ndarray) -> np.ndarray:
     """Second derivative (..., m) on the grid."""
-    return np.gradient(np.gradient(values, driven.GRID, axis=-1), driven.GRID, axis=-1)
+    return np.gradient(np.gradient(values, GRID, axis=-1), GRID, axis=-1)
 
 
 def _under_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
@@ -279,5 +281,5 @@ def _under_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
 def _sampled(omega: float, zeta: float) -> tuple[np.ndarray, np.ndarray]:
     """1/(s^2 + 2 zeta omega s + omega^2) on the grid, its input linear in between."""
     system = (np.array([1.0]), np.array([1.0, 2 * zeta * omega, omega**2]))
-    numerator, denominator, _ = cont2discrete(system, driven.GRID, method="foh")
+    numerator, denominator, _ = cont2discrete(system, GRID, method="foh")
     return np.ravel(numerator), denominator

@@ -17,12 +17,14 @@ import numpy as np
 from scipy.ndimage import binary_erosion, label
 from scipy.signal import butter, sosfiltfilt
 
-from twin import driven, limit
-from twin.driven import DrivenData, View
+from twin import limit
+from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
 from twin.identify.results import Estimate
+from twin.low_pass import low_passed, smooth
 from twin.model import Model, Start
+from twin.view import View, move
 
 HUB_BAND, RIG_BAND, RIG_BAND_BELOW = 20.0, 10.0, 6.0
 """Corners of the low-pass on all signals [Hz]: of the hub's balance, of the rig's, and of the one that checks it."""
@@ -171,13 +173,13 @@ def _torques(prepared: Prepared, view: View, model: Model, start: Start, band: f
     required = _required(prepared, view, model, start)
     link = twice_averaged(required - model.declared["hub_inertia"] * view.acceleration)
     # Friction behind the low-pass that the measured motion has passed.
-    forward, backward = (driven.low_passed(s, float(t[1] - t[0]), view.band) for s in _shares(view))
+    forward, backward = (low_passed(s, float(t[1] - t[0]), view.band) for s in _shares(view))
     columns = np.column_stack([low(v) for v in (twice_averaged(view.acceleration), forward, -backward)])
     kept = binary_erosion(view.sliding, iterations=int(_REACH / band / (t[1] - t[0])))
     if not kept.any():
         return None
     # The measured motion has passed one low-pass more than the torque.
-    torque = driven.low_passed(mean_torque(model, prepared.recording, t), float(t[1] - t[0]), view.band)
+    torque = low_passed(mean_torque(model, prepared.recording, t), float(t[1] - t[0]), view.band)
     right = low(torque - link)
     return _Rows(columns[kept], right[kept], view.rate[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
 
@@ -192,13 +194,13 @@ def _shares(view: View) -> tuple[np.ndarray, np.ndarray]:
 def _required(prepared: Prepared, view: View, model: Model, start: Start) -> np.ndarray:
     """Torque (m) on the hub that its measured motion takes in the limit of fine chains [N m]."""
     chains = [limit.even(model, n) for n in limit.QUICK]
-    return limit.weights(limit.QUICK) @ np.array([driven.move(view, prepared, m, start)[1] for m in chains])
+    return limit.weights(limit.QUICK) @ np.array([move(view, prepared, m, start)[1] for m in chains])
 
 
 def _momenta(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
     t, low = view.time, _low_pass(view.time, band)
-    hub = driven.smooth(t, low(view.reading))
-    bends = [driven.smooth(t, low(b))(t, 1) for b in _curvatures(prepared, view, model)]
+    hub = smooth(t, low(view.reading))
+    bends = [smooth(t, low(b))(t, 1) for b in _curvatures(prepared, view, model)]
     period = float(t[1] - t[0])
     friction = [d * period * np.cumsum(share) for d, share in zip((1, -1), _shares(view), strict=True)]
     impulse = period * np.cumsum(mean_torque(model, prepared.recording, t))

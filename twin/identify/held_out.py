@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import calibration, driven, fit, search, timing
+from twin import calibration, driven_residual, fit, search, timing
 from twin.campaign import Campaign
 from twin.fit import Prepared
 from twin.identify.joint import Joint
+from twin.look import look
 from twin.model import Model, Start, simulate
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
@@ -84,8 +85,8 @@ def _rows(prepared: Prepared, declared: Model, identified: Model) -> list[HeldOu
 
 def _by_steps(prepared: Prepared, model: Model, start: Start) -> dict[str, float]:
     """Channel of the link -> its error under the measured hub, behind the low-pass of `twin.driven`."""
-    view = driven.look(prepared, model)
-    found = driven.residual(view, prepared, model, start, white=False)
+    view = look(prepared, model)
+    found = driven_residual.residual(view, prepared, model, start, white=False)
     return {c: view.noise[c] * _rms(found[c][view.known[c]]) for c in view.measured if c != "motor_torque"}
 
 

@@ -16,18 +16,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from twin import calibration, disagreement, driven, fit, limit, ridge, scatter, timing
+from twin import calibration, disagreement, fit, limit, ridge, scatter, timing
 from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Fit, Prepared, Workbench
 from twin.identify.profile import Profile
 from twin.identify.results import Estimate
+from twin.low_pass import MOTION_BANDS
 from twin.parameters import Rig
 from twin.scatter import Evidence
 from twin.search import Progress, silent
 from twin.timing import Clock
 
-BANDS = (100.0, *driven.MOTION_BANDS)
+BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the motion of the hub [Hz]: an identification follows its harmonics further up."""
 _ITERATIONS = 4
 _CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to

@@ -1,0 +1,115 @@
+"""How a recording is looked at: its grid, its filters, where its hub surely slides, and the noise of all that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import binary_dilation
+
+from twin import departures, on_grid, ringing
+from twin.fit import Prepared
+from twin.hub_balance import well_defined
+from twin.low_pass import BAND, GRID, MOTION_BANDS, low_passed, smooth
+from twin.model import Model
+from twin.observe import HubMotion
+from twin.planar import STUCK
+from twin.recording import Recording
+from twin.view import View, move
+from twin.view_noise import evened, propagated, sensor_noise, swell, swinging_strains, whitening
+
+_CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
+_MARGIN = 0.07  # s, reach of the filter about a stick
+_SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
+_FIRM = 1.2  # parts of its static friction that a rig may have
+
+
+def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS) -> View:
+    """Filters a recording and propagates its noise through the model; `bands`: as `MOTION_BANDS`."""
+    recording = prepared.recording
+    count = max(2, int(np.floor(recording.duration / GRID)) + 1)
+    time = recording.time[0] + GRID * np.arange(count)
+    measured, known, holes = {}, {}, {}
+    for channel in prepared.channels:
+        if channel != "hub_angle":
+            values, known[channel] = on_grid.resampled(recording, channel, time)
+            measured[channel] = low_passed(values, GRID)
+            if channel != "motor_torque" and not known[channel].all():
+                holes[channel] = values
+    still = np.zeros(count)
+    if prepared.hub is None:
+        rest = still, still, still, still, still > 0
+        return View(time, *rest, measured, known, sensor_noise(prepared, {}), (), holes=holes)
+    band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
+    reading, read = on_grid.hub_resampled(model, at_rest(recording, prepared.hub), time)
+    reading = low_passed(reading, GRID, band)
+    # Modelled strains follow a motion that has passed this filter too.
+    measured |= {c: low_passed(v, GRID, band) for c, v in measured.items() if c != "motor_torque"}
+    spline = smooth(time, reading)
+    rate, acceleration = spline(time, 1), spline(time, 2)
+    stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
+    direction = np.where(stuck, 0.0, np.sign(rate))
+    doubtful = (
+        stuck
+        | ~read
+        | _may_stick(rate, acceleration, prepared.noise["hub_angle"], recording.period, band, _grip(model))
+    )
+    sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
+    ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
+    onsets = well_defined(ends, stuck, model.drive(recording).at(time))
+    motion = reading, rate, acceleration, direction, sliding
+    view = View(time, *motion, measured, known, {}, onsets, band, holes=holes)
+    view = replace(view, whitening=whitening(prepared, view, model))
+    noise, torque = propagated(prepared, view, model)
+    density = prepared.noise["hub_angle"] ** 2 * recording.period
+    swings = ringing.swings(model, time, direction != 0, density, BAND)
+    even, swing = evened(view, swings, torque)
+    ringing_of = {"hub_torque": swing, **swinging_strains(view, model, swings)}
+    view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
+    view = replace(view, swell=swell(view, prepared, model))
+    moved, _ = move(view, prepared, model, prepared.start)
+    leaving = departures.events(prepared, model, moved)
+    _, departing = departures.residual(view.time, prepared, model, moved, leaving)
+    return replace(view, departures=leaving, departing=departing)
+
+
+def at_rest(recording: Recording, hub: HubMotion) -> Recording:
+    """The recording with its hub angle held where it surely rests: there all its changes are noise."""
+    held = np.where(hub.observed == STUCK, hub.reading, recording["hub_angle"])
+    return recording.replace(channels={**recording.channels, "hub_angle": held})
+
+
+def motion_band(
+    recording: Recording, noise: float, time: np.ndarray, bands: Sequence[float] = MOTION_BANDS
+) -> float:
+    """The widest of the bands in which the strongest accelerations stand out of their noise [Hz]."""
+    reading = low_passed(on_grid.resampled(recording, "hub_angle", time)[0], GRID, bands[-1])
+    strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
+    for band in bands:
+        if noise * _gain(band, recording.period, 2) < _CLEAR * strong:
+            return band
+    return bands[-1]
+
+
+def _gain(band: float, period: float, order: int) -> float:
+    """Standard deviation of a derivative of unit white noise behind a low-pass: (2 pi f)^k sqrt(2 f dt/(2 k + 1))."""
+    return (2 * np.pi * band) ** order * float(np.sqrt(2 * band * period / (2 * order + 1)))
+
+
+def _grip(model: Model) -> float:
+    """Acceleration at a reversal up to which friction can hold the hub [rad/s^2], with a margin."""
+    return _FIRM * model.declared["static_friction"] / model.chain.free_hub_inertia()
+
+
+def _may_stick(
+    rate: np.ndarray, acceleration: np.ndarray, noise: float, period: float, band: float, grip: float
+) -> np.ndarray:
+    """Samples (m) about reversals and slow stretches at which the hub may have stuck for a moment.
+
+    A stick has neither rate nor acceleration, but a short one is lost between the motion before it and behind it: there
+    was none where the acceleration stands out of its noise and is more than friction can hold.
+    """
+    slow = np.abs(rate) < 3 * noise * _gain(band, period, 1)
+    return slow & (np.abs(acceleration) < max(_SURE * noise * _gain(band, period, 2), grip))

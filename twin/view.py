@@ -1,0 +1,166 @@
+"""One recording on a uniform grid, filtered, and what the link does in it.
+
+The measured hub angle moves the link: its strains follow without friction, and the torque that the motion takes is
+known at every instant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.fft import irfft, rfft
+
+from twin import departures, planar
+from twin.fit import Prepared
+from twin.low_pass import GRID, MOTION_BANDS, smooth
+from twin.model import Model, Motion, Start, initial_state
+from twin.ringing import Ringing
+
+_EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
+_KEPT = 12  # simulations of a recording that are remembered
+
+
+@dataclass(frozen=True)
+class View:
+    """One recording on a uniform grid, filtered.
+
+    Attributes:
+      time: (m) [s].
+      reading, rate, acceleration: (m) of the hub's reading [rad], [rad/s], [rad/s^2]; zero where clamped.
+      direction: (m) of the motion of the hub, 0 where it rests or is unclear.
+      sliding: (m) whether the hub surely slides, with the filter's reach.
+      measured: channel -> (m) filtered readings.
+      known: channel -> (m) whether the readings are there.
+      holes: strain -> (m) its readings before the filter, where some are missing; there they are bridged.
+      noise: name -> standard deviation of what is compared, after the filter.
+      onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
+      departures: samples of the recording at which the hub is seen to leave a rest, and its direction then.
+      departing: (m) whether the hub's reading about these is compared.
+      band: corner of the low-pass on the motion of the hub [Hz].
+      whitening: channel -> gain over frequency of `whitened`; empty where the hub is clamped.
+      ringing: name -> what the noise of the hub angle does to it by way of a ringing link; empty where the hub is
+        clamped.
+      swell: name -> (m) size of the noise in that of the quiet stretches; empty where the hub is clamped.
+      moves: what the link did in the last simulations, by what it depends on.
+    """
+
+    time: np.ndarray
+    reading: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    direction: np.ndarray
+    sliding: np.ndarray
+    measured: dict[str, np.ndarray]
+    known: dict[str, np.ndarray]
+    noise: dict[str, float]
+    onsets: tuple[tuple[int, int], ...]
+    band: float = MOTION_BANDS[0]
+    whitening: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    ringing: dict[str, Ringing] = field(default_factory=dict, repr=False)
+    swell: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    holes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    departures: tuple[departures.Event, ...] = ()
+    departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
+    moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
+
+
+def whitened(values: np.ndarray, view: View, channel: str) -> np.ndarray:
+    """A residual (..., m) in noise units whose noise has the same size at every frequency up to `BAND`.
+
+    The noise of the hub angle shakes the modelled link, which rings at its clamped modes for seconds: there a
+    residual means little. Before and behind the recording it is continued as its odd extension.
+    """
+    share = view.whitening.get(channel)
+    if share is None:
+        return values / view.noise[channel]
+    pad = min(values.shape[-1] - 1, padding(view))
+    before = 2 * values[..., :1] - values[..., pad:0:-1]
+    behind = 2 * values[..., -1:] - values[..., -2 : -pad - 2 : -1]
+    extended = np.concatenate([before, values, behind], axis=-1)
+    white = irfft(rfft(extended) * share, extended.shape[-1])
+    return white[..., pad : pad + values.shape[-1]]
+
+
+def padding(view: View) -> int:
+    return int(_EXTENSION / GRID)
+
+
+def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:
+    """The link under the measured hub, and the torque (m) on the hub that this takes [N m].
+
+    Candidates that act on the hub alone move the link alike: what the link does is kept for a while.
+    """
+    hub = hub_motion(view, model)
+    phi, omega = initial_state(model, prepared.recording, start)
+    # What a motor with play does is for `delivered` to say.
+    plant = planar.without_motor(model.plant)
+    key = (*link_of(plant), hub.angle.tobytes(), phi.tobytes(), omega.tobytes())
+    name = hash((key, model.step))
+    if (known := view.moves.get(name)) is None:
+        if prepared.recording.start == "unknown":
+            omega = omega - omega[0] + hub.rate[0]
+        step = model.link_step
+        first = planar.extended(plant, phi), planar.extended(plant, omega)
+        parts = max(1, round(GRID / model.step))
+        fine = planar.driven(plant, *_between(view.time, hub, parts), *first, step)
+        known = fine[0][::parts].copy(), fine[1][::parts].copy(), fine[2][::parts].copy()
+        for old in list(view.moves)[: max(0, len(view.moves) - _KEPT + 1)]:
+            view.moves.pop(old, None)
+        view.moves[name] = known
+    angles, rates, required = known
+    return Motion.of(view.time, angles, rates, hub.direction, len(phi)), required
+
+
+@dataclass(frozen=True)
+class Hub:
+    """Motion of the hub behind its sensor (m): angle [rad], rate, acceleration, direction."""
+
+    angle: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    direction: np.ndarray
+
+
+def hub_motion(view: View, model: Model) -> Hub:
+    """What the hub does, as the model of its sensor says."""
+    angle = model.hub_angle_of(view.reading, view.time)
+    if np.array_equal(angle, view.reading):
+        return Hub(angle, view.rate, view.acceleration, view.direction)
+    spline = smooth(view.time, angle)
+    rate = spline(view.time, 1)
+    return Hub(angle, rate, spline(view.time, 2), np.where(view.direction == 0, 0.0, np.sign(rate)))
+
+
+def _between(time: np.ndarray, hub: Hub, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Instants, angle, rate and acceleration of a hub, with so many parts to each step of the grid.
+
+    The acceleration of a driven link is a straight line from one instant to the next, in which an oscillation is
+    (omega h)^2/12 too small. A model with short steps sees it at the end of each, and `limit.move` takes the
+    error out of the others.
+    """
+    if parts == 1:
+        return time, hub.angle, hub.rate, hub.acceleration
+    finer = np.interp(np.arange(parts * (len(time) - 1) + 1) / parts, np.arange(len(time)), time)
+    spline = smooth(time, hub.angle)
+    return finer, spline(finer), spline(finer, 1), spline(finer, 2)
+
+
+_ON_HUB = (
+    *("static_positive", "static_negative", "coulomb_positive", "coulomb_negative", "stribeck_velocity"),
+    *("friction_amplitude", "friction_order", "friction_phase", "viscous", "lag", "bias"),
+    *("cable_stiffness", "cable_rest_angle", "cogging_amplitude", "cogging_order", "cogging_phase"),
+    *("disturbance_amplitude", "disturbance_frequency", "disturbance_phase"),
+)
+
+
+def on_link(plant: planar.Plant) -> dict[str, float]:
+    """What acts on the link beyond its own inertia, stiffness and damping: fields of the plant."""
+    own = ("flexibility", "hub_inertia", *_ON_HUB)
+    return {n: v for n, v in plant._asdict().items() if n not in own and not isinstance(v, np.ndarray)}
+
+
+def link_of(plant: planar.Plant) -> tuple:
+    """What the link's motion under a given hub depends on: the plant without the torques on the hub, to be compared."""
+    values = [value for name, value in plant._asdict().items() if name not in _ON_HUB]
+    return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)
