@@ -1,5 +1,7 @@
 """On which variable it is found to depend what a model leaves unexplained."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,6 +27,7 @@ def recordings(shows):
         {name: np.concatenate([v[name] for _, v in parts]) for name in parts[0][1]},
         np.repeat(np.arange(len(parts)), COUNT),
         np.concatenate([6.0 * k + time for k in range(len(parts))]),
+        np.concatenate([values / NOISE for values, _ in parts]),
     )
 
 
@@ -42,4 +45,13 @@ def test_noise_depends_on_nothing():
 
 def test_where_nothing_is_left_nothing_depends():
     found = recordings((False,))
-    assert dependence(Unexplained(np.zeros(COUNT), found.variables, found.recording, found.time)) == []
+    assert dependence(replace(found, values=np.zeros(COUNT))) == []
+
+
+def test_an_oscillation_of_another_phase_in_each_recording_depends_on_time():
+    found = recordings((False, False))
+    shaken = 0.5 * np.sin(2 * np.pi * 4.53 * found.time + 2.0 * found.recording)
+    assert dependence(replace(found, white=found.white + shaken))[0] == (
+        "time",
+        pytest.approx(0.11, abs=0.02),
+    )

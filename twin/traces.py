@@ -6,16 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft, rfftfreq
 
 from twin import driven, driven_residual, search
 from twin.diagnosis import Trace
 from twin.evidence import Group
 from twin.fit import Fit, Workbench
+from twin.low_pass import BAND, GRID
 from twin.view import move
 
 _BINS = (16, 100)  # of a variable, each with as many samples
 _FEWEST = 20  # samples that tell the mean of a bin
 _STRETCH = 0.75  # s
+_SLOWEST = 0.3  # Hz, of an oscillation that is looked for
 DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
 _LABELS = {
     "hub_torque": "unmodelled hub torque [N m]",
@@ -35,12 +38,14 @@ class Unexplained:
       variables: name -> (n) what they may depend on.
       recording: (n) index of the recording.
       time: (n) [s], the recordings one after the other.
+      white: (n) the same residuals in noise units, noise as large at every frequency.
     """
 
     values: np.ndarray
     variables: dict[str, np.ndarray]
     recording: np.ndarray
     time: np.ndarray
+    white: np.ndarray
 
 
 def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: str) -> Unexplained:
@@ -51,13 +56,14 @@ def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: st
     fit = replace(fit, model=search.fine(fit.model))
     parts = [_in_recording(bench, data, fit, group) for group in data.groups if group.channel == channel]
     if not parts:
-        return Unexplained(np.zeros(0), {}, np.zeros(0), np.zeros(0))
+        return Unexplained(np.zeros(0), {}, np.zeros(0), np.zeros(0), np.zeros(0))
     shared = set.intersection(*(set(part.variables) for part in parts))
     return Unexplained(
         np.concatenate([part.values for part in parts]),
         {name: np.concatenate([part.variables[name] for part in parts]) for name in sorted(shared)},
         np.concatenate([part.recording for part in parts]),
         np.concatenate([part.time for part in parts]),
+        np.concatenate([part.white for part in parts]),
     )
 
 
@@ -66,6 +72,7 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Gr
     view, keep = data.views[i], bench.weight[group.rows] > 0
     prepared, start = data.prepared[i], fit.starts[i]
     plain = driven_residual.residual(view, prepared, fit.model, start, white=False)
+    white = driven_residual.residual(view, prepared, fit.model, start)[group.channel]
     left = {c: r * view.noise[c] for c, r in plain.items() if c in view.noise}
     values = left[group.channel]
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
@@ -74,6 +81,7 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Gr
         {name: variable[keep] for name, variable in _variables(data, fit, i, left).items()},
         np.full(keep.sum(), i),
         before + view.time[keep] - view.time[0],
+        white[keep],
     )
 
 
@@ -104,16 +112,42 @@ def dependence(found: Unexplained) -> list[tuple[str, float]]:
     """
     if not np.any(found.values):
         return []
-    by_recording = _shares(found, found.recording)
-    if by_recording and by_recording[0][1] > DEPENDS:
-        return by_recording
-    by_stretch = _shares(found, np.floor(found.time / _STRETCH).astype(int))
-    return by_stretch if by_stretch and by_stretch[0][1] > DEPENDS else by_recording
+    shares = _shares(found, found.recording)
+    if max(shares.values(), default=1.0) < DEPENDS:
+        by_stretch = _shares(found, np.floor(found.time / _STRETCH).astype(int))
+        shares = {name: by_stretch[name] if by_stretch[name] > DEPENDS else s for name, s in shares.items()}
+    if "time" in shares:
+        shares["time"] = max(shares["time"], _share_of_line(found))
+    return sorted(shares.items(), key=lambda pair: -pair[1])
 
 
-def _shares(found: Unexplained, part: np.ndarray) -> list[tuple[str, float]]:
-    shares = [(name, _cross_share(found.values, v, part)) for name, v in found.variables.items()]
-    return sorted(shares, key=lambda pair: -pair[1])
+def _shares(found: Unexplained, part: np.ndarray) -> dict[str, float]:
+    return {name: _cross_share(found.values, v, part) for name, v in found.variables.items()}
+
+
+def _share_of_line(found: Unexplained) -> float:
+    """Share of the variance that an oscillation explains, its frequency told by the other recordings; 0 without any."""
+    inside = [found.recording == i for i in np.unique(found.recording)]
+    if len(inside) < 2:
+        return 0.0
+    time = [found.time[k] - found.time[k][0] for k in inside]
+    size = next_fast_len(2 * round(max(t[-1] for t in time) / GRID) + 2)
+    frequency = rfftfreq(size, GRID)
+    sought = (frequency > _SLOWEST) & (frequency < BAND)
+    power = np.array([_power(found.white[k], t, size) for k, t in zip(inside, time, strict=True)])[:, sought]
+    gained = 0.0
+    for k, t, own in zip(inside, time, power, strict=True):
+        line = 2 * np.pi * frequency[sought][np.argmax(power.sum(0) - own)] * t
+        columns = np.column_stack([np.cos(line), np.sin(line)])
+        gained += found.white[k] @ columns @ np.linalg.lstsq(columns, found.white[k], rcond=None)[0]
+    return float(gained / np.sum(found.white**2))
+
+
+def _power(white: np.ndarray, time: np.ndarray, size: int) -> np.ndarray:
+    """Periodogram of residuals (m) at instants of the grid (m) [s], zeros between and behind them."""
+    signal = np.zeros(size)
+    signal[np.round(time / GRID).astype(int)] = white
+    return np.abs(rfft(signal)) ** 2 / len(white)
 
 
 def _cross_share(values: np.ndarray, variable: np.ndarray, part: np.ndarray) -> float:
