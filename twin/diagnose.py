@@ -20,6 +20,7 @@ from twin import (
     planning,
     polish,
     predictions,
+    reconsider,
     ridge,
     search,
     verdict,
@@ -35,6 +36,8 @@ from twin.recording import MEASURED
 from twin.search import Candidate, Progress, silent
 
 MOST_EFFECTS = 3
+MOST_ROUNDS = 6
+"""Of the search: an effect that is dropped for a later one makes room for another round."""
 FALSE_ALARM_RATE = 0.01
 PLANNING_STEP = 1e-3  # s
 
@@ -95,37 +98,40 @@ def find(
 ) -> Found:
     """Searches the fit recordings for effects that the model lacks."""
     start = calibration.calibrate(campaign, pool, progress)
-    bench = start.bench
-    benches = [bench]
-    rounds: list[tuple[Candidate, ...]] = []
-    adopted: list[Candidate] = []
-    thresholds: list[float] = []
-    current = start.base
-    while len(adopted) < MOST_EFFECTS:
-        explored = search.explore(
-            bench, current, search.candidates(current.model, bench.channels()), progress
-        )
-        progress("scoring what chance gives")
-        by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
-        least = max(by_chance, verdict.OWN_ERROR * sum(c.score for c in adopted))
-        ranked = explored.ranked
-        # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
-        if ranked and ranked[0].score > verdict.LEAST_SCORE:
-            ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
-        ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, least)
-        rounds.append(tuple(ranked))
-        thresholds.append(max(least, verdict.LEAST_SCORE))
-        if choice is None:
+    found = Found(start, (), (), (), (start.bench,))
+    for _ in range(MOST_ROUNDS):
+        found, more = one_more(found, progress, false_alarm_rate)
+        if not more or len(found.adopted) == MOST_EFFECTS:
             break
-        progress(f"adopting {choice.effects[-1]}")
-        bench, current = contenders.seen_anew(confirmed, current, choice.fit)
-        adopted.append(replace(choice, fit=current))
-        benches.append(bench)
     progress("telling how sure it is")
-    found, sound = on_sound_channels(
-        Found(start, tuple(adopted), tuple(rounds), tuple(thresholds), tuple(benches))
-    )
+    found, sound = on_sound_channels(found)
     return with_errors(found, sound)
+
+
+def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple[Found, bool]:
+    """One round of the search: what was found with the effect that it adopts, if any, and whether there is one."""
+    bench, current = found.bench, found.best
+    explored = search.explore(bench, current, search.candidates(current.model, bench.channels()), progress)
+    progress("scoring what chance gives")
+    by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
+    least = max(by_chance, verdict.OWN_ERROR * sum(c.score for c in found.adopted))
+    ranked = explored.ranked
+    # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
+    if ranked and ranked[0].score > verdict.LEAST_SCORE:
+        ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
+    ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, least)
+    found = replace(
+        found,
+        rounds=(*found.rounds, tuple(ranked)),
+        thresholds=(*found.thresholds, max(least, verdict.LEAST_SCORE)),
+    )
+    if choice is None:
+        return found, False
+    progress(f"adopting {choice.effects[-1]}")
+    bench, current = contenders.seen_anew(confirmed, current, choice.fit)
+    adopted = replace(choice, fit=current)
+    found = replace(found, adopted=(*found.adopted, adopted), benches=(*found.benches, bench))
+    return reconsider.reconsidered(found, progress), True
 
 
 def on_sound_channels(found: Found) -> tuple[Found, Workbench]:

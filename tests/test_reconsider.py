@@ -1,0 +1,70 @@
+"""The backward look: first picks that later ones make needless, or that stood in for another effect."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin import calibration, search
+from twin.campaign import read_campaign
+from twin.found import Found
+from twin.reconsider import reconsidered
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
+
+MISSING = {"viscous-friction": {"viscous": 0.003}, "torque-bias": {"bias": 0.004}}
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory):
+    """The calibrated model of a rig with a viscous friction and a torque bias that nobody declared."""
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(11))
+    slews = [e for e in plan if e.role == "fit" and e.name.startswith("bang-bang")]
+    folder = tmp_path_factory.mktemp("two") / "rig"
+    make_campaign(folder, MISSING, 11, experiments=slews)
+    with ThreadPoolExecutor(2) as pool:
+        yield calibration.calibrate(read_campaign(folder), pool)
+
+
+def picked(start, *names):
+    """What a search would have come to that adopted these effects, one after the other."""
+    before, adopted = start.base, []
+    for name in names:
+        adopted.append(search.tried(start.bench, before, name))
+        before = adopted[-1].fit
+    rounds = tuple((c,) for c in adopted)
+    return Found(start, tuple(adopted), rounds, (30.0,) * len(names), (start.bench,) * (len(names) + 1))
+
+
+def names(found):
+    return [c.effects[-1] for c in found.adopted]
+
+
+def test_a_first_pick_that_a_later_one_makes_needless_is_dropped(start):
+    found = reconsidered(picked(start, "air-pad-drag", "viscous-friction"))
+    assert names(found) == ["viscous-friction"]
+    assert list(found.best.model.effects) == ["viscous-friction"]
+    assert found.best.model.effects["viscous-friction"]["viscous"] == pytest.approx(0.003, rel=0.05)
+    assert found.rounds[0][0] is found.adopted[0]
+    assert len(found.benches) == 2
+    assert len(found.thresholds) == 1
+
+
+def test_two_that_are_both_missing_stay(start):
+    found = picked(start, "viscous-friction", "torque-bias")
+    assert reconsidered(found) is found
+
+
+def test_a_close_loser_that_explains_more_beside_the_second_takes_its_place(start):
+    found = picked(start, "air-pad-drag", "torque-bias")
+    loser = search.tried(start.bench, start.base, "viscous-friction")
+    close = replace(loser, score=found.adopted[0].score - 1)
+    found = reconsidered(replace(found, rounds=((found.adopted[0], close), found.rounds[1])))
+    assert sorted(names(found)) == ["torque-bias", "viscous-friction"]
+    assert found.best.cost < picked(start, "air-pad-drag", "torque-bias").best.cost - 30
+
+
+def test_one_effect_is_not_looked_back_at(start):
+    found = picked(start, "viscous-friction")
+    assert reconsidered(found) is found

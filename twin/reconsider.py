@@ -1,0 +1,127 @@
+"""A backward look: an effect that was adopted first may be needless beside a later one, or stand for another.
+
+An effect is picked while others are still missing, and may have gained by standing in for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from twin import contenders, fit, search, verdict
+from twin.fit import Fit, Workbench
+from twin.found import Found
+from twin.search import Candidate, Progress, silent
+
+_QUICK = 5  # iterations of a fit that only tells whether it is worth going on
+_FAR = 10.0  # times the score that an effect needs, from which a quick fit is enough to keep it
+_CLOSE = 3  # candidates of a round that may have been the better pick
+
+
+def reconsidered(found: Found, progress: Progress = silent) -> Found:
+    """The same, an effect dropped or another put in its place where those adopted later say so."""
+    if len(found.adopted) < 2:
+        return found
+    progress("looking back at what was adopted")
+    return _without_needless(_exchanged(found))
+
+
+def _without_needless(found: Found) -> Found:
+    names = list(found.best.model.effects)
+    least = max(verdict.LEAST_SCORE, verdict.OWN_ERROR * sum(c.score for c in found.adopted))
+    without = {name: _without(found, name, least) for name in names[:-1]}
+    scores = {name: search.gain(found.bench, other, found.best) for name, other in without.items()}
+    needless = min(scores, key=lambda name: scores[name])
+    if scores[needless] >= least:
+        return found
+    return _rebuilt(found, [n for n in names if n != needless], without[needless])
+
+
+def _without(found: Found, name: str, least: float) -> Fit:
+    """The fit of all effects but one; to the end where that one is in doubt."""
+    effects = {n: p for n, p in found.best.model.effects.items() if n != name}
+    quick = _fitted(found, effects, _QUICK, found.best)
+    if search.gain(found.bench, quick, found.best) > _FAR * least:
+        return quick
+    return _fitted(found, effects, contenders.LONG, quick)
+
+
+def _exchanged(found: Found) -> Found:
+    """The same with another pick of an earlier round where that was close and the other explains more by now."""
+    effects = found.best.model.effects
+    best, fitted = None, found.best
+    for pick, ranked in zip(list(effects)[:-1], found.rounds, strict=False):
+        for other in _alike(ranked):
+            name = other.effects[-1]
+            if name in effects:
+                continue
+            tried = {name if n == pick else n: p for n, p in effects.items()}
+            tried[name] = other.fit.model.effects[name]
+            result = _fitted(found, tried, _QUICK, found.best)
+            if result.cost < fitted.cost - verdict.decisive(ranked[0].score):
+                best, fitted = list(tried), result
+    return found if best is None else _rebuilt(found, best, fitted)
+
+
+def _alike(ranked: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates of a round that were fitted, and explained about as much as the one that was picked."""
+    least = ranked[0].score - verdict.decisive(ranked[0].score)
+    return [c for c in ranked[1:_CLOSE] if c.score > least and c.effects[-1] in c.fit.model.effects]
+
+
+def _fitted(
+    found: Found,
+    effects: Mapping[str, Mapping[str, float]],
+    iterations: int,
+    near: Fit,
+    bench: Workbench | None = None,
+) -> Fit:
+    """The fit with these effects, from the values of another one; a quick one has its slopes, too."""
+    bench = bench or found.bench
+    model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
+    unknowns = search.unknowns_of(bench, model, found.base)
+    known = {
+        (u.owner, u.name, u.recording): v
+        for source in (found.base, near)
+        for u, v in zip(source.unknowns, source.values, strict=True)
+    }
+    first = [
+        known[key] if (key := (u.owner, u.name, u.recording)) in known else u.turned(effects[u.owner][u.name])
+        for u in unknowns
+    ]
+    slopes = {
+        (u.owner, u.name): near.jacobian[:, j] for j, u in enumerate(near.unknowns) if u.owner != "start"
+    }
+    kept = slopes if iterations == _QUICK else None
+    return fit.minimise(bench, model, near.starts, unknowns, np.array(first), kept, iterations)
+
+
+def _rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
+    """What was found, as if these effects had been adopted one after the other, the last fit that of them all."""
+    bench = copy(found.bench)
+    fine = contenders.on_fine_chain(bench, result)
+    bench, fine = contenders.seen_anew(bench, found.best, fine)
+    adopted: list[Candidate] = []
+    rounds: list[tuple[Candidate, ...]] = []
+    before = found.base
+    for k, name in enumerate(names):
+        last = k == len(names) - 1
+        effects = {n: fine.model.effects[n] for n in names[: k + 1]}
+        here = fine if last else _fitted(found, effects, contenders.LONG, fine, found.benches[0])
+        picked = Candidate(
+            tuple(effects), here, search.gain(bench if last else found.benches[0], before, here)
+        )
+        adopted.append(picked)
+        rounds.append((picked, *(c for c in found.rounds[k] if c.effects[-1] != name)))
+        before = here
+    earlier = found.benches[: len(names)]
+    return replace(
+        found,
+        adopted=tuple(adopted),
+        rounds=tuple(rounds),
+        thresholds=found.thresholds[: len(names)],
+        benches=(*earlier, bench),
+    )
