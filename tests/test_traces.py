@@ -55,3 +55,14 @@ def test_an_oscillation_of_another_phase_in_each_recording_depends_on_time():
         "time",
         pytest.approx(0.11, abs=0.02),
     )
+
+
+def test_a_fault_of_two_variables_names_both():
+    found = recordings((False, False))
+    generator = np.random.default_rng(6)
+    rate = generator.normal(0, 1, len(found.time))
+    wanes = -np.sign(rate) * (np.exp(-found.variables["time"] / 2) - 0.3) * 2 * NOISE
+    fault = replace(found, values=found.values + wanes, variables={**found.variables, "hub_rate": rate})
+    (first, share), (second, _), (_, rest), *_ = dependence(fault)
+    assert {first, second} == {"time", "hub_rate"}
+    assert share > 3 * DEPENDS > rest

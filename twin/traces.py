@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
@@ -16,9 +17,12 @@ from twin.low_pass import BAND, GRID
 from twin.view import move
 
 _BINS = (16, 100)  # of a variable, each with as many samples
+_COARSE = 8  # bins of each of two variables
+_TOGETHER = 1.5  # times the share of the best alone that two have to explain together
 _FEWEST = 20  # samples that tell the mean of a bin
 _STRETCH = 0.75  # s
 _SLOWEST = 0.3  # Hz, of an oscillation that is looked for
+_BESIDE = 0.15  # of the frequency of a mode, by which it is another one
 DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
 _LABELS = {
     "hub_torque": "unmodelled hub torque [N m]",
@@ -39,6 +43,7 @@ class Unexplained:
       recording: (n) index of the recording.
       time: (n) [s], the recordings one after the other.
       white: (n) the same residuals in noise units, noise as large at every frequency.
+      rings: at which the link rings whatever is missing [Hz].
     """
 
     values: np.ndarray
@@ -46,6 +51,7 @@ class Unexplained:
     recording: np.ndarray
     time: np.ndarray
     white: np.ndarray
+    rings: tuple[float, ...] = ()
 
 
 def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: str) -> Unexplained:
@@ -64,6 +70,7 @@ def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: st
         np.concatenate([part.recording for part in parts]),
         np.concatenate([part.time for part in parts]),
         np.concatenate([part.white for part in parts]),
+        tuple(fit.model.chain.modes("clamped")[0] / (2 * np.pi)),
     )
 
 
@@ -109,11 +116,15 @@ def dependence(found: Unexplained) -> list[tuple[str, float]]:
 
     A variable that explains the residual does so in every recording: the bins' means come from the other ones. Where
     none does, as when a fault shows in one experiment alone, they come from the other stretches of all recordings.
+    Two that explain much more together than either alone, as a friction that wanes does by rate and time, share that.
     """
-    if not np.any(found.values):
+    if not np.any(found.values) or not found.variables:
         return []
     shares = _shares(found, found.recording)
-    if max(shares.values(), default=1.0) < DEPENDS:
+    pair, together = _best_pair(found)
+    if together > DEPENDS + _TOGETHER * max(shares.values()):
+        shares |= {name: together + 1e-3 * shares[name] for name in pair}
+    if max(shares.values()) < DEPENDS:
         by_stretch = _shares(found, np.floor(found.time / _STRETCH).astype(int))
         shares = {name: by_stretch[name] if by_stretch[name] > DEPENDS else s for name, s in shares.items()}
     if "time" in shares:
@@ -125,8 +136,22 @@ def _shares(found: Unexplained, part: np.ndarray) -> dict[str, float]:
     return {name: _cross_share(found.values, v, part) for name, v in found.variables.items()}
 
 
+def _best_pair(found: Unexplained) -> tuple[tuple[str, ...], float]:
+    """The two variables whose step function, over both, explains most of the variance, and the share."""
+    _, part = np.unique(found.recording, return_inverse=True)
+    cells = {name: np.searchsorted(_edges(v, _COARSE), v) for name, v in found.variables.items()}
+    shares = {
+        (a, b): _share_in_cells(found.values, cells[a] * _COARSE + cells[b], part, _COARSE**2)
+        for a, b in combinations(sorted(cells, key=lambda name: name != "time"), 2)
+    }
+    return max(shares.items(), key=lambda item: item[1], default=((), 0.0))
+
+
 def _share_of_line(found: Unexplained) -> float:
-    """Share of the variance that an oscillation explains, its frequency told by the other recordings; 0 without any."""
+    """Share of the variance that an oscillation explains, its frequency told by the other recordings; 0 without any.
+
+    Where the link rings, whatever is missing in it does so.
+    """
     inside = [found.recording == i for i in np.unique(found.recording)]
     if len(inside) < 2:
         return 0.0
@@ -134,6 +159,10 @@ def _share_of_line(found: Unexplained) -> float:
     size = next_fast_len(2 * round(max(t[-1] for t in time) / GRID) + 2)
     frequency = rfftfreq(size, GRID)
     sought = (frequency > _SLOWEST) & (frequency < BAND)
+    for ring in found.rings:
+        sought &= np.abs(frequency / ring - 1) > _BESIDE
+    if not sought.any():
+        return 0.0
     power = np.array([_power(found.white[k], t, size) for k, t in zip(inside, time, strict=True)])[:, sought]
     gained = 0.0
     for k, t, own in zip(inside, time, power, strict=True):
@@ -156,17 +185,25 @@ def _cross_share(values: np.ndarray, variable: np.ndarray, part: np.ndarray) -> 
     Its means come from the other parts, its bins are wide or narrow ones: a dead zone is a narrow fault.
     """
     _, part = np.unique(part, return_inverse=True)
-    return max(_share_in_bins(values, variable, part, count) for count in _BINS)
+    return max(
+        _share_in_cells(values, np.searchsorted(_edges(variable, count), variable), part, count)
+        for count in _BINS
+    )
 
 
-def _share_in_bins(values: np.ndarray, variable: np.ndarray, part: np.ndarray, count: int) -> float:
-    edges = np.quantile(variable, np.linspace(0, 1, count + 1)[1:-1])
-    cell = part * count + np.searchsorted(edges, variable)
+def _edges(variable: np.ndarray, count: int) -> np.ndarray:
+    """Inner edges (count - 1) of so many bins with as many samples each."""
+    return np.quantile(variable, np.linspace(0, 1, count + 1)[1:-1])
+
+
+def _share_in_cells(values: np.ndarray, cell: np.ndarray, part: np.ndarray, count: int) -> float:
+    """Share of the variance of values (n) that the means of their cells (n) explain, taken from the other parts (n)."""
+    here = part * count + cell
     size = (part.max() + 1) * count
-    sums, counts = (np.bincount(cell, w, size).reshape(-1, count) for w in (values, None))
+    sums, counts = (np.bincount(here, w, size).reshape(-1, count) for w in (values, None))
     elsewhere = counts.sum(0) - counts
     means = np.where(elsewhere > _FEWEST, (sums.sum(0) - sums) / np.maximum(elsewhere, 1), 0.0)
-    left = np.sum((values - means.ravel()[cell]) ** 2)
+    left = np.sum((values - means.ravel()[here]) ** 2)
     return max(0.0, 1 - float(left / np.sum(values**2)))
 
 
