@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import chain, fit, hub_balance, planar, polish, releases
+from twin import chain, contenders, fit, hub_balance, planar, polish, releases
 from twin.calibration import noises
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
@@ -14,6 +14,7 @@ from twin.low_pass import GRID
 from twin.model import Model, Motion
 from twin.releases import Level
 from twin.rigs import preset
+from twin.search import Candidate
 from twin.view import View
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -70,6 +71,41 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
     assert told["static_positive"] < 1e-4
     assert told["static_negative"] < 2e-4
     assert told["coulomb_positive"] == told["coulomb_negative"] == 1.0
+
+
+def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell(ramps, monkeypatch):
+    data, twin, starts = ramps
+    off = {**LEVELS, "static_positive": 1.2 * LEVELS["static_positive"]}
+    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in off.items()]
+    x, none = np.array(list(off.values())), np.zeros(0)
+    model = twin.replace(effects={"asymmetric-friction": off})
+    badly_known = fit.Fit(model, tuple(starts), tuple(unknowns), x, np.eye(4), none, none, 0.0, none)
+    tried = []
+
+    class Free:
+        """Free runs that all cost alike; the models are kept."""
+
+        count = np.ones(1)
+
+        def __init__(self, data, pool):
+            pass
+
+        def residuals(self, jobs):
+            tried.extend(model for model, _, _ in jobs)
+            return [none for _ in jobs]
+
+        def cost(self, residual):
+            return 0.0
+
+    monkeypatch.setattr(contenders, "Workbench", Free)
+    with ThreadPoolExecutor(1) as pool:
+        bench = Workbench(data, pool)
+        ranked = [Candidate(("asymmetric-friction",), badly_known, score) for score in (100.0, 99.0)]
+        assert contenders.freely_decided(bench, ranked) == ranked
+    assert len(tried) == 2
+    for free in tried:
+        level = free.effects["asymmetric-friction"]["static_positive"]
+        assert level == pytest.approx(LEVELS["static_positive"], rel=1.5e-3)
 
 
 def test_a_rest_that_seems_to_end_below_the_coulomb_level_tells_nothing(ramps):

@@ -10,8 +10,10 @@ import numpy as np
 
 from twin import fit, limit, search, verdict
 from twin.calibration import seen_by
+from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
 from twin.model import Model
+from twin.polish import with_static_levels
 from twin.search import Candidate, Progress, silent
 from twin.view import on_link
 
@@ -48,13 +50,16 @@ def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
 def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
     """The candidates; of those that explain about as much, one whose free runs stay much closer first.
 
-    Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides.
+    Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides. The
+    static friction, on which free runs hang and which the search knows badly, is read where rests end first.
     """
     alike = [c for c in ranked[:_CONTENDERS] if c.score > ranked[0].score - verdict.decisive(ranked[0].score)]
     if len(alike) < 2:
         return ranked
+    assert isinstance(bench.data, DrivenData)
     free = Workbench(fit.FreeData(bench.prepared), bench.pool)
-    cost = [free.cost(r) for r in free.residuals([(c.fit.model, c.fit.starts, None) for c in alike])]
+    read = [with_static_levels(bench.data, c.fit) for c in alike]
+    cost = [free.cost(r) for r in free.residuals([(f.model, f.starts, None) for f in read])]
     closest = alike[int(np.argmin(cost))]
     if cost[0] - min(cost) < _CLEARLY * free.count.sum():
         return ranked

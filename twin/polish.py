@@ -55,12 +55,12 @@ def polish(
     if best.model.plant.gap > 0 and whole:
         best = _between_gaps(Workbench(GuidedData(data.prepared), pool), best)
         whole = False
-    augmented = _with_static_levels(data, best, pool if whole else None)
-    calibrated = augmented if best is base else _with_static_levels(data, base)
+    augmented = with_static_levels(data, best, pool if whole else None)
+    calibrated = augmented if best is base else with_static_levels(data, base)
     return Polished(declared, calibrated, augmented)
 
 
-def _with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | None = None) -> Fit:
+def with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | None = None) -> Fit:
     """The fit with its static levels read; with a pool, those that no rest tells are looked for by whole runs."""
     x, errors = _read_levels(data, best)
     if pool is not None:
