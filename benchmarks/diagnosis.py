@@ -93,11 +93,13 @@ def _rounds(found: Found) -> list[dict]:
     fits = [found.base, *(c.fit for c in found.adopted)]
     return [
         {
-            "left": float(misfit(found.bench, fit.residual).sum()),
+            "left": float(misfit(bench, fit.residual).sum()),
             "best": [(c.effects[-1], c.score) for c in ranked[:3]],
             "threshold": threshold,
         }
-        for fit, ranked, threshold in zip(fits, found.rounds, found.thresholds, strict=False)
+        for bench, fit, ranked, threshold in zip(
+            found.benches, fits, found.rounds, found.thresholds, strict=False
+        )
     ]
 
 

@@ -26,6 +26,8 @@ SEED = 4100
 # Not in four short recordings: a late reading of everything is a late drive, a soft clamp's value and the flanks of a
 # play are another engine's, and Stribeck's fall is loud in one recording alone, the slow ramp.
 LEFT_OPEN = ("sensor-delay", "root-compliance", "backlash", "stribeck-friction")
+# Viscous friction goes through the whole loop below; these are found as air-drag and payload-mass are, which stay.
+ALIKE = ("viscous-friction", "air-pad-drag", "stiffness-loss")
 
 
 def searched(folder, effects, seed):
@@ -44,7 +46,7 @@ def searched(folder, effects, seed):
         return find(read_campaign(folder), pool)
 
 
-@pytest.mark.parametrize("name", [name for name in REGISTRY if name not in LEFT_OPEN])
+@pytest.mark.parametrize("name", [name for name in REGISTRY if name not in (*LEFT_OPEN, *ALIKE)])
 def test_what_is_missing_is_named_and_recovered(tmp_path, name):
     found = searched(tmp_path / "rig", {name: PLANTED[name]}, SEED + list(REGISTRY).index(name))
     assert said(found) == "explained"

@@ -1,5 +1,7 @@
 """A payload that is not the declared one."""
 
+import numpy as np
+
 from twin.effects.base import Effect, EffectParameter
 
 
@@ -9,6 +11,8 @@ class PayloadMass(Effect):
     name = "payload-mass"
     parameters = (EffectParameter("tip_mass", "kg", None, (0.0, 1e3), 1e-3),)
     replaces = ("tip_mass",)
+    # It is told to some parts in ten thousand, and may be another one altogether.
+    multiples = tuple(np.geomspace(1, 3000, 28).tolist())
 
     def rig(self, rig, p):
         return rig.replace(tip_mass=p["tip_mass"])
