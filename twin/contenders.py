@@ -17,7 +17,7 @@ from twin.polish import with_static_levels
 from twin.search import Candidate, Progress, silent
 from twin.view import on_link
 
-_CONTENDERS = 3  # candidates that are fitted to the end
+CONTENDERS = 3  # candidates that are fitted to the end
 _CLOSE = 0.3  # share of the best score that they need
 _CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
 _ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
@@ -30,7 +30,7 @@ def settled(
 ) -> list[Candidate]:
     """The candidates, those that may be best fitted to the end."""
     best = ranked[0].score
-    contenders = [c for c in ranked[:_CONTENDERS] if c.score > _CLOSE * best]
+    contenders = [c for c in ranked[:CONTENDERS] if c.score > _CLOSE * best]
     progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
     return simplest_first([refined(bench, base, c) for c in contenders] + rest)
@@ -53,7 +53,7 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides. The
     static friction, on which free runs hang and which the search knows badly, is read where rests end first.
     """
-    alike = [c for c in ranked[:_CONTENDERS] if c.score > ranked[0].score - verdict.decisive(ranked[0].score)]
+    alike = [c for c in ranked[:CONTENDERS] if c.score > ranked[0].score - verdict.decisive(ranked[0].score)]
     if len(alike) < 2:
         return ranked
     assert isinstance(bench.data, DrivenData)

@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
-import numpy as np
-
 from twin import contenders, fit, search, verdict
 from twin.fit import Fit, Workbench
 from twin.found import Found
@@ -18,7 +16,6 @@ from twin.search import Candidate, Progress, silent
 
 _QUICK = 5  # iterations of a fit that only tells whether it is worth going on
 _FAR = 10.0  # times the score that an effect needs, from which a quick fit is enough to keep it
-_CLOSE = 3  # candidates of a round that may have been the better pick
 
 
 def reconsidered(found: Found, progress: Progress = silent) -> Found:
@@ -69,7 +66,11 @@ def _exchanged(found: Found) -> Found:
 def _alike(ranked: Sequence[Candidate]) -> list[Candidate]:
     """Candidates of a round that were fitted, and explained about as much as the one that was picked."""
     least = ranked[0].score - verdict.decisive(ranked[0].score)
-    return [c for c in ranked[1:_CLOSE] if c.score > least and c.effects[-1] in c.fit.model.effects]
+    return [
+        c
+        for c in ranked[1 : contenders.CONTENDERS]
+        if c.score > least and c.effects[-1] in c.fit.model.effects
+    ]
 
 
 def _fitted(
@@ -83,20 +84,12 @@ def _fitted(
     bench = bench or found.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
     unknowns = search.unknowns_of(bench, model, found.base)
-    known = {
-        (u.owner, u.name, u.recording): v
-        for source in (found.base, near)
-        for u, v in zip(source.unknowns, source.values, strict=True)
-    }
-    first = [
-        known[key] if (key := (u.owner, u.name, u.recording)) in known else u.turned(effects[u.owner][u.name])
-        for u in unknowns
-    ]
+    first = search.first_values(unknowns, model, found.base, near)
     slopes = {
         (u.owner, u.name): near.jacobian[:, j] for j, u in enumerate(near.unknowns) if u.owner != "start"
     }
     kept = slopes if iterations == _QUICK else None
-    return fit.minimise(bench, model, near.starts, unknowns, np.array(first), kept, iterations)
+    return fit.minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 
 def _rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:

@@ -218,9 +218,11 @@ def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...
     return (*kept, *effects, *starts)
 
 
-def first_values(unknowns: Sequence[Unknown], model: Model, base: Fit) -> np.ndarray:
-    """Where the fit of a model starts: the base's values, and the effects' own."""
-    known = {(u.owner, u.name, u.recording): v for u, v in zip(base.unknowns, base.values, strict=True)}
+def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.ndarray:
+    """Where the fit of a model starts: the values of the last of these fits that has them, and the effects' own."""
+    known = {
+        (u.owner, u.name, u.recording): v for f in fits for u, v in zip(f.unknowns, f.values, strict=True)
+    }
     first = []
     for u in unknowns:
         value = known.get((u.owner, u.name, u.recording), u.start)

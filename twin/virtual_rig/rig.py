@@ -43,9 +43,7 @@ class Rig(NamedTuple):
     actuator_lag: float = 0.0  # s
     actuator_delay: float = 0.0  # s
     dead_zone: float = 0.0  # N m, half width: smaller commands deliver nothing
-    torque_loss: float = (
-        0.0  # share of the largest torque that a saturated iron loses; of others by their square
-    )
+    torque_loss: float = 0.0  # share of the largest torque that saturated iron loses; grows as its square
     cable_stiffness: float = 0.0  # N m/rad
     cable_rest_angle: float = 0.0  # rad
     cable_hardening: float = 0.0  # N m/rad^3
