@@ -13,13 +13,28 @@ from twin.recording import Recording
 from twin.view import View, move, whitened
 
 
-def residual(
-    view: View, prepared: Prepared, model: Model, start: Start, white: bool = True
-) -> dict[str, np.ndarray]:
-    """Name -> (m) measured minus simulated in noise units; `hub_torque` is the unmodelled torque on the hub.
+def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
+    """Name -> (m) what is `missing`, as `white`."""
+    return white(missing(view, prepared, model, start), view)
 
-    Where they are `white`, strains have passed the filter of `whitened`, and both strains and torque their `ringing`,
-    and stretches in which the noise swells are as quiet as the others.
+
+def white(left: dict[str, np.ndarray], view: View) -> dict[str, np.ndarray]:
+    """What is `missing` (m) in noise units, noise as large at every frequency and everywhere.
+
+    Strains pass the filter of `whitened`, both strains and torque their `ringing`, and stretches in which the noise
+    swells become as quiet as the others.
+    """
+    parts = left | {channel: whitened(left[channel], view, channel) for channel in view.measured}
+    if "hub_torque" in left:
+        parts["hub_torque"] = left["hub_torque"] / view.noise["hub_torque"]
+    parts |= {name: r.whitened(parts[name]) for name, r in view.ringing.items()}
+    return parts | {name: parts[name] / swell for name, swell in view.swell.items()}
+
+
+def missing(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
+    """Name -> (m) measured minus simulated in the channel's unit, 0 where unknown.
+
+    `hub_torque` is the unmodelled torque on the hub [N m]; what is read at instants is in noise units.
     """
     motion, required = move(view, prepared, model, start)
     asked = Recording("", view.time, {c: np.zeros(len(view.time)) for c in view.measured})
@@ -32,22 +47,18 @@ def residual(
             predicted = low_passed(simulated[channel], GRID)
             if channel in view.holes:
                 values = values + _filled(view, channel, simulated[channel], prepared.hub is not None)
-        missing = values - predicted
+        off = values - predicted
         if prepared.recording.start == "unknown" and channel != "motor_torque":
             # Without a rest at the start the zero of a bridge is not known.
-            missing = missing - np.median(missing[view.known[channel]])
-        missing = np.where(view.known[channel], missing, 0.0)
-        parts[channel] = whitened(missing, view, channel) if white else missing / view.noise[channel]
+            off = off - np.median(off[view.known[channel]])
+        parts[channel] = np.where(view.known[channel], off, 0.0)
     if prepared.hub is not None:
         drive_of = delivered(view, prepared, model)
-        missing = unmodelled(view, model, motion, required, drive_of)
-        parts["hub_torque"] = np.where(view.sliding, missing / view.noise["hub_torque"], 0.0)
+        off = unmodelled(view, model, motion, required, drive_of)
+        parts["hub_torque"] = np.where(view.sliding, off, 0.0)
         parts["break_away"] = break_aways(view, model, motion, required, drive_of)
         parts["departure"], _ = departures.residual(view.time, prepared, model, motion, view.departures)
-    if not white:
-        return parts
-    parts |= {name: r.whitened(parts[name]) for name, r in view.ringing.items()}
-    return parts | {name: parts[name] / swell for name, swell in view.swell.items()}
+    return parts
 
 
 def _filled(view: View, channel: str, simulated: np.ndarray, moving: bool) -> np.ndarray:

@@ -78,10 +78,8 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Gr
     i = group.recording
     view, keep = data.views[i], bench.weight[group.rows] > 0
     prepared, start = data.prepared[i], fit.starts[i]
-    plain = driven_residual.residual(view, prepared, fit.model, start, white=False)
-    white = driven_residual.residual(view, prepared, fit.model, start)[group.channel]
-    left = {c: r * view.noise[c] for c, r in plain.items() if c in view.noise}
-    values = left[group.channel]
+    left = driven_residual.missing(view, prepared, fit.model, start)
+    values, white = left[group.channel], driven_residual.white(left, view)[group.channel]
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     return Unexplained(
         values[keep],

@@ -86,8 +86,8 @@ def _rows(prepared: Prepared, declared: Model, identified: Model) -> list[HeldOu
 def _by_steps(prepared: Prepared, model: Model, start: Start) -> dict[str, float]:
     """Channel of the link -> its error under the measured hub, behind the low-pass of `twin.driven`."""
     view = look(prepared, model)
-    found = driven_residual.residual(view, prepared, model, start, white=False)
-    return {c: view.noise[c] * _rms(found[c][view.known[c]]) for c in view.measured if c != "motor_torque"}
+    found = driven_residual.missing(view, prepared, model, start)
+    return {c: _rms(found[c][view.known[c]]) for c in view.measured if c != "motor_torque"}
 
 
 def _rms(values: np.ndarray) -> float:
