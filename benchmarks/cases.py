@@ -103,6 +103,9 @@ OUTSIDE: Mapping[str, Mapping[str, Size]] = {
     "hardening-cable": {"stiffness": Size(0.02, 0.2)},
     "warming-link": {"loss": Size(0.03, 0.15), "time_constant": Size(2.0, 6.0)},
     "motor-in-strain": {"base": Size(1e-4, 1e-3, "either"), "mid": Size(1e-4, 1e-3, "either")},
+    "bristles": {"stiffness": Size(3.0, 30.0)},
+    "loose-payload": {"share": Size(0.2, 0.6), "gap": Size(1e-3, 1e-2)},
+    "knocks": {"torque": Size(0.05, 0.3), "period": Size(1.0, 4.0)},
 }
 """Faults that the vocabulary has no name for."""
 
@@ -116,6 +119,9 @@ DEPENDS: Mapping[str, Sequence[str]] = {
     "hardening-cable": ("hub_angle",),
     "warming-link": ("time", "strain_base", "strain_mid"),
     "motor-in-strain": ("torque_command",),
+    "bristles": ("hub_rate", "hub_angle", "torque_command"),
+    "loose-payload": ("tip_rate", "strain_base", "strain_mid"),
+    "knocks": ("time",),
 }
 """The variables that a right answer may name."""
 

@@ -66,3 +66,28 @@ def test_a_fault_of_two_variables_names_both():
     (first, share), (second, _), (_, rest), *_ = dependence(fault)
     assert {first, second} == {"time", "hub_rate"}
     assert share > 3 * DEPENDS > rest
+
+
+def test_knocks_at_instants_that_nothing_tells_depend_on_time():
+    found = recordings((False, False))
+    white = found.white.copy()
+    for at in (400, 2100, 3300, 5000):
+        white[at : at + 8] += 30.0
+    fault = replace(found, white=white, values=NOISE * white)
+    assert dependence(fault)[0] == ("time", pytest.approx(0.8, abs=0.1))
+
+
+def test_bristles_depend_on_how_far_the_hub_has_turned_since_it_turned_round():
+    """Swings that drift, at rates that are badly known; what holds the hub back acts over the first 0.02 rad."""
+    found = recordings((False, False))
+    swing = 2 * np.pi * (1.0 + 0.7 * found.recording) * found.time
+    angle = 0.3 * np.cos(swing) + 0.2 * found.time
+    rate = np.gradient(angle, found.time)
+    turned = np.append(True, np.diff(np.sign(rate)) != 0)
+    travel = angle - angle[np.maximum.accumulate(np.where(turned, np.arange(len(angle)), 0))]
+    held = np.where(np.abs(travel) < 0.02, 3 * NOISE * np.sign(travel), 0.0)
+    known = np.sign(rate) * np.abs(np.random.default_rng(7).normal(0, 1, len(rate)))
+    variables = found.variables | {"hub_angle": angle, "hub_rate": known}
+    (first, share), *_ = dependence(replace(found, values=found.values + held, variables=variables))
+    assert first == "hub_travel"
+    assert share > DEPENDS

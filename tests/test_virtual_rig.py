@@ -323,6 +323,9 @@ STRONG = {
     "hardening-cable": {"stiffness": 0.1},
     "warming-link": {"loss": 0.1, "time_constant": 2.0},
     "motor-in-strain": {"base": 3e-4, "mid": -3e-4},
+    "bristles": {"stiffness": 10.0},
+    "loose-payload": {"share": 0.4, "gap": 4e-3},
+    "knocks": {"torque": 0.2, "period": 0.6},
 }
 NEUTRAL = {
     "viscous-friction": {"viscous": 0.0},
@@ -359,6 +362,9 @@ NEUTRAL = {
     "hardening-cable": {"stiffness": 0.0},
     "warming-link": {"loss": 0.0},
     "motor-in-strain": {"base": 0.0, "mid": 0.0},
+    "bristles": {"stiffness": math.inf},
+    "loose-payload": {"gap": 0.0},
+    "knocks": {"torque": 0.0},
 }
 
 
@@ -486,6 +492,41 @@ def test_hard_stop_turns_the_hub_back():
     rig = RIG._replace(stop_angle=0.3, stop_stiffness=50.0)
     angle, _ = driven(rig, np.arange(1000) / 500.0, np.full(1000, 0.1))
     assert 0.3 < angle.max() < 0.33
+
+
+def test_bristles_give_under_a_torque_that_does_not_break_the_hub_away():
+    rig = RIG._replace(bristle_stiffness=10.0)
+    angle, motion = driven(rig, np.arange(8000) / 500.0, np.linspace(0.0, 0.1, 8000).clip(max=0.05))
+    assert len(motion.event_times) == 0
+    assert angle[-1] == pytest.approx(0.05 / 10.0, rel=1e-3)
+
+
+def test_a_hub_swings_on_its_bristles_where_friction_has_stopped_it():
+    rig = RIG._replace(bristle_stiffness=10.0)
+    commands = np.r_[np.full(100, 0.1), np.full(100, -0.1), np.zeros(9800)]
+    angle, motion = driven(rig, np.arange(10000) / 500.0, commands)
+    assert motion.event_modes[-1] == 0
+    assert motion.event_times[-1] < 2.0
+    early, late = angle[1000:2000], angle[-1000:]
+    assert late.mean() == pytest.approx(early.mean(), abs=1e-3)
+    assert np.ptp(late) < 0.6 * np.ptp(early)
+
+
+def test_payload_that_is_free_across_the_link_is_no_load_to_it():
+    rig = LOSSLESS._replace(loose_share=0.3, loose_gap=10.0)
+    times = np.arange(300) / 500.0
+    commands = np.where(times < 0.1, 2e-3, 0.0)
+    angle, _ = driven(rig, times, commands)
+    lighter, _ = driven(LOSSLESS._replace(tip_mass=0.7 * LOSSLESS.tip_mass), times, commands)
+    assert angle == pytest.approx(lighter, rel=1e-3, abs=1e-6)
+
+
+def test_knocks_are_as_many_as_periods_and_seem_irregular():
+    rig = RIG._replace(knock_torque=0.3, knock_period=0.5)
+    _, motion = driven(rig, np.arange(2000) / 500.0, np.zeros(2000))
+    starts = motion.event_times[np.diff(motion.event_modes, prepend=0) != 0]
+    assert {int(t / 0.5) for t in starts} == set(range(8))
+    assert np.std(starts % 0.5) > 0.05
 
 
 # Experiments and campaigns.

@@ -109,12 +109,10 @@ def _correlations(fit: Fit) -> Correlations:
 
 def variables(found: Found) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
-    shares = {}
-    for channel in verdict.unexplained(found):
-        residual = traces.unexplained(found.bench, found.data, found.best, channel)
-        if len(residual.values) > 50:
-            shares[channel] = traces.dependence(residual)
-    return traces.strongest(shares)
+    worst = verdict.unexplained(found)
+    residuals = traces.unexplained(found.bench, found.data, found.best) if worst else {}
+    told = [channel for channel in worst if len(residuals[channel].values) > 50]
+    return traces.strongest({channel: traces.dependence(residuals[channel]) for channel in told})
 
 
 def _assumptions(campaign: Campaign) -> list[str]:

@@ -52,7 +52,7 @@ class Patch:
         """A simulation can look it up: on the hub by angle, rate, time or command, a reading by time or a channel."""
         if self.channel == HUB:
             return self.variable in (*_ON_HUB, "torque_command")
-        return self.variable not in ("hub_rate", "tip_rate")
+        return self.variable not in ("hub_rate", "hub_travel", "tip_rate")
 
     def on_command(self, torque: np.ndarray) -> np.ndarray:
         """Delivered torque (k) for a command (k) [N m]."""

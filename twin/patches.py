@@ -53,9 +53,10 @@ def patched(
 
 def of_worst(found: Found) -> Patch | None:
     """The lookup of the first unexplained channel that is a function of one variable."""
+    residuals = traces.unexplained(found.bench, found.data, found.best)
     for channel in verdict.unexplained(found):
-        left = traces.unexplained(found.bench, found.data, found.best, channel)
-        for variable, share in traces.dependence(left):
+        left = residuals[channel]
+        for variable, share in sorted(traces.steps(left).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
                 break
             lookup = patch.smooth(left.values, left.variables[variable], left.recording, channel, variable)

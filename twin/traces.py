@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -11,9 +11,9 @@ from scipy.fft import next_fast_len, rfft, rfftfreq
 
 from twin import driven, driven_residual, search
 from twin.diagnosis import Trace
-from twin.evidence import Group
 from twin.fit import Fit, Workbench
 from twin.low_pass import BAND, GRID
+from twin.verdict import SOUND
 from twin.view import move
 
 _BINS = (16, 100)  # of a variable, each with as many samples
@@ -21,9 +21,17 @@ _COARSE = 8  # bins of each of two variables
 _TOGETHER = 1.5  # times the share of the best alone that two have to explain together
 _FEWEST = 20  # samples that tell the mean of a bin
 _STRETCH = 0.75  # s
+_UNSEEN = 0.01  # s without a residual, after which nothing tells where the hub turned round
 _SLOWEST = 0.3  # Hz, of an oscillation that is looked for
 _BESIDE = 0.15  # of the frequency of a mode, by which it is another one
+_LOUD = (
+    4.0  # times its usual size to which a residual counts, where one event must not pass for an oscillation
+)
+_KNOCK = 0.05  # s, pieces of time in which knocks are looked for
+_SELDOM = 0.05  # share of the pieces that knocks may fall into
 DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
+TRAVEL = "hub_travel"
+"""How far the hub has turned since it turned round [rad]: what it did before."""
 _LABELS = {
     "hub_torque": "unmodelled hub torque [N m]",
     "strain_base": "unmodelled base strain [1]",
@@ -54,15 +62,20 @@ class Unexplained:
     rings: tuple[float, ...] = ()
 
 
-def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: str) -> Unexplained:
-    """Residuals of a channel under a fit, with the variables on which they may depend.
+def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit) -> dict[str, Unexplained]:
+    """Channel -> its residuals under a fit, with the variables on which they may depend.
 
     On a fine chain: what a short one gets wrong is nothing that is missing.
     """
     fit = replace(fit, model=search.fine(fit.model))
-    parts = [_in_recording(bench, data, fit, group) for group in data.groups if group.channel == channel]
-    if not parts:
-        return Unexplained(np.zeros(0), {}, np.zeros(0), np.zeros(0), np.zeros(0))
+    recordings = [_in_recording(bench, data, fit, i) for i in range(len(data.prepared))]
+    channels = dict.fromkeys(channel for parts in recordings for channel in parts)
+    rings = tuple(fit.model.chain.modes("clamped")[0] / (2 * np.pi))
+    return {c: _joined([parts[c] for parts in recordings if c in parts], rings) for c in channels}
+
+
+def _joined(parts: Sequence[Unexplained], rings: tuple[float, ...]) -> Unexplained:
+    """The residuals of one channel, recording after recording."""
     shared = set.intersection(*(set(part.variables) for part in parts))
     return Unexplained(
         np.concatenate([part.values for part in parts]),
@@ -70,24 +83,29 @@ def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit, channel: st
         np.concatenate([part.recording for part in parts]),
         np.concatenate([part.time for part in parts]),
         np.concatenate([part.white for part in parts]),
-        tuple(fit.model.chain.modes("clamped")[0] / (2 * np.pi)),
+        rings,
     )
 
 
-def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, group: Group) -> Unexplained:
-    i = group.recording
-    view, keep = data.views[i], bench.weight[group.rows] > 0
-    prepared, start = data.prepared[i], fit.starts[i]
-    left = driven_residual.missing(view, prepared, fit.model, start)
-    values, white = left[group.channel], driven_residual.white(left, view)[group.channel]
+def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, i: int) -> dict[str, Unexplained]:
+    view = data.views[i]
+    left = driven_residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
+    white = driven_residual.white(left, view)
+    variables = _variables(data, fit, i, left)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
-    return Unexplained(
-        values[keep],
-        {name: variable[keep] for name, variable in _variables(data, fit, i, left).items()},
-        np.full(keep.sum(), i),
-        before + view.time[keep] - view.time[0],
-        white[keep],
-    )
+    found = {}
+    for group in data.groups:
+        if group.recording != i or group.channel in driven.SINGLE:
+            continue
+        keep = bench.weight[group.rows] > 0
+        found[group.channel] = Unexplained(
+            left[group.channel][keep],
+            {name: variable[keep] for name, variable in variables.items()},
+            np.full(keep.sum(), i),
+            before + view.time[keep] - view.time[0],
+            white[group.channel][keep],
+        )
+    return found
 
 
 def _variables(
@@ -112,22 +130,49 @@ def _variables(
 def dependence(found: Unexplained) -> list[tuple[str, float]]:
     """Share of the variance (0 to 1) that a step function of each variable explains, best first.
 
-    A variable that explains the residual does so in every recording: the bins' means come from the other ones. Where
-    none does, as when a fault shows in one experiment alone, they come from the other stretches of all recordings.
-    Two that explain much more together than either alone, as a friction that wanes does by rate and time, share that.
+    A variable that explains the residual does so in every recording: the bins' means come from the other ones. Two
+    that explain much more together than either alone, as a friction that wanes does by rate and time, share that.
+    Where none does, as when a fault shows in one experiment alone, the means come from the other stretches of all
+    recordings, and how far the hub has turned since it turned round is asked, too, on which hysteresis depends. What
+    swings at one frequency, or knocks at instants that nothing tells, depends on time.
     """
     if not np.any(found.values) or not found.variables:
         return []
-    shares = _shares(found, found.recording)
+    shares = steps(found)
     pair, together = _best_pair(found)
     if together > DEPENDS + _TOGETHER * max(shares.values()):
         shares |= {name: together + 1e-3 * shares[name] for name in pair}
     if max(shares.values()) < DEPENDS:
-        by_stretch = _shares(found, np.floor(found.time / _STRETCH).astype(int))
-        shares = {name: by_stretch[name] if by_stretch[name] > DEPENDS else s for name, s in shares.items()}
+        shares = _seldom(found, shares)
     if "time" in shares:
         shares["time"] = max(shares["time"], _share_of_line(found))
+    if "time" in shares and max(shares.values()) < DEPENDS:
+        shares["time"] = max(shares["time"], _share_of_knocks(found))
     return sorted(shares.items(), key=lambda pair: -pair[1])
+
+
+def steps(found: Unexplained) -> dict[str, float]:
+    """Share of the variance that a step function of each variable alone explains in all recordings."""
+    return _shares(found, found.recording)
+
+
+def _seldom(found: Unexplained, shares: Mapping[str, float]) -> dict[str, float]:
+    """The shares with those of the variables, and of the hub's travel, that explain some stretches by others."""
+    with_travel = {name: found.variables[name] for name in shares} | _travel(found)
+    shares = dict.fromkeys(with_travel, 0.0) | dict(shares)
+    found = replace(found, variables=with_travel)
+    by_stretch = _shares(found, np.floor(found.time / _STRETCH).astype(int))
+    return {name: by_stretch[name] if by_stretch[name] > DEPENDS else s for name, s in shares.items()}
+
+
+def _travel(found: Unexplained) -> dict[str, np.ndarray]:
+    """How far the hub has turned since it last turned round or was seen first (n) [rad]; none of a clamped one."""
+    if not {"hub_angle", "hub_rate"} <= found.variables.keys():
+        return {}
+    angle, rate = found.variables["hub_angle"], found.variables["hub_rate"]
+    anew = (np.diff(np.sign(rate)) != 0) | (np.diff(found.time) > _UNSEEN) | (np.diff(found.recording) != 0)
+    first = np.maximum.accumulate(np.where(np.append(True, anew), np.arange(len(angle)), 0))
+    return {TRAVEL: angle - angle[first]}
 
 
 def _shares(found: Unexplained, part: np.ndarray) -> dict[str, float]:
@@ -163,11 +208,24 @@ def _share_of_line(found: Unexplained) -> float:
         return 0.0
     power = np.array([_power(found.white[k], t, size) for k, t in zip(inside, time, strict=True)])[:, sought]
     gained = 0.0
+    most = _LOUD * float(np.median(np.abs(found.white)))
     for k, t, own in zip(inside, time, power, strict=True):
         line = 2 * np.pi * frequency[sought][np.argmax(power.sum(0) - own)] * t
         columns = np.column_stack([np.cos(line), np.sin(line)])
-        gained += found.white[k] @ columns @ np.linalg.lstsq(columns, found.white[k], rcond=None)[0]
-    return float(gained / np.sum(found.white**2))
+        usual = np.clip(found.white[k], -most, most)
+        gained += usual @ columns @ np.linalg.lstsq(columns, usual, rcond=None)[0]
+    return float(gained / np.sum(np.clip(found.white, -most, most) ** 2))
+
+
+def _share_of_knocks(found: Unexplained) -> float:
+    """Share of the variance in a few short pieces of time, if all others are but noise; 0 if they are not."""
+    _, piece = np.unique(np.floor(found.time / _KNOCK), return_inverse=True)
+    count, power = np.bincount(piece), np.bincount(piece, found.white**2)
+    quiet = power / count <= np.quantile(power / count, 1 - _SELDOM)
+    if np.sqrt(power[quiet].sum() / count[quiet].sum()) > SOUND:
+        return 0.0
+    share = float(power[~quiet].sum() / power.sum())
+    return share if share > 0.5 else 0.0
 
 
 def _power(white: np.ndarray, time: np.ndarray, size: int) -> np.ndarray:
@@ -208,16 +266,18 @@ def _share_in_cells(values: np.ndarray, cell: np.ndarray, part: np.ndarray, coun
 def traces_of(bench: Workbench, data: driven.DrivenData, base: Fit, best: Fit) -> tuple[Trace, ...]:
     """What the calibrated model leaves unexplained of each channel, those that the effects explain best first."""
     found = []
+    before = unexplained(bench, data, base)
+    behind = before if best is base else unexplained(bench, data, best)
     for channel, label in _LABELS.items():
-        left = unexplained(bench, data, base, channel)
-        if len(left.values) < 50:
+        if channel not in before or len(before[channel].values) < 50:
             continue
-        after = unexplained(bench, data, best, channel)
+        left, after = before[channel], behind[channel]
         gained = float(np.log(np.std(left.values) / max(np.std(after.values), 1e-30)))
         order = dependence(left)
         explained = order[0][0] if order and order[0][1] > 0.1 else None
         fitted = left.values - after.values if best is not base else None
-        trace = Trace(label, left.time, left.values, left.variables, left.recording, explained, fitted)
+        variables = left.variables | (_travel(left) if explained == TRAVEL else {})
+        trace = Trace(label, left.time, left.values, variables, left.recording, explained, fitted)
         found.append((gained, trace))
     return tuple(trace for _, trace in sorted(found, key=lambda pair: -pair[0]))
 

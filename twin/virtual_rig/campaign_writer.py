@@ -140,6 +140,8 @@ def _record(
 ) -> dict[str, Array]:
     """Returns the columns of one recording (samples,) by channel name."""
     link = build_link(rig)
+    if rig.knock_torque:
+        rig = rig._replace(knock_phase=generator.uniform(0.0, 2 * np.pi))
     times = sample_times(sensors, len(plan.commands), kinds, generator)
     noise = noise_of(sensors, len(times), generator)
     motion = run_experiment(rig, link, sensors, plan, times, noise["hub_angle"])

@@ -77,6 +77,9 @@ OUTSIDE_EFFECTS: dict[str, dict[str, str]] = {
     "hardening-cable": {"stiffness": "cable_hardening"},
     "warming-link": {"loss": "fading", "time_constant": "fading_time"},
     "motor-in-strain": {"base": "pickup_base", "mid": "pickup_mid"},
+    "bristles": {"stiffness": "bristle_stiffness"},
+    "loose-payload": {"share": "loose_share", "gap": "loose_gap"},
+    "knocks": {"torque": "knock_torque", "period": "knock_period"},
 }
 
 

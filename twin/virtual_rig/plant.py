@@ -1,9 +1,10 @@
 """The rig in motion: equations of the hub and the link, friction, and an integrator that locates events.
 
-State y = [q_1 .. q_n, extras, theta, and the rates of all of them]; extras are a torsional oscillator and a
-motor behind a backlash, present only when their effect is. In the axes of the turning hub the link lies at
-p(s) = int exp(i psi), accelerated by int (i psi_tt - psi_t^2) exp(i psi) with psi_t absolute; d'Alembert's
-principle in the Ritz coordinates gives M(q) z_tt = F. With the link's block of M eliminated, what is left is
+State y = [q_1 .. q_n, extras, theta, and the rates of all of them]; extras are a torsional oscillator, a motor
+behind a backlash and a loose part of the payload, present only when their effect is. In the axes of the turning
+hub the link lies at p(s) = int exp(i psi), accelerated by int (i psi_tt - psi_t^2) exp(i psi) with psi_t absolute;
+d'Alembert's principle in the Ritz coordinates gives M(q) z_tt = F. With the link's block of M eliminated, what is
+left is
 
     J_eff theta_tt = hold - f
 
@@ -11,7 +12,9 @@ where `hold` is the torque that keeps the hub still: motor, cable, ..., and the 
 
 Friction: while sliding f = coulomb sgn(omega). Where omega crosses zero the hub sticks if |hold| is below the
 static level, else it slides on in the direction of `hold`; stuck, it breaks away when |hold| exceeds that.
-Both events are located to 1e-10 s by bracketing the length of a step.
+Both events are located to 1e-10 s by bracketing the length of a step. Where bristles hold the hub it is never
+quite at rest: stuck, it swings on them about where their force continues that of sliding, and `hold` is what
+they bear.
 
 Integrator: the pair 5(4) of J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980), adaptive, with
 an end at every change of the held command, so that no step spans a jump.
@@ -37,7 +40,9 @@ LONGEST_STEP = 1e-3  # s, so that no event comes and goes within a step
 MOST_EVENTS = 20000
 GRAVITY = 9.81  # m/s^2
 CONTACT_STIFFNESS = 1000.0  # N m/rad, of the flanks of a backlash
-CONTACT_LOSS = 0.2  # damping ratio of the motor's inertia on a flank
+PAYLOAD_STIFFNESS = 2e4  # N/m, of the payload's fixing where a loose part touches it
+CONTACT_LOSS = 0.2  # damping ratio of what moves on a flank or on bristles
+KNOCK_LENGTH = 0.01  # s, of half a sine
 
 
 # Fused multiplication and addition is the only freedom: results stay those of the formulas.
@@ -79,6 +84,7 @@ class Space(NamedTuple):
     slopes: Array  # (7, 2 nz), dy/dt at the stages of a step
     stage: Array  # (2 nz,)
     new: Array  # (2 nz,), the state at the end of a step
+    anchor: Array  # (1,) hub angle at which the bristles of a stuck hub are straight [rad]
 
 
 class Plant(NamedTuple):
@@ -153,8 +159,9 @@ def quantised(value, step):
 
 @compiled
 def extras(rig):
-    """Returns whether the rig has a torsional oscillator and a motor behind a backlash."""
-    return rig.torsional_inertia_share > 0.0, rig.backlash_gap > 0.0 and rig.backlash_motor_share > 0.0
+    """Returns whether the rig has a torsional oscillator, a motor behind a backlash and a loose payload."""
+    backlash = rig.backlash_gap > 0.0 and rig.backlash_motor_share > 0.0
+    return rig.torsional_inertia_share > 0.0, backlash, rig.loose_gap > 0.0 and rig.loose_share > 0.0
 
 
 @compiled
@@ -186,6 +193,33 @@ def sliding_friction(rig, t, direction, theta, omega):
 
 
 @compiled
+def bristles(rig, mode):
+    """Returns whether the hub rests on bristles that give."""
+    return mode == STUCK and math.isfinite(rig.bristle_stiffness)
+
+
+@compiled
+def bristle_torque(plant, theta):
+    """Returns what the bristles bear [N m]."""
+    return plant.rig.bristle_stiffness * (theta - plant.space.anchor[0])
+
+
+@compiled
+def knock(rig, t):
+    """Returns the torque of somebody who knocks now and then [N m]: half sines at irregular instants.
+
+    One falls into the middle half of each period, at a place and in a direction that seem random.
+    """
+    number = math.floor(t / rig.knock_period)
+    place = math.sin(12.9898 * (number + 1.0) + rig.knock_phase)
+    age = t - rig.knock_period * (number + 0.5 + 0.25 * place)
+    if age < 0.0 or age > KNOCK_LENGTH:
+        return 0.0
+    side = 1.0 if math.sin(78.233 * (number + 1.0) + rig.knock_phase) > 0.0 else -1.0
+    return side * rig.knock_torque * math.sin(math.pi * age / KNOCK_LENGTH)
+
+
+@compiled
 def hub_torque(rig, t, theta, omega):
     """Returns the torques on the hub other than drive, friction and link [N m]."""
     torque = rig.torque_bias - rig.cable_stiffness * (theta - rig.cable_rest_angle)
@@ -193,6 +227,8 @@ def hub_torque(rig, t, theta, omega):
     if rig.disturbance_torque != 0.0:
         phase = 2.0 * math.pi * rig.disturbance_frequency * t + rig.disturbance_phase
         torque += rig.disturbance_torque * math.sin(phase)
+    if rig.knock_torque != 0.0:
+        torque += knock(rig, t)
     if abs(theta) > rig.stop_angle:
         side = 1.0 if theta > 0.0 else -1.0
         push = rig.stop_stiffness * (abs(theta) - rig.stop_angle) + rig.stop_damping * side * omega
@@ -310,26 +346,25 @@ def soften(rig, link, y, force):
 
 
 @compiled
-def contact_torque(rig, play, rate):
-    """Returns the torque from a motor to the hub through a backlash [N m], by their relative angle [rad]."""
-    gap = abs(play) - 0.5 * rig.backlash_gap
-    if gap <= 0.0:
+def contact(play, rate, gap, stiffness, inertia):
+    """Returns the force (torque) between the flanks of a gap, of what is free in it, by its place and rate."""
+    over = abs(play) - 0.5 * gap
+    if over <= 0.0:
         return 0.0
     side = 1.0 if play > 0.0 else -1.0
-    inertia = rig.backlash_motor_share * rig.hub_inertia
-    loss = 2.0 * CONTACT_LOSS * math.sqrt(CONTACT_STIFFNESS * inertia)
-    return side * max(CONTACT_STIFFNESS * gap + loss * side * rate, 0.0)
+    loss = 2.0 * CONTACT_LOSS * math.sqrt(stiffness * inertia)
+    return side * max(stiffness * over + loss * side * rate, 0.0)
 
 
 @compiled
 def extra_balance(plant, torque, y):
-    """Adds the hub, and the torsional oscillator and the motor behind it, to mass matrix and forces.
+    """Adds the hub, the torsional oscillator, the motor behind it and a loose payload to masses and forces.
 
-    Both extras are angles relative to the hub and carry a share of its inertia. The drive's torque and the
+    The first two extras are angles relative to the hub and carry a share of its inertia. The drive's torque and the
     cogging of its magnets act on the motor, friction and everything else on the hub.
     """
     rig, mass_matrix, force = plant.rig, plant.space.mass_matrix, plant.space.force
-    torsional, backlash = extras(rig)
+    torsional, backlash, loose = extras(rig)
     nz = len(force)
     hub = nz - 1
     row = plant.link.slope.shape[1] - 1
@@ -342,17 +377,53 @@ def extra_balance(plant, torque, y):
         mass_matrix[hub, row] = inertia
         force[row] = -inertia * frequency * (frequency * y[row] + 2.0 * rig.torsional_damping * y[nz + row])
         row += 1
+    motor = row
     if backlash:
         inertia = rig.backlash_motor_share * rig.hub_inertia
         mass_matrix[row, row] = inertia
         mass_matrix[hub, row] = inertia
         motor_angle += y[row]
-        force[row] = -contact_torque(rig, y[row], y[nz + row])
+        force[row] = -contact(y[row], y[nz + row], rig.backlash_gap, CONTACT_STIFFNESS, inertia)
+        row += 1
+    if loose:
+        loose_balance(plant, row, y)
     if rig.cogging_amplitude != 0.0:
         torque += rig.cogging_amplitude * math.sin(rig.cogging_order * motor_angle + rig.cogging_phase)
     if backlash:
-        force[row] += torque
+        force[motor] += torque
     force[hub] += torque
+
+
+@compiled
+def loose_balance(plant, row, y):
+    """Adds a part of the payload that is free across the link within its gap, coordinate `row` [m], to the balance.
+
+    Its velocity is that of the tip and, along the tip's normal, its own: what its distance from the tip adds beyond
+    that, millimetres against the link's length, is left out.
+    """
+    rig, link, space = plant.rig, plant.link, plant.space
+    nz = len(space.force)
+    nodes, columns = link.slope.shape[0] - 1, link.slope.shape[1]
+    n, hub = columns - 1, nz - 1
+    mass = rig.loose_share * rig.tip_mass
+    tip = 0.0
+    for j in range(n):
+        tip += link.slope[nodes, j] * y[j]
+    push = -contact(y[row], y[nz + row], rig.loose_gap, PAYLOAD_STIFFNESS, mass)
+    for j in range(columns):
+        lever = 0.0
+        for k in range(nodes):
+            across = space.cosine[k] * math.cos(tip) + space.sine[k] * math.sin(tip)
+            lever += link.to_tip[k] * across * link.slope[k, j]
+        if j < n:
+            space.mass_matrix[row, j] = mass * lever
+        else:
+            space.mass_matrix[hub, row] = mass * lever
+    for k in range(nodes):
+        aside = space.sine[k] * math.cos(tip) - space.cosine[k] * math.sin(tip)
+        push += mass * link.to_tip[k] * space.spin[k] ** 2 * aside
+    space.mass_matrix[row, row] = mass
+    space.force[row] = push
 
 
 @compiled
@@ -372,7 +443,7 @@ def factorised(matrix, size):
 
 @compiled
 def derivative(plant, drive, t, y, mode, out):
-    """Writes dy/dt and returns `hold`, the torque that keeps the hub from accelerating [N m]."""
+    """Writes dy/dt and returns `hold`, the torque that keeps the hub from accelerating, or that bristles bear [N m]."""
     rig, mass_matrix, force = plant.rig, plant.space.mass_matrix, plant.space.force
     nz = len(force)
     hub = nz - 1
@@ -393,6 +464,12 @@ def derivative(plant, drive, t, y, mode, out):
     if mode != STUCK:
         friction = sliding_friction(rig, t, mode, theta, omega)
         acceleration = (hold - friction) / mass_matrix[hub, hub]
+    elif bristles(rig, mode) and not plant.clamped:
+        inertia = mass_matrix[hub, hub]
+        loss = 2.0 * CONTACT_LOSS * math.sqrt(rig.bristle_stiffness * inertia)
+        borne = bristle_torque(plant, theta)
+        acceleration = (hold - borne - loss * omega) / inertia
+        hold = borne
 
     # Back substitution for the rest, with the hub's acceleration known.
     out[nz + hub] = acceleration
@@ -529,7 +606,17 @@ def event_step(plant, drive, t, y, h, mode):
 
 @compiled
 def mode_after(plant, drive, t, y, mode):
-    """Returns how the hub goes on from a moment of rest: a sliding one may stick, a stuck one slides."""
+    """Returns how the hub goes on from a moment of rest: a sliding one may stick, a stuck one slides.
+
+    Bristles are bent as far as sliding bent them.
+    """
+    if math.isfinite(plant.rig.bristle_stiffness):
+        if mode == STUCK:
+            return 1 if bristle_torque(plant, y[len(y) // 2 - 1]) > 0.0 else -1
+        theta = y[len(y) // 2 - 1]
+        bent = sliding_friction(plant.rig, t, mode, theta, 0.0)
+        plant.space.anchor[0] = theta - bent / plant.rig.bristle_stiffness
+        return STUCK
     hold = derivative(plant, drive, t, y, STUCK, plant.space.slopes[0])
     if mode != STUCK and excess(plant.rig, hold, y[len(y) // 2 - 1]) <= 0.0:
         return STUCK
@@ -578,7 +665,8 @@ def advance(plant, drive, y, t, end, mode, trial, log):
                     blind = t + 1e-6
                 t += h
                 y[:] = new
-                y[-1] = 0.0
+                if not bristles(rig, mode):
+                    y[-1] = 0.0
                 mode = mode_after(plant, drive, t, y, mode)
                 hold = derivative(plant, drive, t, y, mode, slopes[0])
                 noted(log, t, mode)
@@ -619,6 +707,7 @@ def run(plant, start, command_times, commands, output_times, loop):
 
     t, trial = 0.0, 1e-4
     mode = STUCK
+    plant.space.anchor[0] = y[hub]
     if y[-1] != 0.0 and not plant.clamped:
         mode = 1 if y[-1] > 0.0 else -1
     drive = Drive(0.0, 0.0, 0.0)
@@ -655,6 +744,7 @@ def working_space(link: Link, nz: int) -> Space:
         slopes=np.zeros((7, 2 * nz)),
         stage=np.zeros(2 * nz),
         new=np.zeros(2 * nz),
+        anchor=np.zeros(1),
     )
 
 

@@ -36,6 +36,7 @@ class Rig(NamedTuple):
     friction_ripple_phase: float = 0.0  # rad
     warming_rise: float = 0.0  # N m, extra Coulomb friction of a cold bearing
     warming_time: float = 10.0  # s, in which it decays to 1/e
+    bristle_stiffness: float = math.inf  # N m/rad, of what gives while the hub sticks
 
     # The drive and other torques on the hub.
     torque_gain: float = 1.0
@@ -52,6 +53,9 @@ class Rig(NamedTuple):
     cogging_phase: float = 0.0  # rad
     backlash_gap: float = 0.0  # rad, total
     backlash_motor_share: float = 0.0  # of the hub inertia
+    knock_torque: float = 0.0  # N m, of short knocks at irregular instants
+    knock_period: float = 1.0  # s, one knock in each
+    knock_phase: float = 0.0  # rad, of when and to which side; another one in each recording
     stop_angle: float = math.inf  # rad, hard stops at both signs of it
     stop_stiffness: float = 0.0  # N m/rad
     stop_damping: float = 0.0  # N m s/rad
@@ -75,6 +79,8 @@ class Rig(NamedTuple):
     torsional_inertia_share: float = 0.0  # of the hub inertia, hung on the hub by a spring
     air_drag: float = 0.0  # N s^2/m^2
     air_pad_drag: float = 0.0  # N s/m
+    loose_share: float = 0.0  # of the tip mass, free to move across the link
+    loose_gap: float = 0.0  # m, total, within which it is free
 
     # The sensors' own faults.
     hub_gain: float = 1.0
