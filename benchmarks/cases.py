@@ -119,7 +119,7 @@ DEPENDS: Mapping[str, Sequence[str]] = {
     "hardening-cable": ("hub_angle",),
     "warming-link": ("time", "strain_base", "strain_mid"),
     "motor-in-strain": ("torque_command",),
-    "bristles": ("hub_rate", "hub_angle", "torque_command"),
+    "bristles": ("hub_travel", "hub_rate"),
     "loose-payload": ("tip_rate", "strain_base", "strain_mid"),
     "knocks": ("time",),
 }

@@ -69,3 +69,11 @@ def test_a_right_effect_may_leave_a_small_part_of_what_it_explains():
 def test_the_size_of_little_noise_is_not_known_well():
     assert verdict.unexplained(seen({"hub_torque": [2.4, 2.4]}, independent=5.0)) == ()
     assert verdict.unexplained(seen({"hub_torque": [2.4, 2.4]}, independent=500.0)) == ("hub_torque",)
+
+
+def test_a_lone_recording_is_named_though_it_is_no_verdict():
+    found = seen({"strain_base": [30.0, 1.1, 1.0], "hub_torque": [3.0, 3.0, 1.0]})
+    [(recording, channel, size)] = verdict.alone(found)
+    assert (recording, channel) == (0, "strain_base")
+    assert size == pytest.approx(30.0, rel=0.2)
+    assert verdict.unexplained(found) == ("hub_torque",)

@@ -52,6 +52,7 @@ def conclude(
             *found.start.notes,
             *timing.said(polished.augmented),
             *_assumptions(campaign),
+            *_alone(found),
             *_unpredictable(predictions),
         ),
         declared=campaign.rig,
@@ -124,6 +125,16 @@ def _assumptions(campaign: Campaign) -> list[str]:
         return []
     listed = ", ".join(f"{n} {100 * ASSUMED_UNCERTAINTY[n]:g} %" for n in moved)
     return [f"No uncertainty was declared for some parameters; assumed: {listed}."]
+
+
+def _alone(found: Found) -> list[str]:
+    """What one recording says against the model, and no other."""
+    files = [prepared.recording.name for prepared in found.bench.prepared]
+    return [
+        f"{files[i]} alone leaves {size:.2g} noise levels of {channel} unexplained, no other recording does: "
+        "a fault that only this experiment provokes, or a bad recording. Repeat it."
+        for i, channel, size in verdict.alone(found)
+    ]
 
 
 def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:

@@ -75,35 +75,47 @@ def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
 
 def unexplained(found: Found) -> tuple[str, ...]:
     """Channels whose residual exceeds what noise and a right model leave, in several recordings; the worst first."""
-    before = _sizes(found.benches[0], found.base)
-    sizes: dict[str, list[float]] = {}
-    for (recording, channel), (size, by_chance) in _sizes(found.bench, found.best).items():
-        may_be_left = LEFT * before.get((recording, channel), (0.0, 1.0))[0]
-        more = float(np.sqrt(max(size**2 - may_be_left**2, 0.0)))
-        sizes.setdefault(channel, []).append(more / by_chance)
-    worst = {}
-    for channel, seen in sizes.items():
-        odd = [size for size in seen if size > SOUND]
-        enough = len(odd) >= min(REPEATED, len(found.bench.prepared))
-        if channel not in driven.SINGLE and enough and max(odd) > UNEXPLAINED:
-            worst[channel] = float(np.median(odd))
+    odd = _odd(found)
+    needed = min(REPEATED, len(found.bench.prepared))
+    worst = {
+        channel: float(np.median(list(sizes.values())))
+        for channel, sizes in odd.items()
+        if len(sizes) >= needed
+    }
     return tuple(sorted(worst, key=lambda c: -worst[c]))
 
 
-def _sizes(bench: Workbench, fit: Fit) -> dict[tuple[int, str], tuple[float, float]]:
-    """Recording and channel -> size of the residual, and that which chance may give noise alone, in noise levels."""
-    weight = bench.weight * _timed(bench, fit)
-    sizes = evidence.sizes(fit.residual, bench.data.groups, weight)
-    independent = {name: 0.0 for name in ((g.recording, g.channel) for g in bench.data.groups)}
+def alone(found: Found) -> list[tuple[int, str, float]]:
+    """Recordings that leave such a residual in a channel that no other recording finds odd, with its size."""
+    repeated = unexplained(found)
+    return [(i, c, s) for c, sizes in _odd(found).items() if c not in repeated for i, s in sizes.items()]
+
+
+def _odd(found: Found) -> dict[str, dict[int, float]]:
+    """Channel -> recording -> size of a residual that is not sound, of channels whose worst is not explained."""
+    before = _by_recording(found.benches[0], found.base)
+    chance = _by_chance(found.bench)
+    odd: dict[str, dict[int, float]] = {}
+    for (recording, channel), size in _by_recording(found.bench, found.best).items():
+        may_be_left = LEFT * before.get((recording, channel), 0.0)
+        more = float(np.sqrt(max(size**2 - may_be_left**2, 0.0))) / chance[recording, channel]
+        if channel not in driven.SINGLE and more > SOUND:
+            odd.setdefault(channel, {})[recording] = more
+    return {channel: sizes for channel, sizes in odd.items() if max(sizes.values()) > UNEXPLAINED}
+
+
+def _by_recording(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
+    """Recording and channel -> size of the residual in noise levels."""
+    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * _timed(bench, fit))
+    return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
+
+
+def _by_chance(bench: Workbench) -> dict[tuple[int, str], float]:
+    """Recording and channel -> size that chance may give to so many samples of noise, in noise levels."""
+    independent = {(g.recording, g.channel): 0.0 for g in bench.data.groups}
     for group, count in zip(bench.groups, bench.count, strict=True):
         independent[group.recording, group.channel] += float(count)
-    return {
-        (g.recording, g.channel): (
-            float(s),
-            1 + CHANCE / np.sqrt(2 * max(independent[g.recording, g.channel], 1.0)),
-        )
-        for g, s in zip(bench.data.groups, sizes, strict=True)
-    }
+    return {key: 1 + CHANCE / np.sqrt(2 * max(count, 1.0)) for key, count in independent.items()}
 
 
 def _timed(bench: Workbench, fit: Fit) -> np.ndarray:
