@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-Kind = Literal["single", "pair", "nothing", "outside"]
+Kind = Literal["single", "pair", "triple", "nothing", "outside"]
 Effects = dict[str, dict[str, float]]
 
 
@@ -136,6 +136,7 @@ class Case:
       seed: of everything else.
       dirty: kinds of dirt in its data.
       perturb: how far the true parameters are off, in parts of their uncertainty.
+      torque_sensor: whether the drive's torque is measured.
     """
 
     kind: Kind
@@ -143,6 +144,7 @@ class Case:
     seed: int
     dirty: tuple[str, ...] = ()
     perturb: float = 0.5
+    torque_sensor: bool = True
 
     @property
     def name(self) -> str:
@@ -162,22 +164,24 @@ class Case:
 _DIRT = (("spikes",), ("missing-fields",), ("dropped-rows",), ("jitter",), ("spikes", "missing-fields"))
 
 
-def cases(each: int, nulls: int, pairs: int, outside: int, seed: int) -> Iterator[Case]:
+def cases(each: int, nulls: int, pairs: int, triples: int, outside: int, seed: int) -> Iterator[Case]:
     """The campaigns; all kinds take turns, so that an early stop is a fair sample.
 
-    Every fifth one has dirty data, every third null exactly the declared parameters.
+    Every fifth one has dirty data, every other no torque sensor, every third null exactly the declared parameters.
     """
     draw = np.random.default_rng(seed)
     every = list(SIZES)
     kinds: list[tuple[float, Kind, tuple[str, ...]]] = []
     kinds += [((k + 0.5) / each, "single", (name,)) for name in every for k in range(each)]
     kinds += [((k + 0.5) / nulls, "nothing", ()) for k in range(nulls)]
-    for k in range(pairs):
-        first, second = draw.choice(len(every), 2, replace=False)
-        kinds.append(((k + 0.5) / pairs, "pair", (every[first], every[second])))
+    together: list[tuple[Kind, int, int]] = [("pair", pairs, 2), ("triple", triples, 3)]
+    for kind, count, effects in together:
+        for k in range(count):
+            drawn = tuple(every[i] for i in draw.choice(len(every), effects, replace=False))
+            kinds.append(((k + 0.5) / count, kind, drawn))
     faults = list(OUTSIDE)
     kinds += [((k + 0.5) / outside, "outside", (faults[k % len(faults)],)) for k in range(outside)]
     for number, (_, kind, missing) in enumerate(sorted(kinds, key=lambda item: item[0])):
         dirty = _DIRT[number // 5 % len(_DIRT)] if number % 5 == 4 else ()
         perturb = 0.0 if kind == "nothing" and number % 3 == 0 else 0.5
-        yield Case(kind, missing, seed + number, dirty, perturb)
+        yield Case(kind, missing, seed + number, dirty, perturb, torque_sensor=number % 2 == 0)

@@ -1,7 +1,7 @@
 """How often the diagnosis is right, on campaigns of the virtual rig whose truth is known.
 
-    python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--pairs 20] [--outside 20] [--seed 1000] [--jobs 2]
-        [--whole] [--minutes M]
+    python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--pairs 20] [--triples 5] [--outside 20] [--seed 1000]
+        [--jobs 2] [--whole] [--minutes M]
 
 WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
 campaign is begun later than that, and the table is of those that are there. The verdict and the
@@ -36,7 +36,13 @@ from twin.virtual_rig import make_campaign
 def solve(case: Case, folder: Path, whole: bool) -> dict:
     """Makes a campaign and diagnoses it."""
     truth = make_campaign(
-        folder, case.effects(), case.seed, perturb=case.perturb, dirty=case.dirty, force=True
+        folder,
+        case.effects(),
+        case.seed,
+        perturb=case.perturb,
+        dirty=case.dirty,
+        motor_torque=case.torque_sensor,
+        force=True,
     )
     began = time.perf_counter()
     campaign = read_campaign(folder)
@@ -46,6 +52,7 @@ def solve(case: Case, folder: Path, whole: bool) -> dict:
         "missing": list(case.missing),
         "truth": truth.effects,
         "dirty": list(case.dirty),
+        "torque_sensor": case.torque_sensor,
         "seconds": time.perf_counter() - began,
     }
 
@@ -135,11 +142,11 @@ def _row(effect: str, mine: Sequence[dict]) -> list:
 
 
 def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
-    kinds = {kind: [a for a in answers if a["kind"] == kind] for kind in ("pair", "nothing", "outside")}
+    kinds = {
+        kind: [a for a in answers if a["kind"] == kind] for kind in ("pair", "triple", "nothing", "outside")
+    }
     first = sum(a["ranking"][:1] == a["missing"] for a in singles)
     alone = sum(a["adopted"] == a["missing"] for a in singles)
-    both = sum(set(a["missing"]) <= set(a["adopted"]) for a in kinds["pair"])
-    one = sum(bool(set(a["missing"]) & set(a["adopted"])) for a in kinds["pair"])
     alarms = sum(a["verdict"] != "no-missing-effect" for a in kinds["nothing"])
     seen = sum(a["verdict"] == "outside-library" for a in kinds["outside"])
     named = sum(a["depends"][:1] in [[v] for v in DEPENDS[a["missing"][0]]] for a in kinds["outside"])
@@ -152,7 +159,8 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
     )
     return [
         f"- One effect: first in the ranking in {first} of {len(singles)}, adopted alone in {alone}.",
-        f"- Two effects: both adopted in {both} of {len(kinds['pair'])}, at least one in {one}.",
+        f"- Two effects: {_together(kinds['pair'])}.",
+        f"- Three effects: {_together(kinds['triple'])}.",
         f"- Nothing missing: {alarms} false alarms in {len(kinds['nothing'])}.",
         f"- Outside the library: recognised in {seen} of {len(kinds['outside'])}, a right variable first in {named}.",
         f"- Outside the library claimed of {claimed} others.",
@@ -162,6 +170,14 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
         "",
         "Not exactly right: " + (", ".join(f"{k} ({n})" for k, n in sorted(others.items())) or "none") + ".",
     ]
+
+
+def _together(answers: Sequence[dict]) -> str:
+    """How many of several effects are adopted."""
+    found = [len(set(a["missing"]) & set(a["adopted"])) for a in answers]
+    every = sum(n == len(a["missing"]) for n, a in zip(found, answers, strict=True))
+    all_but_one = sum(n >= len(a["missing"]) - 1 for n, a in zip(found, answers, strict=True))
+    return f"all adopted in {every} of {len(answers)}, all but one at least in {all_but_one}"
 
 
 def _held_out(answers: Sequence[dict]) -> list[str]:
@@ -248,14 +264,17 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=5, help="campaigns of each effect")
     parser.add_argument("--nulls", type=int, default=20, help="campaigns with nothing missing")
     parser.add_argument("--pairs", type=int, default=20, help="campaigns with two effects")
+    parser.add_argument("--triples", type=int, default=5, help="campaigns with three effects")
     parser.add_argument("--outside", type=int, default=20, help="campaigns with a fault outside the library")
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--whole", action="store_true", help="with the last fit and the held-out recordings")
     options = parser.parse_args()
-    todo = cases(options.each, options.nulls, options.pairs, options.outside, options.seed)
+    todo = cases(options.each, options.nulls, options.pairs, options.triples, options.outside, options.seed)
     tasks = {case.name: case for case in todo}
     found = resumable.answers(tasks, partial(solve, whole=options.whole), options)
-    given = " ".join(f"--{k} {getattr(options, k)}" for k in ("each", "nulls", "pairs", "outside", "seed"))
+    given = " ".join(
+        f"--{k} {getattr(options, k)}" for k in ("each", "nulls", "pairs", "triples", "outside", "seed")
+    )
     print(
         f"`python benchmarks/diagnosis.py WORK {given}{' --whole' if options.whole else ''}`, {describe()},"
         f" {len(found)} of {len(tasks)} campaigns\n"
