@@ -16,6 +16,12 @@ from twin.found import Found
 from twin.planning import Plan
 from twin.polish import Polished
 
+_TELLING = {
+    "time": "Repeat one run several times: what depends on time alone is another in each.",
+    traces.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what holds it back "
+    "before it has turned far shows there.",
+}
+"""Variable on which something outside the library depends -> experiment that tells more, where it is not obvious."""
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
 
 
@@ -198,5 +204,7 @@ def _next(
     if alike and plans:
         return planning.said(plans, alike[0][:2])
     if answer == "outside-library" and depends:
-        return f"Repeat a run with {depends[0]} varied on purpose and everything else kept."
+        return _TELLING.get(
+            depends[0], f"Repeat a run with {depends[0]} varied on purpose and everything else kept."
+        )
     return None
