@@ -27,6 +27,7 @@ from twin.validation.loop import margins
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
 from twin.validation.rigs import draw, unknowns
 from twin.validation.validation import drivers
+from twin.virtual_rig import make_campaign
 
 RIG = preset("bossi2009")
 T = 2e-3
@@ -386,6 +387,18 @@ def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path
     assert answer["margins"] is False
     assert "phase_margin" not in answer["requirements"]
     assert len(answer["failed_rigs"]) == 6
+
+
+def test_rigs_are_drawn_as_a_campaign_declares_them(twin, tmp_path):
+    make_campaign(tmp_path / "mine", {}, 5)
+    _, out, err = twin("validate", "lqi", "--campaign", "mine", "--rigs", 2, "--json", "v.json")
+    assert err == ""
+    assert "lqi on mine" in out
+    answer = json.loads((tmp_path / "v.json").read_text())
+    assert answer["rigs"] == 2
+    code, _, err = twin("validate", "lqi", "--campaign", "mine", "--rig", "bossi2009-printed")
+    assert code == 2
+    assert "--rig and --campaign" in err
 
 
 def test_stricter_requirements_fail(twin, tmp_path):

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.commands.shared import CONTROLLERS, JsonFile, RigOption, console, load_rig, progress
+from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
 
 if TYPE_CHECKING:
+    from twin.validation.rigs import Believed
     from twin.validation.validation import Validation
+
+_PRESET = "bossi2009"
 
 
 def validate(
@@ -23,7 +27,11 @@ def validate(
             help=CONTROLLERS,
         ),
     ],
-    rig: RigOption = "bossi2009",
+    rig: RigOption = _PRESET,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="The rig that this campaign declares, instead of --rig."),
+    ] = None,
     rigs: Annotated[int, typer.Option(help="Number of rigs to draw.", min=1)] = 200,
     scenario: Annotated[str, typer.Option(help="Scenario whose reference comes to rest.")] = "lq-step-120",
     seed: Annotated[int, typer.Option(help="Of the draw.", min=0)] = 0,
@@ -37,20 +45,18 @@ def validate(
 ) -> None:
     """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
     check_writable(json_file, report_file)
-    declared, effects = load_rig(rig)
-    from twin.rig_file import read_uncertainty
-    from twin.rigs import PRESETS
+    believed = _believed(rig) if campaign is None else _declared(campaign, rig)
     from twin.validation.requirements import defaults, read_requirements
-    from twin.validation.rigs import INDEPENDENT
 
-    errors, together = ({}, INDEPENDENT) if rig in PRESETS else read_uncertainty(rig)
     limits = defaults() if requirements is None else read_requirements(requirements)
     with progress() as report:
         report("loading the equations of motion")
         from twin.validation import validation
 
-        job = validation.Job(controller, declared, scenario)
-        result = validation.validate(job, effects, errors, limits, rigs, seed, report, together)
+        job = validation.Job(controller, believed.rig, scenario)
+        result = validation.validate(
+            job, believed.effects, believed.errors, limits, rigs, seed, report, believed.together
+        )
     if json_file is not None:
         write_json(json_file, validation.to_json(result))
     if report_file is not None:
@@ -60,6 +66,26 @@ def validate(
     _print(result)
     if not result.passed:
         raise typer.Exit(1)
+
+
+def _believed(rig: str) -> Believed:
+    """What a preset or a parameter file says."""
+    declared, effects = load_rig(rig)
+    from twin.rig_file import read_uncertainty
+    from twin.rigs import PRESETS
+    from twin.validation.rigs import Believed
+
+    return Believed(declared, effects, *(() if rig in PRESETS else read_uncertainty(rig)))
+
+
+def _declared(campaign: Path, rig: str) -> Believed:
+    """What a campaign says."""
+    if rig != _PRESET:
+        raise InputError("--rig and --campaign both say which rig; expected one of them")
+    from twin.campaign import read_campaign
+    from twin.validation.rigs import declared_by
+
+    return declared_by(read_campaign(campaign))
 
 
 def _print(result: Validation) -> None:

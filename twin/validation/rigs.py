@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from twin.campaign import Campaign
 from twin.correlations import Correlations
 from twin.errors import InputError
+from twin.fit import ASSUMED_UNCERTAINTY
 from twin.parameters import Rig
 
 Effects = Mapping[str, Mapping[str, float]]
@@ -49,6 +51,32 @@ class DrawnRig:
     rig: Rig = field(repr=False)
     effects: Effects = field(repr=False)
     deviations: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Believed:
+    """What is known of a rig, and how well.
+
+    Attributes:
+      rig: parameters, with their relative uncertainty.
+      effects: effects that act.
+      errors: standard errors of the effects' parameters, SI; those without one are certain.
+      together: how the parameters were fitted together.
+    """
+
+    rig: Rig
+    effects: Effects = field(default_factory=dict)
+    errors: Effects = field(default_factory=dict)
+    together: Correlations = INDEPENDENT
+
+
+def declared_by(campaign: Campaign) -> Believed:
+    """Returns the rig that a campaign declares; where it leaves an uncertainty unsaid, that of a careful lab."""
+    parameters = {
+        name: p if p.uncertainty is not None else replace(p, uncertainty=ASSUMED_UNCERTAINTY.get(name))
+        for name, p in campaign.rig.parameters.items()
+    }
+    return Believed(Rig(campaign.name, parameters))
 
 
 def unknowns(rig: Rig, effects: Effects, errors: Effects | None = None) -> tuple[Unknown, ...]:
