@@ -281,7 +281,8 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
 
 def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
     """What the sensors report of a motion, at the samples and in the channels of the recording."""
-    true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
+    with np.errstate(invalid="ignore"):  # a simulation that ran away
+        true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
     if model.plant.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
     channels = {name: v for name, v in model.report(motion.time, true).items() if name != TORSION}
