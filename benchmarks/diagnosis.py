@@ -29,7 +29,7 @@ from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
 from twin.found import Found
 from twin.polish import polish
-from twin.verdict import alternatives, misfit, probabilities
+from twin.verdict import alternatives, probabilities
 from twin.virtual_rig import make_campaign
 
 
@@ -100,7 +100,7 @@ def _rounds(found: Found) -> list[dict]:
     fits = [found.base, *(c.fit for c in found.adopted)]
     return [
         {
-            "left": float(misfit(bench, fit.residual).sum()),
+            "left": bench.misfit(fit.residual),
             "best": [(c.effects[-1], c.score) for c in ranked[:3]],
             "threshold": threshold,
         }

@@ -274,6 +274,20 @@ def test_a_recording_that_contradicts_the_others_is_seen():
         assert (np.abs(distances).max() > 4) == seen
 
 
+def test_a_recording_of_instants_alone_says_what_they_say():
+    """Where the link's sensors are left out as faulty, a hub that hardly moves leaves when it broke away, no more."""
+    noise = np.random.default_rng(3).standard_normal(1000)
+    bench = Bench([noise[:500], noise[500:]], lambda a, b: a * np.sin(8 * T) + b * np.cos(8 * T))
+    fitted = ridge.refined(bench, bench.start(0.0, 0.0))
+    with_both = scatter.evidence(bench, fitted).information
+    bench.data = SimpleNamespace(
+        groups=[bench.data.groups[0], replace(bench.data.groups[1], channel="break_away")]
+    )
+    alone = scatter.evidence(bench, fitted)
+    assert alone.information == pytest.approx(with_both)
+    assert np.isfinite(alone.covariance).all()
+
+
 def test_the_first_state_of_a_recording_is_nothing_to_the_others():
     noise = np.random.default_rng(4).standard_normal(1000)
     bench = Bench([noise[:500], noise[500:]], lambda a, b: a * np.sin(8 * T) + b * (np.arange(1000) < 500))

@@ -17,7 +17,7 @@ from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
 from twin.patches import of_worst
 from twin.rigs import preset
-from twin.search import Candidate, at_peaks, gain, tried
+from twin.search import Candidate, at_peaks, explore, gain, tried
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.experiments import planned_campaign
@@ -31,7 +31,13 @@ ALIKE = ("viscous-friction", "air-pad-drag", "stiffness-loss")
 
 
 def searched(folder, effects, seed):
-    """The search on a campaign with these undeclared effects and parameters off from the declared ones.
+    """The search on a campaign with these undeclared effects."""
+    with ThreadPoolExecutor(2) as pool:
+        return find(recorded(folder, effects, seed), pool)
+
+
+def recorded(folder, effects, seed):
+    """A campaign with these undeclared effects and parameters off from the declared ones.
 
     What the virtual rig has no parameter for is in its nature: all sensors are late, and bridges see a twist.
     Without the sweep, the second slew and the held-out runs of a full campaign, to be quick.
@@ -42,8 +48,7 @@ def searched(folder, effects, seed):
     every = {**EFFECTS, **OUTSIDE_EFFECTS}
     known = {name: {p: v for p, v in values.items() if p in every[name]} for name, values in effects.items()}
     make_campaign(folder, known, seed, experiments=seen, perturb=0.5)
-    with ThreadPoolExecutor(2) as pool:
-        return find(read_campaign(folder), pool)
+    return read_campaign(folder)
 
 
 @pytest.mark.parametrize("name", [name for name in REGISTRY if name not in (*LEFT_OPEN, *ALIKE)])
@@ -64,6 +69,32 @@ def test_what_is_missing_is_named_and_recovered(tmp_path, name):
             if u.name in ("phase", "direction"):
                 off = np.angle(np.exp(1j * off))
             assert abs(off) < room, u.name
+
+
+def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_little(tmp_path):
+    campaign = recorded(tmp_path / "rig", {"root-compliance": {"stiffness": 1.5}}, 4150)
+    names = [
+        "strain-gain",
+        "hub-sensor-gain",
+        "torsional-mode",
+        "air-pad-drag",
+        "payload-mass",
+        "root-compliance",
+    ]
+    with ThreadPoolExecutor(2) as pool:
+        start = calibrate(campaign, pool)
+        best = explore(start.bench, start.base, names).ranked[0]
+    assert best.effects == ("root-compliance",)
+    assert best.fit.model.effects["root-compliance"]["stiffness"] == pytest.approx(1.5, rel=0.05)
+
+
+def test_which_sensors_are_late_is_told_where_it_is_known_how_late(tmp_path):
+    campaign = recorded(tmp_path / "rig", {"sensor-delay": {"delay": 0.04}}, 4151)
+    with ThreadPoolExecutor(2) as pool:
+        start = calibrate(campaign, pool)
+        late = tried(start.bench, start.base, "sensor-delay").fit.model.effects["sensor-delay"]
+    assert late.pop("delay") == pytest.approx(0.04, rel=0.01)
+    assert late == {"hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0}
 
 
 @pytest.mark.parametrize("seed", [4200, 4201])

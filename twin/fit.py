@@ -245,6 +245,10 @@ class Workbench:
         """What a residual (n) costs, priors apart."""
         return float(self.count @ evidence.loss(self.sizes(residual)))
 
+    def misfit(self, residual: np.ndarray) -> float:
+        """What a residual (n) costs above pure noise."""
+        return float(self.count @ np.maximum(evidence.loss(self.sizes(residual)) - 0.5, 0.0))
+
 
 class GuidedData:
     """Recordings beside guided free-running simulations."""

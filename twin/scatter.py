@@ -116,11 +116,12 @@ def evidence(bench: Workbench, base: Fit) -> Evidence:
             if g.channel in SINGLE:
                 scatter[i] += slopes[g.rows].T @ J
         rows = [g.rows for g in mine if g.channel not in SINGLE]
-        scatter[i] += _scatter(
-            np.stack([bench.weight[r] for r in rows], axis=1),
-            np.stack([base.residual[r] for r in rows], axis=1),
-            np.stack([w[r, None] * slopes[r] for r in rows], axis=1),
-        )
+        if rows:
+            scatter[i] += _scatter(
+                np.stack([bench.weight[r] for r in rows], axis=1),
+                np.stack([base.residual[r] for r in rows], axis=1),
+                np.stack([w[r, None] * slopes[r] for r in rows], axis=1),
+            )
     return Evidence(information, pulls, scatter, fit.prior_precision(base.unknowns))
 
 

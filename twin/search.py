@@ -20,6 +20,9 @@ _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rou
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
 _STRAINED = 2.0  # standard deviations from its declared value at which a parameter makes one think
 _STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
+_MUCH = 0.4  # share of the misfit that one effect among several explains
+_PROMISING = 0.5  # share of the best score that a size alone, nothing fitted, has to gain to be fitted
+_OFF = 0.5  # misfit a sample from which a model is off in most of what was recorded, not only here and there
 _QUICK = 8  # iterations of a first fit
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
 
@@ -119,12 +122,34 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     for name in chosen:
         progress(f"trying {name}")
         found.append(quick(bench, base, name, tops.get(name, ())))
+    for name in _far_off(bench, base, [n for n in names if n not in chosen], found):
+        progress(f"trying {name}")
+        chosen.append(name)
+        found.append(quick(bench, base, name))
     # A slope promises no more than what a fit delivers.
     least = min((c.score for c in found[:count]), default=0.0)
     for name in names:
         if name not in chosen:
             found.append(Candidate((*base.model.effects, name), base, min(promise[name], least)))
     return Explored(sorted(found, key=lambda c: -c.score), slopes)
+
+
+def _far_off(bench: Workbench, base: Fit, names: Sequence[str], found: Sequence[Candidate]) -> list[str]:
+    """Effects that explain much at a size far from neutral, where the others that were tried explain little.
+
+    A slope at neutral says nothing of an effect that takes the link to quite another frequency.
+    """
+    best, left = max((c.score for c in found), default=0.0), bench.misfit(base.residual)
+    if best > _MUCH * left or left < _OFF * bench.count.sum():
+        return []
+    reached = {}
+    for name in names:
+        effect = REGISTRY[name]
+        if effect.wave is None:
+            model = with_effect(base.model, name, effect.neutral(base.model.declared))
+            reached[name] = outwards(bench, base, model, name)[1]
+    at_base = bench.cost(base.residual)
+    return [name for name, cost in reached.items() if at_base - cost > _PROMISING * best]
 
 
 def strained(base: Fit, names: Sequence[str]) -> bool:
@@ -169,16 +194,33 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
 def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Candidate:
     """Follows an effect out of its neutral value, then fits it with the declared parameters' slopes kept."""
     model = with_effect(base.model, name, REGISTRY[name].neutral(base.model.declared))
-    points = at_peaks(bench, base, name, tops) if tops else [outwards(bench, base, model, name)]
-    kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
-    fits = []
-    for values in points:
-        model = with_effect(base.model, name, values)
-        unknowns = unknowns_of(bench, model, base)
-        first = first_values(unknowns, model, base)
-        fits.append(fit.minimise(bench, model, base.starts, unknowns, first, kept, _QUICK))
-    result = min(fits, key=lambda f: f.cost)
+    points = at_peaks(bench, base, name, tops) if tops else [outwards(bench, base, model, name)[0]]
+    result = min((_quickly(bench, base, name, values) for values in points), key=lambda f: f.cost)
+    # Which channels are late can be told only where it is known how late they are.
+    chosen = _best_choice(bench, result, name)
+    if chosen != result.model.effects[name]:
+        result = min(result, _quickly(bench, base, name, chosen), key=lambda f: f.cost)
     return Candidate((*base.model.effects, name), result, gain(bench, base, result))
+
+
+def _quickly(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
+    kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
+    model = with_effect(base.model, name, values)
+    unknowns = unknowns_of(bench, model, base)
+    first = first_values(unknowns, model, base)
+    return fit.minimise(bench, model, base.starts, unknowns, first, kept, _QUICK)
+
+
+def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
+    """The values of an effect, its choices those of its starts that fit best as it stands."""
+    effect, values = REGISTRY[name], found.model.effects[name]
+    choices = [p.name for p in effect.parameters if p.choice]
+    if not choices:
+        return dict(values)
+    ways = [{**values, **{c: s[c] for c in choices}} for s in effect.starts(found.model.declared)]
+    jobs = [(with_effect(found.model, name, way), found.starts, None) for way in (dict(values), *ways)]
+    costs = [bench.cost(r) for r in bench.residuals(jobs)]
+    return (dict(values), *ways)[int(np.argmin(costs))]
 
 
 def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
@@ -230,8 +272,8 @@ def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.nd
     return np.array(first)
 
 
-def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> dict[str, float]:
-    """The best point on rays from neutral: each parameter of the effect alone, and its own starts."""
+def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> tuple[dict[str, float], float]:
+    """The best point on rays from neutral, and its cost: each parameter of the effect alone, and its own starts."""
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
     best, best_cost = neutral, np.inf
@@ -249,7 +291,7 @@ def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> dict[str, 
         cost = [bench.cost(r) for r in bench.residuals(jobs)]
         if min(cost) < best_cost:
             best, best_cost = points[int(np.argmin(cost))], min(cost)
-    return best
+    return best, best_cost
 
 
 def at_peaks(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> list[dict[str, float]]:

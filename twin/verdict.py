@@ -33,11 +33,6 @@ CHANCE = 3.0  # standard deviations by which the size of so much noise may seem 
 REPEATED = 2  # recordings in which a channel must not be sound
 
 
-def misfit(bench: Workbench, residual: np.ndarray) -> np.ndarray:
-    """Cost of each group (g) above that of pure noise."""
-    return bench.count * np.maximum(evidence.loss(bench.sizes(residual)) - 0.5, 0.0)
-
-
 def worth_adopting(
     bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float = 0.0
 ) -> Candidate | None:
@@ -50,7 +45,7 @@ def worth_adopting(
     if not ranked:
         return None
     best = ranked[0]
-    left = misfit(bench, base.residual).sum()
+    left = bench.misfit(base.residual)
     if best.score < max(LEAST_SCORE, by_chance) or best.score < LEAST_SHARE * left:
         return None
     if len(bench.prepared) > 1 and without_loudest(bench, base, best.fit) < LEAST_ELSEWHERE:
