@@ -28,7 +28,7 @@ from twin import (
 from twin.campaign import read_campaign
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
-from twin.identify import against, break_away, joint, profile, sentences, spectra
+from twin.identify import against, break_away, joint, profile, results, sentences, spectra
 from twin.identify.against import Comparison
 from twin.look import look
 from twin.model import Model, Start, simulate
@@ -457,3 +457,11 @@ def test_the_limit_of_even_chains_knows_a_clamp_that_gives():
     gauge = soft.sensors["strain_base"].position
     expected = (soft.rig["length"] - gauge) / soft.rig["bending_stiffness"]
     assert limit.weights(limit.CLOSE) @ found == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_interval_of_a_positive_figure_stays_above_zero():
+    low, high = results.positive(3.4, 2.4).interval
+    assert 0 < low < 3.4 < high
+    assert results.positive(3.4, 0.01).interval == pytest.approx(
+        results.Estimate(3.4, 0.01).interval, rel=1e-4
+    )

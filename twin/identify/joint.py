@@ -21,7 +21,7 @@ from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Fit, Prepared, Workbench
 from twin.identify.profile import Profile
-from twin.identify.results import Estimate
+from twin.identify.results import Estimate, positive
 from twin.low_pass import MOTION_BANDS
 from twin.parameters import Rig
 from twin.scatter import Evidence
@@ -117,13 +117,13 @@ class Joint:
         return power, float(np.sqrt(max(C[0, 0] - C[0, 1] ** 2 / C[1, 1], 0.0)))
 
     def figure(self, of: Callable[[Mapping[str, float]], float], rig: Mapping[str, float]) -> Estimate:
-        """A figure of the rig at the estimate, with the covariance's error; `rig` has the parameters that are fixed."""
+        """A positive figure of the rig at the estimate, with the covariance's error; `rig` has what is fixed."""
         values = {**rig, **dict(zip(self.names, self.values, strict=True))}
         here = of(values)
         slopes = np.array(
             [(of({**values, n: values[n] * 1.001}) - here) / (values[n] * 1e-3) for n in self.names]
         )
-        return Estimate(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
+        return positive(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
 
 
 def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Joint:

@@ -38,6 +38,12 @@ class Estimate:
         return self.value - half, self.value + half
 
 
+def positive(value: float, standard_error: float) -> Estimate:
+    """A number above zero with its standard error: an interval of its logarithm, which does not reach below zero."""
+    factor = math.exp(TWO_SIDED_95 * standard_error / value)
+    return Estimate(value, standard_error, (value / factor, value * factor))
+
+
 def disagreement(a: Estimate, b: Estimate) -> float:
     """Distance of two independent estimates in standard errors of their difference [1]."""
     return abs(a.value - b.value) / math.hypot(a.standard_error, b.standard_error)
