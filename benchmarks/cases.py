@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-Kind = Literal["single", "pair", "triple", "nothing", "outside"]
+Kind = Literal["single", "pair", "triple", "far", "nothing", "outside"]
 Effects = dict[str, dict[str, float]]
 
 
@@ -93,6 +93,40 @@ SIZES: Mapping[str, Mapping[str, Size]] = {
 }
 """Effects of the vocabulary with sizes from a few noise levels up."""
 
+FAR: Effects = {
+    "viscous-friction": {"viscous": 0.02},
+    "stribeck-friction": {"stribeck_velocity": 4.0},
+    "asymmetric-friction": {
+        "static_positive": 0.03,
+        "static_negative": 0.1,
+        "coulomb_positive": 0.002,
+        "coulomb_negative": 0.03,
+    },
+    "position-dependent-friction": {"amplitude": 0.04, "order": 2, "phase": 1.0},
+    "cable-torsion": {"stiffness": 0.06, "rest_angle": 0.6},
+    "cogging": {"amplitude": 0.04, "order": 18, "phase": -1.0},
+    "torque-gain": {"gain": 0.7},
+    "torque-bias": {"bias": 0.02},
+    "actuator-lag": {"time_constant": 0.06},
+    "actuator-delay": {"delay": 0.06},
+    "backlash": {"gap": 0.08, "motor_inertia_share": 0.5},
+    "gravity-tilt": {"tilt": 0.08, "direction": 2.0},
+    "periodic-disturbance": {"frequency": 0.3, "amplitude": 0.04, "phase": 0.3},
+    "payload-mass": {"tip_mass": 0.28},
+    "stiffness-loss": {"bending_stiffness": 0.14},
+    "softening-stiffness": {"softening": 0.6, "curvature": 1.0},
+    "torsional-mode": {"frequency": 16.0, "damping_ratio": 0.03, "inertia_share": 0.5},
+    "root-compliance": {"stiffness": 1.5},
+    "air-drag": {"coefficient": 0.6},
+    "air-pad-drag": {"viscous": 0.15},
+    "hub-sensor-gain": {"gain": 0.85},
+    "hub-sensor-nonlinearity": {"amplitude": 0.08, "order": 2, "phase": 1.0},
+    "strain-gain": {"gain_base": 0.7, "gain_mid": 1.25},
+    "strain-drift": {"rate_base": 4e-5, "rate_mid": -3e-5},
+    "sensor-delay": {"delay": 0.04},
+}
+"""Sizes two to five times the largest of those."""
+
 OUTSIDE: Mapping[str, Mapping[str, Size]] = {
     "strain-amplifier-clips": {"level": Size(8e-5, 2e-4), "level_mid": Size(5e-5, 1.2e-4)},
     "dead-zone": {"width": Size(8e-3, 3e-2)},
@@ -153,6 +187,8 @@ class Case:
 
     def effects(self) -> Effects:
         """The missing effects with sizes drawn from the seed."""
+        if self.kind == "far":
+            return {name: FAR[name] for name in self.missing}
         generator = np.random.default_rng([self.seed, 7])
         sizes = {**SIZES, **OUTSIDE}
         return {
@@ -164,7 +200,9 @@ class Case:
 _DIRT = (("spikes",), ("missing-fields",), ("dropped-rows",), ("jitter",), ("spikes", "missing-fields"))
 
 
-def cases(each: int, nulls: int, pairs: int, triples: int, outside: int, seed: int) -> Iterator[Case]:
+def cases(
+    each: int, nulls: int, pairs: int, triples: int, far: int, outside: int, seed: int
+) -> Iterator[Case]:
     """The campaigns; all kinds take turns, so that an early stop is a fair sample.
 
     Every fifth one has dirty data, every other no torque sensor, every third null exactly the declared parameters.
@@ -173,6 +211,7 @@ def cases(each: int, nulls: int, pairs: int, triples: int, outside: int, seed: i
     every = list(SIZES)
     kinds: list[tuple[float, Kind, tuple[str, ...]]] = []
     kinds += [((k + 0.5) / each, "single", (name,)) for name in every for k in range(each)]
+    kinds += [((k + 0.5) / far, "far", (every[k % len(every)],)) for k in range(far)]
     kinds += [((k + 0.5) / nulls, "nothing", ()) for k in range(nulls)]
     together: list[tuple[Kind, int, int]] = [("pair", pairs, 2), ("triple", triples, 3)]
     for kind, count, effects in together:

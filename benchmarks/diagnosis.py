@@ -1,7 +1,7 @@
 """How often the diagnosis is right, on campaigns of the virtual rig whose truth is known.
 
-    python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--pairs 20] [--triples 5] [--outside 20] [--seed 1000]
-        [--jobs 2] [--whole] [--minutes M]
+    python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--pairs 20] [--triples 5] [--far 0] [--outside 20]
+        [--seed 1000] [--jobs 2] [--whole] [--minutes M]
 
 WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
 campaign is begun later than that, and the table is of those that are there. The verdict and the
@@ -143,7 +143,8 @@ def _row(effect: str, mine: Sequence[dict]) -> list:
 
 def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
     kinds = {
-        kind: [a for a in answers if a["kind"] == kind] for kind in ("pair", "triple", "nothing", "outside")
+        kind: [a for a in answers if a["kind"] == kind]
+        for kind in ("pair", "triple", "far", "nothing", "outside")
     }
     first = sum(a["ranking"][:1] == a["missing"] for a in singles)
     alone = sum(a["adopted"] == a["missing"] for a in singles)
@@ -161,6 +162,8 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
         f"- One effect: first in the ranking in {first} of {len(singles)}, adopted alone in {alone}.",
         f"- Two effects: {_together(kinds['pair'])}.",
         f"- Three effects: {_together(kinds['triple'])}.",
+        f"- One effect far beyond the usual sizes: adopted alone in {sum(not _wrong(a) for a in kinds['far'])}"
+        f" of {len(kinds['far'])}.",
         f"- Nothing missing: {alarms} false alarms in {len(kinds['nothing'])}.",
         f"- Outside the library: recognised in {seen} of {len(kinds['outside'])}, a right variable first in {named}.",
         f"- Outside the library claimed of {claimed} others.",
@@ -265,16 +268,20 @@ def main() -> None:
     parser.add_argument("--nulls", type=int, default=20, help="campaigns with nothing missing")
     parser.add_argument("--pairs", type=int, default=20, help="campaigns with two effects")
     parser.add_argument("--triples", type=int, default=5, help="campaigns with three effects")
+    parser.add_argument(
+        "--far", type=int, default=0, help="campaigns with one effect far beyond the usual sizes"
+    )
     parser.add_argument("--outside", type=int, default=20, help="campaigns with a fault outside the library")
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--whole", action="store_true", help="with the last fit and the held-out recordings")
     options = parser.parse_args()
-    todo = cases(options.each, options.nulls, options.pairs, options.triples, options.outside, options.seed)
+    numbers = {
+        k: getattr(options, k) for k in ("each", "nulls", "pairs", "triples", "far", "outside", "seed")
+    }
+    todo = cases(**numbers)
     tasks = {case.name: case for case in todo}
     found = resumable.answers(tasks, partial(solve, whole=options.whole), options)
-    given = " ".join(
-        f"--{k} {getattr(options, k)}" for k in ("each", "nulls", "pairs", "triples", "outside", "seed")
-    )
+    given = " ".join(f"--{k} {number}" for k, number in numbers.items())
     print(
         f"`python benchmarks/diagnosis.py WORK {given}{' --whole' if options.whole else ''}`, {describe()},"
         f" {len(found)} of {len(tasks)} campaigns\n"
