@@ -10,6 +10,7 @@ import numpy as np
 
 from twin import chain, driven, fit, limit, observe, search, timing
 from twin.campaign import Campaign
+from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
 from twin.recording import CHANNEL_UNITS, Recording
@@ -65,10 +66,32 @@ def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress =
     progress("reading the recordings")
     sound, cuts = sound_stretches(campaign.fit, noise, model)
     clock, prepared, notes = timing.on_best_clock(sound, noise, model, pool)
-    bench = Workbench(driven.DrivenData(prepared, model), pool)
+    data = driven.DrivenData(prepared, model)
+    bench = Workbench(data, pool)
+    lost = _out_of_reach(data)
     progress("calibrating")
     bench, base = calibrated(bench, model)
-    return Calibration(model, bench, base, clock, (*cuts, *notes))
+    return Calibration(model, bench, base, clock, (*cuts, *notes, *lost))
+
+
+def _out_of_reach(data: driven.DrivenData) -> list[str]:
+    """What is said of recordings in which the declared link runs away under the motion of the hub.
+
+    Raises:
+      InputError: these are all.
+    """
+    seen = {group.recording for group in data.groups}
+    lost = [p.recording.name for i, p in enumerate(data.prepared) if i not in seen]
+    if not seen:
+        raise InputError(
+            f"{', '.join(lost)}: the declared link runs away under the measured motion of the hub; expected parameters "
+            "and units with which it can be simulated"
+        )
+    return [
+        f"{name} could not be used to find anything: the declared link runs away under its motion of the hub. What it "
+        "moves is far from what is declared."
+        for name in lost
+    ]
 
 
 def noises(campaign: Campaign) -> dict[str, float]:

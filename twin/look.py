@@ -63,6 +63,11 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     view = View(time, *motion, measured, known, {}, onsets, band, holes=holes)
     view = replace(view, whitening=whitening(prepared, view, model))
     noise, torque = propagated(prepared, view, model)
+    if not np.isfinite(torque).all():
+        # The modelled link runs away under this motion: nothing of the recording can be compared with it.
+        return replace(
+            view, noise=dict.fromkeys((*noise, "hub_torque"), np.inf), departing=np.zeros(count, dtype=bool)
+        )
     density = prepared.noise["hub_angle"] ** 2 * recording.period
     swings = ringing.swings(model, time, direction != 0, density, BAND)
     even, swing = evened(view, swings, torque)

@@ -30,6 +30,7 @@ UNEXPLAINED = 2.0
 LEFT = 0.05
 """Share of what a residual was before any effect was adopted that a right effect may leave: its discretisation."""
 CHANCE = 3.0  # standard deviations by which the size of so much noise may seem larger than it is
+FAR_FROM_CHANCE = 5.0  # the same, of the worst
 REPEATED = 2  # recordings in which a channel must not be sound
 
 
@@ -89,14 +90,20 @@ def alone(found: Found) -> list[tuple[int, str, float]]:
 def _odd(found: Found) -> dict[str, dict[int, float]]:
     """Channel -> recording -> size of a residual that is not sound, of channels whose worst is not explained."""
     before = _by_recording(found.benches[0], found.base)
-    chance = _by_chance(found.bench)
+    samples = _independent(found.bench)
     odd: dict[str, dict[int, float]] = {}
+    worst: set[str] = set()
     for (recording, channel), size in _by_recording(found.bench, found.best).items():
+        if channel in driven.SINGLE:
+            continue
         may_be_left = LEFT * before.get((recording, channel), 0.0)
-        more = float(np.sqrt(max(size**2 - may_be_left**2, 0.0))) / chance[recording, channel]
-        if channel not in driven.SINGLE and more > SOUND:
+        more = float(np.sqrt(max(size**2 - may_be_left**2, 0.0)))
+        deviation = 1 / np.sqrt(2 * max(samples[recording, channel], 1.0))
+        if more > max(SOUND, 1 + CHANCE * deviation):
             odd.setdefault(channel, {})[recording] = more
-    return {channel: sizes for channel, sizes in odd.items() if max(sizes.values()) > UNEXPLAINED}
+        if more > max(UNEXPLAINED, 1 + FAR_FROM_CHANCE * deviation):
+            worst.add(channel)
+    return {channel: sizes for channel, sizes in odd.items() if channel in worst}
 
 
 def _by_recording(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
@@ -105,12 +112,12 @@ def _by_recording(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 
-def _by_chance(bench: Workbench) -> dict[tuple[int, str], float]:
-    """Recording and channel -> size that chance may give to so many samples of noise, in noise levels."""
-    independent = {(g.recording, g.channel): 0.0 for g in bench.data.groups}
+def _independent(bench: Workbench) -> dict[tuple[int, str], float]:
+    """Recording and channel -> number of independent samples, which tell the size of noise to 1/sqrt(2 n)."""
+    found = {(g.recording, g.channel): 0.0 for g in bench.data.groups}
     for group, count in zip(bench.groups, bench.count, strict=True):
-        independent[group.recording, group.channel] += float(count)
-    return {key: 1 + CHANCE / np.sqrt(2 * max(count, 1.0)) for key, count in independent.items()}
+        found[group.recording, group.channel] += float(count)
+    return found
 
 
 def _timed(bench: Workbench, fit: Fit) -> np.ndarray:

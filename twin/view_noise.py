@@ -40,8 +40,9 @@ def propagated(prepared: Prepared, view: View, model: Model) -> tuple[dict[str, 
         "", view.time, {c: np.zeros(len(view.time)) for c in view.measured if c != "motor_torque"}
     )
     a, b = reported(model, asked, plain), reported(model, asked, moved)
-    hub = {c: float(np.std(low_passed(a[c] - b[c], GRID))) for c in asked.measured()}
-    return sensor_noise(prepared, hub), low_passed(torque_moved - torque, GRID)
+    with np.errstate(invalid="ignore"):  # a simulation that ran away
+        hub = {c: float(np.std(low_passed(a[c] - b[c], GRID))) for c in asked.measured()}
+        return sensor_noise(prepared, hub), low_passed(torque_moved - torque, GRID)
 
 
 def swell(view: View, prepared: Prepared, model: Model) -> dict[str, np.ndarray]:

@@ -1,0 +1,50 @@
+"""Recordings in which the declared link runs away under the measured motion of the hub."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from twin import calibration, look
+from twin.campaign import read_campaign
+from twin.errors import InputError
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import bang_bang, free_vibration
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    draw = np.random.default_rng(1)
+    plan = [free_vibration(Rig(), Sensors(), draw), bang_bang(Rig(), Sensors(), draw, 45.0)]
+    make_campaign(tmp_path / "rig", {}, 3, experiments=plan)
+    return read_campaign(tmp_path / "rig")
+
+
+@pytest.fixture
+def runs_away(monkeypatch):
+    """Every simulation on a moving hub ends in numbers that are none."""
+    propagated = look.propagated
+
+    def lost(prepared, view, model):
+        noise, torque = propagated(prepared, view, model)
+        return noise, np.full_like(torque, np.nan)
+
+    monkeypatch.setattr(look, "propagated", lost)
+
+
+def test_they_are_left_out_and_named(campaign, runs_away):
+    with ThreadPoolExecutor(2) as pool:
+        found = calibration.calibrate(campaign, pool)
+    assert {found.prepared[g.recording].recording.name for g in found.data.groups} == {"free-vibration.csv"}
+    assert any("bang-bang-45.csv could not be used" in note for note in found.notes)
+    assert np.isfinite(found.base.values).all()
+
+
+def test_where_there_is_no_other_it_is_an_error(tmp_path, runs_away):
+    plan = [bang_bang(Rig(), Sensors(), np.random.default_rng(1), 45.0)]
+    make_campaign(tmp_path / "rig", {}, 3, experiments=plan)
+    with (
+        ThreadPoolExecutor(2) as pool,
+        pytest.raises(InputError, match=r"bang-bang-45.csv: the declared link runs away"),
+    ):
+        calibration.calibrate(read_campaign(tmp_path / "rig"), pool)
