@@ -26,8 +26,16 @@ SEED = 4100
 # Not in four short recordings: a late reading of everything is a late drive, a soft clamp's value and the flanks of a
 # play are another engine's, and Stribeck's fall is loud in one recording alone, the slow ramp.
 LEFT_OPEN = ("sensor-delay", "root-compliance", "backlash", "stribeck-friction")
-# Viscous friction goes through the whole loop below; these are found as air-drag and payload-mass are, which stay.
-ALIKE = ("viscous-friction", "air-pad-drag", "stiffness-loss")
+# Viscous friction goes through the whole loop below; these are found as air drag, payload mass, tilt, delay and the
+# torque's gain are, which stay.
+ALIKE = (
+    "viscous-friction",
+    "air-pad-drag",
+    "stiffness-loss",
+    "torque-bias",
+    "actuator-lag",
+    "hub-sensor-gain",
+)
 
 
 def searched(folder, effects, seed):
