@@ -22,6 +22,7 @@ import resumable
 from cases import DEPENDS, SIZES, Case, cases
 from machine import describe
 
+from twin import traces
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import errors_of, said, variables
 from twin.diagnose import diagnose, find
@@ -78,7 +79,8 @@ def _searched(campaign: Campaign) -> dict:
         last = polish(
             found.data, found.base, found.best, found.start.declared, pool, said(found) != "outside-library"
         )
-    fit = last.augmented
+    fit, outside = last.augmented, said(found) == "outside-library"
+    left = traces.unexplained(found.bench, found.data, found.best) if outside else {}
     return {
         "verdict": said(found),
         "adopted": [c.effects[-1] for c in found.adopted],
@@ -90,7 +92,7 @@ def _searched(campaign: Campaign) -> dict:
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: errors_of(fit, name) for name in fit.model.effects},
         "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
-        "depends": list(variables(found)),
+        "depends": list(variables(found, left)),
         "rounds": _rounds(found),
     }
 

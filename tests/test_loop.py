@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_effects import PLANTED
 
-from twin import waves
+from twin import traces, waves
 from twin.calibration import calibrate
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
@@ -117,10 +117,11 @@ def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(tmp_p
     found = searched(tmp_path / "rig", {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250)
     assert said(found) == "outside-library"
     assert not found.adopted
-    assert variables(found)[0] == "strain_base"
+    left = traces.unexplained(found.bench, found.data, found.best)
+    assert variables(found, left)[0] == "strain_base"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
-    lookup = of_worst(found)
+    lookup = of_worst(found, left)
     assert (lookup.channel, lookup.variable) == ("strain_base", "strain_base")
     # A clipped reading stays where it was: beyond 100 microstrain all that is more is taken away.
     at = np.array([-3e-4, -2e-4, 2e-4, 3e-4])

@@ -15,6 +15,7 @@ from twin.fit import ASSUMED_UNCERTAINTY, Fit
 from twin.found import Found
 from twin.planning import Plan
 from twin.polish import Polished
+from twin.traces import Unexplained
 
 _TELLING = {
     "time": "Repeat one run several times: what depends on time alone is another in each.",
@@ -28,19 +29,20 @@ _FAR = 30.0  # noise levels by which a prediction may change with a tiny change 
 def conclude(
     campaign: Campaign,
     found: Found,
+    behind: Mapping[str, Unexplained],
     polished: Polished,
     predictions: Mapping[str, Prediction],
     plans: Sequence[Plan],
     patched: Patched | None,
     wall_s: float,
 ) -> Diagnosis:
-    """Puts the answer together."""
+    """Puts the answer together; `behind` is what the model leaves unexplained that stands at the end."""
     left = verdict.unexplained(found)
     answer = said(found)
     effects = _effects(found, polished)
     ranking = [(c.effects[-1], c.score) for c in (found.rounds[0] if found.rounds else ())]
     alike = verdict.alternatives(found.rounds[: len(found.adopted)])
-    depends = variables(found)
+    depends = variables(found, behind)
     return Diagnosis(
         campaign=campaign.name,
         verdict=answer,
@@ -52,7 +54,7 @@ def conclude(
         depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
-        traces=traces.traces_of(found.bench, found.data, found.base, found.best),
+        traces=traces.traces_of(found, behind),
         notes=(
             *campaign.warnings,
             *found.start.notes,
@@ -114,12 +116,10 @@ def _correlations(fit: Fit) -> Correlations:
     return of_covariance(names, fit.covariance[np.ix_(kept, kept)] * np.outer(sign, sign))
 
 
-def variables(found: Found) -> tuple[str, ...]:
+def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
-    worst = verdict.unexplained(found)
-    residuals = traces.unexplained(found.bench, found.data, found.best) if worst else {}
-    told = [channel for channel in worst if len(residuals[channel].values) > 50]
-    return traces.strongest({channel: traces.dependence(residuals[channel]) for channel in told})
+    told = [channel for channel in verdict.unexplained(found) if len(behind[channel].values) > 50]
+    return traces.strongest({channel: traces.dependence(behind[channel]) for channel in told})
 
 
 def _assumptions(campaign: Campaign) -> list[str]:

@@ -23,6 +23,7 @@ from twin import (
     reconsider,
     ridge,
     search,
+    traces,
     verdict,
 )
 from twin.campaign import Campaign
@@ -75,8 +76,9 @@ def diagnose(
         predicted = predictions.predict(campaign, found, polished, pool)
         pair = verdict.closest(found.rounds[: len(found.adopted)])
         plans = planned(campaign, pair, pool) if pair else []
-        patched = None if followed else patches.patched(campaign, found, polished, predicted, pool)
-    return conclude(campaign, found, polished, predicted, plans, patched, time.perf_counter() - began)
+        left = traces.unexplained(found.bench, found.data, found.best)
+        patched = None if followed else patches.patched(campaign, found, left, polished, predicted, pool)
+    return conclude(campaign, found, left, polished, predicted, plans, patched, time.perf_counter() - began)
 
 
 def planned(

@@ -18,6 +18,7 @@ from twin.effects.base import OPEN
 from twin.evidence import Group
 from twin.model import Guide, Model, Start, simulate
 from twin.observe import HubMotion
+from twin.parameters import Parameter
 from twin.recording import Recording
 
 MEMORY = 0.25
@@ -106,13 +107,18 @@ class Unknown:
         return 1 / value if value else math.inf
 
 
+def relative_uncertainty(parameter: Parameter) -> float:
+    """Relative standard deviation of a declared parameter [1], as said or as a careful lab would say; 0 where exact."""
+    if parameter.uncertainty is None:
+        return ASSUMED_UNCERTAINTY.get(parameter.name, 0.0)
+    return parameter.uncertainty
+
+
 def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
     """Declared parameters that may move within their uncertainty."""
     found = []
     for name, parameter in model.declared.parameters.items():
-        relative = parameter.uncertainty
-        if relative is None:
-            relative = ASSUMED_UNCERTAINTY.get(name, 0.0)
+        relative = relative_uncertainty(parameter)
         scale = relative * abs(parameter.value)
         if name not in _RIGID and name not in replaced and scale > 0:
             # Within the uncertainty: what would have to move further is not calibration.

@@ -15,6 +15,7 @@ from twin.model import simulate
 from twin.patch import Patch
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS, Recording
+from twin.traces import Unexplained
 
 _LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
 
@@ -22,6 +23,7 @@ _LEAST_SHARE = 0.05  # of the variance that a variable must explain across recor
 def patched(
     campaign: Campaign,
     found: Found,
+    left: Mapping[str, Unexplained],
     polished: Polished,
     predictions: Mapping[str, Prediction],
     pool: ThreadPoolExecutor,
@@ -32,7 +34,7 @@ def patched(
       The lookup with its held-out errors; None where what is left is no function of one variable that a simulation
       knows.
     """
-    lookup = of_worst(found)
+    lookup = of_worst(found, left)
     if lookup is None:
         return None
     model = search.fine(polished.augmented.model.replace(patch=lookup))
@@ -51,15 +53,14 @@ def patched(
     )
 
 
-def of_worst(found: Found) -> Patch | None:
+def of_worst(found: Found, left: Mapping[str, Unexplained]) -> Patch | None:
     """The lookup of the first unexplained channel that is a function of one variable."""
-    residuals = traces.unexplained(found.bench, found.data, found.best)
     for channel in verdict.unexplained(found):
-        left = residuals[channel]
-        for variable, share in sorted(traces.steps(left).items(), key=lambda pair: -pair[1]):
+        odd = left[channel]
+        for variable, share in sorted(traces.steps(odd).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
                 break
-            lookup = patch.smooth(left.values, left.variables[variable], left.recording, channel, variable)
+            lookup = patch.smooth(odd.values, odd.variables[variable], odd.recording, channel, variable)
             if lookup is not None and lookup.acts:
                 return lookup
     return None

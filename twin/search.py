@@ -122,10 +122,10 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     for name in chosen:
         progress(f"trying {name}")
         found.append(quick(bench, base, name, tops.get(name, ())))
-    for name in _far_off(bench, base, [n for n in names if n not in chosen], found):
+    for name, values in _far_off(bench, base, [n for n in names if n not in chosen], found).items():
         progress(f"trying {name}")
         chosen.append(name)
-        found.append(quick(bench, base, name))
+        found.append(fitted(bench, base, name, [values]))
     # A slope promises no more than what a fit delivers.
     least = min((c.score for c in found[:count]), default=0.0)
     for name in names:
@@ -134,22 +134,19 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     return Explored(sorted(found, key=lambda c: -c.score), slopes)
 
 
-def _far_off(bench: Workbench, base: Fit, names: Sequence[str], found: Sequence[Candidate]) -> list[str]:
-    """Effects that explain much at a size far from neutral, where the others that were tried explain little.
+def _far_off(
+    bench: Workbench, base: Fit, names: Sequence[str], found: Sequence[Candidate]
+) -> dict[str, dict[str, float]]:
+    """Effects that explain much at a size far from neutral, with it, where the others that were tried explain little.
 
     A slope at neutral says nothing of an effect that takes the link to quite another frequency.
     """
     best, left = max((c.score for c in found), default=0.0), bench.misfit(base.residual)
     if best > _MUCH * left or left < _OFF * bench.count.sum():
-        return []
-    reached = {}
-    for name in names:
-        effect = REGISTRY[name]
-        if effect.wave is None:
-            model = with_effect(base.model, name, effect.neutral(base.model.declared))
-            reached[name] = outwards(bench, base, model, name)[1]
+        return {}
+    reached = {name: outwards(bench, base, name) for name in names if REGISTRY[name].wave is None}
     at_base = bench.cost(base.residual)
-    return [name for name, cost in reached.items() if at_base - cost > _PROMISING * best]
+    return {name: values for name, (values, cost) in reached.items() if at_base - cost > _PROMISING * best}
 
 
 def strained(base: Fit, names: Sequence[str]) -> bool:
@@ -192,9 +189,13 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
 
 
 def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Candidate:
-    """Follows an effect out of its neutral value, then fits it with the declared parameters' slopes kept."""
-    model = with_effect(base.model, name, REGISTRY[name].neutral(base.model.declared))
-    points = at_peaks(bench, base, name, tops) if tops else [outwards(bench, base, model, name)[0]]
+    """Follows an effect out of its neutral value, or to the peaks of its wave, and fits it."""
+    points = at_peaks(bench, base, name, tops) if tops else [outwards(bench, base, name)[0]]
+    return fitted(bench, base, name, points)
+
+
+def fitted(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str, float]]) -> Candidate:
+    """Fits an effect from the best of these points, with the declared parameters' slopes kept."""
     result = min((_quickly(bench, base, name, values) for values in points), key=lambda f: f.cost)
     # Which channels are late can be told only where it is known how late they are.
     chosen = _best_choice(bench, result, name)
@@ -272,12 +273,12 @@ def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.nd
     return np.array(first)
 
 
-def outwards(bench: Workbench, base: Fit, model: Model, name: str) -> tuple[dict[str, float], float]:
+def outwards(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, float], float]:
     """The best point on rays from neutral, and its cost: each parameter of the effect alone, and its own starts."""
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
     best, best_cost = neutral, np.inf
-    for ray in rays(bench, effect, neutral, model):
+    for ray in rays(bench, effect, neutral, base.model):
         step, _ = visible(bench, base, name, neutral, ray)
         points = [
             _on_ray(effect, neutral, ray, sign * step * multiple)

@@ -12,6 +12,7 @@ from scipy.fft import next_fast_len, rfft, rfftfreq
 from twin import driven, driven_residual, search
 from twin.diagnosis import Trace
 from twin.fit import Fit, Workbench
+from twin.found import Found
 from twin.low_pass import BAND, GRID
 from twin.verdict import SOUND
 from twin.view import move
@@ -24,9 +25,7 @@ _STRETCH = 0.75  # s
 _UNSEEN = 0.01  # s without a residual, after which nothing tells where the hub turned round
 _SLOWEST = 0.3  # Hz, of an oscillation that is looked for
 _BESIDE = 0.15  # of the frequency of a mode, by which it is another one
-_LOUD = (
-    4.0  # times its usual size to which a residual counts, where one event must not pass for an oscillation
-)
+_LOUD = 4.0  # times its usual size at most a residual counts: one event must not pass for an oscillation
 _KNOCK = 0.05  # s, pieces of time in which knocks are looked for
 _SELDOM = 0.05  # share of the pieces that knocks may fall into
 DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
@@ -263,11 +262,13 @@ def _share_in_cells(values: np.ndarray, cell: np.ndarray, part: np.ndarray, coun
     return max(0.0, 1 - float(left / np.sum(values**2)))
 
 
-def traces_of(bench: Workbench, data: driven.DrivenData, base: Fit, best: Fit) -> tuple[Trace, ...]:
-    """What the calibrated model leaves unexplained of each channel, those that the effects explain best first."""
-    found = []
-    before = unexplained(bench, data, base)
-    behind = before if best is base else unexplained(bench, data, best)
+def traces_of(found: Found, behind: Mapping[str, Unexplained]) -> tuple[Trace, ...]:
+    """What the calibrated model leaves unexplained of each channel, those that the effects explain best first.
+
+    `behind` is what the model leaves that stands at the end.
+    """
+    traces = []
+    before = unexplained(found.bench, found.data, found.base) if found.adopted else behind
     for channel, label in _LABELS.items():
         if channel not in before or len(before[channel].values) < 50:
             continue
@@ -275,11 +276,11 @@ def traces_of(bench: Workbench, data: driven.DrivenData, base: Fit, best: Fit) -
         gained = float(np.log(np.std(left.values) / max(np.std(after.values), 1e-30)))
         order = dependence(left)
         explained = order[0][0] if order and order[0][1] > 0.1 else None
-        fitted = left.values - after.values if best is not base else None
+        fitted = left.values - after.values if found.adopted else None
         variables = left.variables | (_travel(left) if explained == TRAVEL else {})
         trace = Trace(label, left.time, left.values, variables, left.recording, explained, fitted)
-        found.append((gained, trace))
-    return tuple(trace for _, trace in sorted(found, key=lambda pair: -pair[0]))
+        traces.append((gained, trace))
+    return tuple(trace for _, trace in sorted(traces, key=lambda pair: -pair[0]))
 
 
 def strongest(dependences: Mapping[str, list[tuple[str, float]]]) -> tuple[str, ...]:

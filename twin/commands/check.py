@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import JsonFile, RigOption, console, load_rig, progress
+from twin.commands.shared import DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress
 from twin.errors import InputError
 from twin.json_file import write_json
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def check(
-    rig: RigOption = "bossi2009",
+    rig: RigOption = DEFAULT_RIG,
     segments: Annotated[int, typer.Option(help="Number of segments of the chain.")] = 8,
     json_file: JsonFile = None,
 ) -> None:

@@ -9,6 +9,7 @@ import typer
 
 from twin.commands.shared import (
     CONTROLLERS,
+    DEFAULT_RIG,
     JsonFile,
     RigOption,
     console,
@@ -47,7 +48,7 @@ def run(
     scenario: Scenario,
     plant: PlantOption = "chain",
     controller: ControllerOption = None,
-    rig: RigOption = "bossi2009",
+    rig: RigOption = DEFAULT_RIG,
     noise: Noise = None,
     rrd_file: Annotated[
         Path | None, typer.Option("--rrd", metavar="FILE", help="Write the run here, for the rerun viewer.")

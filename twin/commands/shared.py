@@ -45,6 +45,7 @@ RigOption = Annotated[
         "--rig", metavar="NAME|FILE", help="bossi2009, bossi2009-printed, or a parameter file (TOML)."
     ),
 ]
+DEFAULT_RIG = "bossi2009"
 DiagnosisFolder = Annotated[Path | None, _out_folder("diagnosis")]
 IdentificationFolder = Annotated[Path | None, _out_folder("identification")]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds something else.")]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import CONTROLLERS, JsonFile, RigOption, console, load_rig, progress
+from twin.commands.shared import CONTROLLERS, DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress
 from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
@@ -15,8 +15,6 @@ from twin.outputs import check_writable
 if TYPE_CHECKING:
     from twin.validation.rigs import Believed
     from twin.validation.validation import Validation
-
-_PRESET = "bossi2009"
 
 
 def validate(
@@ -27,7 +25,7 @@ def validate(
             help=CONTROLLERS,
         ),
     ],
-    rig: RigOption = _PRESET,
+    rig: RigOption = DEFAULT_RIG,
     campaign: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="The rig that this campaign declares, instead of --rig."),
@@ -80,7 +78,7 @@ def _believed(rig: str) -> Believed:
 
 def _declared(campaign: Path, rig: str) -> Believed:
     """What a campaign says."""
-    if rig != _PRESET:
+    if rig != DEFAULT_RIG:
         raise InputError("--rig and --campaign both say which rig; expected one of them")
     from twin.campaign import read_campaign
     from twin.validation.rigs import declared_by

@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 
 from twin.commands.run import ControllerOption
-from twin.commands.shared import RigOption, load_rig, require_display
+from twin.commands.shared import DEFAULT_RIG, RigOption, load_rig, require_display
 
 
 def view(
     scenario: Annotated[str, typer.Argument(help="A scenario of `twin run`.")] = "lq-step-120",
     controller: ControllerOption = None,
-    rig: RigOption = "bossi2009",
+    rig: RigOption = DEFAULT_RIG,
 ) -> None:
     """Watch a controller move the chain in MuJoCo's interactive viewer, in real time."""
     declared, effects = load_rig(rig)

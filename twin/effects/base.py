@@ -20,6 +20,9 @@ TORSION = "torsion"
 OPEN = 0.1
 """Share of a sample period within which nobody declares when a command is put out or a reading is taken."""
 
+FAR = tuple(np.geomspace(1, 3000, 28).tolist())
+"""`Effect.multiples` of what is told to parts in ten thousand, and may take the link to quite another frequency."""
+
 
 @dataclass(frozen=True)
 class EffectParameter:

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from twin import chain
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import FAR, Effect, EffectParameter
 
 
 class RootCompliance(Effect):
@@ -13,8 +11,7 @@ class RootCompliance(Effect):
 
     name = "root-compliance"
     parameters = (EffectParameter("stiffness", "N*m/rad", math.inf, (0.5, math.inf), 1e-3, inverse=True),)
-    # A clamp nearly as soft as the link makes it ring so far off that no fit from a small size finds the way.
-    multiples = tuple(np.geomspace(1, 3000, 28).tolist())
+    multiples = FAR
 
     def links(self, links, rig, p):
         if p["stiffness"] == math.inf:

@@ -159,12 +159,8 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
 
 
 def prior_deviation(rig: Rig, name: str) -> float:
-    """Standard deviation of a declared parameter, as said or as a careful lab would say; 0 where it is exact."""
-    parameter = rig.parameters[name]
-    relative = parameter.uncertainty
-    if relative is None:
-        relative = fit.ASSUMED_UNCERTAINTY.get(name, 0.0)
-    return relative * abs(parameter.value)
+    """Standard deviation of a declared parameter; 0 where it is exact."""
+    return fit.relative_uncertainty(rig.parameters[name]) * abs(rig[name])
 
 
 def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 from twin.campaign import Campaign
 from twin.correlations import Correlations
 from twin.errors import InputError
-from twin.fit import ASSUMED_UNCERTAINTY
+from twin.fit import relative_uncertainty
 from twin.parameters import Rig
 
 Effects = Mapping[str, Mapping[str, float]]
@@ -73,8 +73,7 @@ class Believed:
 def declared_by(campaign: Campaign) -> Believed:
     """Returns the rig that a campaign declares; where it leaves an uncertainty unsaid, that of a careful lab."""
     parameters = {
-        name: p if p.uncertainty is not None else replace(p, uncertainty=ASSUMED_UNCERTAINTY.get(name))
-        for name, p in campaign.rig.parameters.items()
+        name: replace(p, uncertainty=relative_uncertainty(p)) for name, p in campaign.rig.parameters.items()
     }
     return Believed(Rig(campaign.name, parameters))
 
