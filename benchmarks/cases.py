@@ -8,7 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-Kind = Literal["single", "pair", "triple", "far", "nothing", "outside"]
+from twin.effects import REGISTRY
+from twin.rigs import preset
+
+Kind = Literal["single", "small", "pair", "triple", "far", "nothing", "outside"]
 Effects = dict[str, dict[str, float]]
 
 
@@ -191,17 +194,34 @@ class Case:
             return {name: FAR[name] for name in self.missing}
         generator = np.random.default_rng([self.seed, 7])
         sizes = {**SIZES, **OUTSIDE}
-        return {
+        drawn = {
             name: {parameter: size.draw(generator) for parameter, size in sizes[name].items()}
             for name in self.missing
         }
+        if self.kind == "small":
+            share = _SMALL.draw(generator)
+            return {name: shrunk(name, values, share) for name, values in drawn.items()}
+        return drawn
 
 
+def shrunk(name: str, values: Mapping[str, float], share: float) -> dict[str, float]:
+    """The values of an effect, closer to neutral: at this share of the distance."""
+    effect = REGISTRY[name]
+    neutral, found = effect.neutral(preset("bossi2009")), dict(values)
+    for p in effect.parameters:
+        if p.name in values and p.name not in effect.along:
+            before, full = p.turned(neutral[p.name]), p.turned(values[p.name])
+            found[p.name] = p.turned(before + share * (full - before))
+    return found
+
+
+_SMALL = Size(0.02, 1.0)
+"""Share of a size at which an effect is small, down to the noise."""
 _DIRT = (("spikes",), ("missing-fields",), ("dropped-rows",), ("jitter",), ("spikes", "missing-fields"))
 
 
 def cases(
-    each: int, nulls: int, pairs: int, triples: int, far: int, outside: int, seed: int
+    each: int, small: int, nulls: int, pairs: int, triples: int, far: int, outside: int, seed: int
 ) -> Iterator[Case]:
     """The campaigns; all kinds take turns, so that an early stop is a fair sample.
 
@@ -211,6 +231,7 @@ def cases(
     every = list(SIZES)
     kinds: list[tuple[float, Kind, tuple[str, ...]]] = []
     kinds += [((k + 0.5) / each, "single", (name,)) for name in every for k in range(each)]
+    kinds += [((k + 0.5) / small, "small", (name,)) for name in every for k in range(small)]
     kinds += [((k + 0.5) / far, "far", (every[k % len(every)],)) for k in range(far)]
     kinds += [((k + 0.5) / nulls, "nothing", ()) for k in range(nulls)]
     together: list[tuple[Kind, int, int]] = [("pair", pairs, 2), ("triple", triples, 3)]

@@ -1,7 +1,7 @@
 """How often the diagnosis is right, on campaigns of the virtual rig whose truth is known.
 
-    python benchmarks/diagnosis.py WORK [--each 5] [--nulls 20] [--pairs 20] [--triples 5] [--far 0] [--outside 20]
-        [--seed 1000] [--jobs 2] [--whole] [--minutes M]
+    python benchmarks/diagnosis.py WORK [--each 5] [--small 0] [--nulls 20] [--pairs 20] [--triples 5] [--far 0]
+        [--outside 20] [--seed 1000] [--jobs 2] [--whole] [--minutes M]
 
 WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
 campaign is begun later than that, and the table is of those that are there. The verdict and the
@@ -30,7 +30,7 @@ from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
 from twin.found import Found
 from twin.polish import polish
-from twin.verdict import alternatives, probabilities
+from twin.verdict import alternatives, probabilities, sizes_left
 from twin.virtual_rig import make_campaign
 
 
@@ -94,6 +94,7 @@ def _searched(campaign: Campaign) -> dict:
         "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
         "depends": list(variables(found, left)),
         "rounds": _rounds(found),
+        "size": max(sizes_left(found.benches[0], found.base).values()),
     }
 
 
@@ -158,7 +159,7 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
     others = Counter(
         f"{'+'.join(a['missing']) or '(nothing)'} -> {'+'.join(a['adopted']) or a['verdict']}"
         for a in answers
-        if _wrong(a)
+        if _wrong(a) and a["kind"] != "small"
     )
     return [
         f"- One effect: first in the ranking in {first} of {len(singles)}, adopted alone in {alone}.",
@@ -174,7 +175,32 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
         f"- Time for a campaign: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s, one thread each.",
         "",
         "Not exactly right: " + (", ".join(f"{k} ({n})" for k, n in sorted(others.items())) or "none") + ".",
+        *_detection(answers),
     ]
+
+
+def _detection(answers: Sequence[dict]) -> list[str]:
+    """How often one effect is found, by the largest residual of a recording and channel that the calibration leaves."""
+    edges = (0.0, 1.1, 1.2, 1.4, 2.0, 5.0, np.inf)
+    sized = [a for a in answers if a["kind"] in ("single", "small", "far") and "size" in a]
+    lines = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        inside = [a for a in sized if low <= a["size"] < high]
+        if inside:
+            first, alone, other = (
+                sum(test(a) for a in inside)
+                for test in (
+                    lambda a: a["ranking"][:1] == a["missing"],
+                    lambda a: a["adopted"] == a["missing"],
+                    lambda a: bool(set(a["adopted"]) - set(a["missing"])),
+                )
+            )
+            limits = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more"
+            lines.append(f"| {limits} | {len(inside)} | {first} | {alone} | {other} |")
+    head = [
+        "| noise levels left by the calibration | campaigns | first in ranking | adopted alone | others adopted |"
+    ]
+    return ["", *head, "| --- | --- | --- | --- | --- |", *lines] if lines else []
 
 
 def _together(answers: Sequence[dict]) -> str:
@@ -267,6 +293,9 @@ def main() -> None:
     """Runs what is not there yet and prints the table."""
     parser = resumable.parser(__doc__, jobs=2)
     parser.add_argument("--each", type=int, default=5, help="campaigns of each effect")
+    parser.add_argument(
+        "--small", type=int, default=0, help="campaigns of each effect, smaller, down to the noise"
+    )
     parser.add_argument("--nulls", type=int, default=20, help="campaigns with nothing missing")
     parser.add_argument("--pairs", type=int, default=20, help="campaigns with two effects")
     parser.add_argument("--triples", type=int, default=5, help="campaigns with three effects")
@@ -278,7 +307,8 @@ def main() -> None:
     parser.add_argument("--whole", action="store_true", help="with the last fit and the held-out recordings")
     options = parser.parse_args()
     numbers = {
-        k: getattr(options, k) for k in ("each", "nulls", "pairs", "triples", "far", "outside", "seed")
+        k: getattr(options, k)
+        for k in ("each", "small", "nulls", "pairs", "triples", "far", "outside", "seed")
     }
     todo = cases(**numbers)
     tasks = {case.name: case for case in todo}

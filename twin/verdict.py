@@ -89,11 +89,11 @@ def alone(found: Found) -> list[tuple[int, str, float]]:
 
 def _odd(found: Found) -> dict[str, dict[int, float]]:
     """Channel -> recording -> size of a residual that is not sound, of channels whose worst is not explained."""
-    before = _by_recording(found.benches[0], found.base)
+    before = sizes_left(found.benches[0], found.base)
     samples = _independent(found.bench)
     odd: dict[str, dict[int, float]] = {}
     worst: set[str] = set()
-    for (recording, channel), size in _by_recording(found.bench, found.best).items():
+    for (recording, channel), size in sizes_left(found.bench, found.best).items():
         if channel in driven.SINGLE:
             continue
         may_be_left = LEFT * before.get((recording, channel), 0.0)
@@ -106,7 +106,7 @@ def _odd(found: Found) -> dict[str, dict[int, float]]:
     return {channel: sizes for channel, sizes in odd.items() if channel in worst}
 
 
-def _by_recording(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
+def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> size of the residual in noise levels."""
     sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * _timed(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
