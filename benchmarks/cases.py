@@ -77,6 +77,7 @@ SIZES: Mapping[str, Mapping[str, Size]] = {
         "amplitude": Size(3e-3, 1.5e-2),
         "phase": _PHASE,
     },
+    "shaking-base": {"frequency": Size(0.8, 12.0), "amplitude": Size(0.03, 0.3), "phase": _PHASE},
     "payload-mass": {"tip_mass": Size(0.04, 0.15, "off", 0.155)},
     "stiffness-loss": {"bending_stiffness": Size(0.07, 0.2, "less", 0.24957)},
     "softening-stiffness": {"softening": Size(0.08, 0.35), "curvature": Size(0.5, 1.5)},
@@ -95,6 +96,8 @@ SIZES: Mapping[str, Mapping[str, Size]] = {
     "sensor-delay": {"delay": Size(2e-3, 1.2e-2)},
 }
 """Effects of the vocabulary with sizes from a few noise levels up."""
+NAMED: Mapping[str, str] = {"shaking-base": "periodic-disturbance"}
+"""Name on the virtual rig -> in the vocabulary, where it is another one."""
 
 FAR: Effects = {
     "viscous-friction": {"viscous": 0.02},
@@ -115,6 +118,7 @@ FAR: Effects = {
     "backlash": {"gap": 0.08, "motor_inertia_share": 0.5},
     "gravity-tilt": {"tilt": 0.08, "direction": 2.0},
     "periodic-disturbance": {"frequency": 0.3, "amplitude": 0.04, "phase": 0.3},
+    "shaking-base": {"frequency": 2.0, "amplitude": 1.0, "phase": 0.3},
     "payload-mass": {"tip_mass": 0.28},
     "stiffness-loss": {"bending_stiffness": 0.14},
     "softening-stiffness": {"softening": 0.6, "curvature": 1.0},
@@ -135,7 +139,6 @@ OUTSIDE: Mapping[str, Mapping[str, Size]] = {
     "dead-zone": {"width": Size(8e-3, 3e-2)},
     "hard-stop": {"angle": Size(0.3, 0.7), "stiffness": Size(2.0, 20.0), "damping": Size(0.01, 0.1)},
     "warming-friction": {"rise": Size(5e-3, 2e-2), "time_constant": Size(1.5, 5.0)},
-    "shaking-base": {"amplitude": Size(0.1, 0.6), "frequency": Size(2.0, 12.0), "phase": _PHASE},
     "saturating-motor": {"loss": Size(0.1, 0.4)},
     "hardening-cable": {"stiffness": Size(0.02, 0.2)},
     "warming-link": {"loss": Size(0.03, 0.15), "time_constant": Size(2.0, 6.0)},
@@ -151,7 +154,6 @@ DEPENDS: Mapping[str, Sequence[str]] = {
     "dead-zone": ("torque_command",),
     "hard-stop": ("hub_angle",),
     "warming-friction": ("time", "hub_rate", "direction"),
-    "shaking-base": ("time", "hub_angle"),
     "saturating-motor": ("torque_command",),
     "hardening-cable": ("hub_angle",),
     "warming-link": ("time", "strain_base", "strain_mid"),
@@ -206,7 +208,7 @@ class Case:
 
 def shrunk(name: str, values: Mapping[str, float], share: float) -> dict[str, float]:
     """The values of an effect, closer to neutral: at this share of the distance."""
-    effect = REGISTRY[name]
+    effect = REGISTRY[NAMED.get(name, name)]
     neutral, found = effect.neutral(preset("bossi2009")), dict(values)
     for p in effect.parameters:
         if p.name in values and p.name not in effect.along:

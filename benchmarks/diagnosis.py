@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import resumable
-from cases import DEPENDS, SIZES, Case, cases
+from cases import DEPENDS, NAMED, SIZES, Case, cases
 from machine import describe
 
 from twin import traces
@@ -50,8 +50,8 @@ def solve(case: Case, folder: Path, whole: bool) -> dict:
     found = _whole(diagnose(campaign, workers=1)) if whole else _searched(campaign)
     return found | {
         "kind": case.kind,
-        "missing": list(case.missing),
-        "truth": truth.effects,
+        "missing": [NAMED.get(name, name) for name in case.missing],
+        "truth": {NAMED.get(name, name): dict(values) for name, values in truth.effects.items()},
         "dirty": list(case.dirty),
         "torque_sensor": case.torque_sensor,
         "seconds": time.perf_counter() - began,

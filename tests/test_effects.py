@@ -37,7 +37,13 @@ PLANTED = {
     "cogging": {"amplitude": 0.012, "order": 7.0, "phase": -0.4},
     "actuator-lag": {"time_constant": 0.008},
     "gravity-tilt": {"tilt": 0.02, "direction": 1.1},
-    "periodic-disturbance": {"frequency": 6.0, "amplitude": 0.01, "phase": 0.5},
+    "periodic-disturbance": {
+        "frequency": 6.0,
+        "amplitude": 0.01,
+        "phase": 0.5,
+        "base": 0.0,
+        "direction": 0.0,
+    },
     "softening-stiffness": {"softening": 0.3, "curvature": 0.8},
     "torsional-mode": {
         "frequency": 26.0,
@@ -53,6 +59,9 @@ PLANTED = {
     "strain-drift": {"rate_base": 4e-5, "rate_mid": -2e-5},
     "sensor-delay": {"delay": 0.008, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0},
 }
+
+SHAKEN = {"frequency": 6.0, "amplitude": 0.3, "phase": 0.5, "base": 1.0, "direction": 0.7}
+CASES = [*PLANTED.items(), ("periodic-disturbance", SHAKEN)]
 
 
 def slew(duration: float = 1.5) -> Recording:
@@ -83,17 +92,17 @@ def test_neutral_changes_nothing(name):
         np.testing.assert_array_equal(a[channel], b[channel])
 
 
-@pytest.mark.parametrize("name", REGISTRY)
-def test_a_planted_effect_is_visible(name):
+@pytest.mark.parametrize(("name", "planted"), CASES)
+def test_a_planted_effect_is_visible(name, planted):
     # Ten noise levels in some channel: an effect that acts nowhere cannot be found.
     noise = {"hub_angle": 3e-4, "strain_base": 2e-6, "strain_mid": 2e-6, "motor_torque": 1e-3}
-    a, b = (simulate(m, slew(), Start(hub_angle=0.3)) for m in (model(), model(**{name: PLANTED[name]})))
+    a, b = (simulate(m, slew(), Start(hub_angle=0.3)) for m in (model(), model(**{name: planted})))
     assert max(np.max(np.abs(a[c] - b[c])) / noise[c] for c in noise) > 10
 
 
-@pytest.mark.parametrize("name", REGISTRY)
-def test_mujoco_moves_the_same(name):
-    augmented = model(**{name: PLANTED[name]})
+@pytest.mark.parametrize(("name", "planted"), CASES)
+def test_mujoco_moves_the_same(name, planted):
+    augmented = model(**{name: planted})
     recording = slew(0.6)
     compiled = integrate(augmented, recording, Start(hub_angle=0.1))
     drive = augmented.drive(recording)
@@ -113,6 +122,22 @@ def test_parameters_have_units_bounds_and_a_docstring(name):
         assert p.unit
         assert p.bounds[0] < p.bounds[1]
         assert p.step != 0
+
+
+def test_a_base_swings_along_one_line_whatever_noise_makes_of_it():
+    effect, line, phase = REGISTRY["periodic-disturbance"], -0.4, 1.9
+    swing = 0.3 * np.outer([np.cos(line), np.sin(line)], [np.cos(phase), np.sin(phase)])
+    found = effect.at_order(4.0, tuple((swing + 1e-4 * np.array([[1, -1], [1, 1]])).ravel()))
+    assert found["base"] == 1.0
+    assert [found[k] for k in ("frequency", "amplitude", "phase", "direction")] == pytest.approx(
+        [4.0, 0.3, phase, line], abs=2e-3
+    )
+    assert effect.units(found)["amplitude"] == "m/s^2"
+    assert "direction" in {p.name for p in effect.free(found)}
+    torque = effect.at_order(4.0, (0.0, 0.01))
+    assert torque["base"] == 0.0
+    assert effect.units(torque)["amplitude"] == "N*m"
+    assert {p.name for p in effect.free(torque)} == {"frequency", "amplitude", "phase"}
 
 
 def test_a_simulation_that_ran_away_is_no_error_of_a_late_sensor():

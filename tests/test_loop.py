@@ -12,7 +12,7 @@ from twin import traces, waves
 from twin.calibration import calibrate
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
-from twin.contenders import confirmed, freely_decided, seen_anew
+from twin.contenders import confirmed, freely_decided, seen_anew, settled
 from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
 from twin.patches import of_worst
@@ -99,6 +99,22 @@ def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_l
         best = explore(start.bench, start.base, names).ranked[0]
     assert best.effects == ("root-compliance",)
     assert best.fit.model.effects["root-compliance"]["stiffness"] == pytest.approx(1.5, rel=0.05)
+
+
+def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(tmp_path):
+    shaken = {"shaking-base": {"amplitude": 0.2, "frequency": 9.0, "phase": 0.7}}
+    with ThreadPoolExecutor(2) as pool:
+        start = calibrate(recorded(tmp_path / "rig", shaken, 4152, False), pool)
+        quickly = tried(start.bench, start.base, "periodic-disturbance")
+        [found] = settled(start.bench, start.base, [quickly])
+    # The link shows it, the hub hardly does.
+    assert found.score > 200
+    values = found.fit.model.effects["periodic-disturbance"]
+    assert values["base"] == 1.0
+    assert values["frequency"] == pytest.approx(9.0, abs=0.01)
+    assert values["amplitude"] == pytest.approx(0.2, rel=0.1)
+    # Along the plane's x axis.
+    assert np.sin(values["direction"]) == pytest.approx(0.0, abs=0.1)
 
 
 def test_which_sensors_are_late_is_told_where_it_is_known_how_late(tmp_path):

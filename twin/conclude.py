@@ -83,9 +83,9 @@ def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
     adopted = []
     for candidate, ranked in zip(found.adopted, found.rounds, strict=False):
         name = candidate.effects[-1]
-        units = {p.name: p.unit for p in REGISTRY[name].parameters}
-        errors = errors_of(polished.augmented, name)
         values = dict(polished.augmented.model.effects[name])
+        units = REGISTRY[name].units(values)
+        errors = errors_of(polished.augmented, name)
         share = verdict.probabilities(ranked).get(name, 0.0)
         adopted.append(AdoptedEffect(name, share, values, errors, {n: units[n] for n in values}))
     return tuple(adopted)

@@ -147,8 +147,8 @@ def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen
     """Parameters of an effect that these channels can say something about."""
     return [
         Unknown(effect, p.name, p.turned(values[p.name]), abs(p.step), False, p.span, inverse=p.inverse)
-        for p in REGISTRY[effect].parameters
-        if not p.choice and (p.channel is None or p.channel in seen)
+        for p in REGISTRY[effect].free(values)
+        if p.channel is None or p.channel in seen
     ]
 
 

@@ -334,7 +334,8 @@ class MujocoChain:
         p, sliding, locked = self._plant, self._sliding, self._locked
         hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0 or p.gap > 0
         soft, drag = p.softening != 0, p.tip_drag_quadratic != 0
-        if not (hub or soft or drag):
+        shaken = p.shake_x != 0 or p.shake_y != 0
+        if not (hub or soft or drag or shaken):
             return None
         joints = sliding.model.nv
 
@@ -346,6 +347,8 @@ class MujocoChain:
                 which.soften()
             if drag:
                 which.drag_tip()
+            if shaken:
+                which.shake(data.time)
 
         return force
 
@@ -452,6 +455,14 @@ class _Model:
         pressing = math.copysign(1.0, play) * (self.qvel[-1] - rate)
         push = planar.CONTACT_STIFFNESS * beyond + planar.contact_damping(self._plant) * pressing
         return math.copysign(max(push, 0.0), play)
+
+    def shake(self, time: float) -> None:
+        """Pushes every mass back as the base is accelerated; a locked hub sees it turned the other way."""
+        p = self._plant
+        wave = math.sin(2 * math.pi * p.shake_frequency * time + p.shake_phase)
+        field = -wave * complex(p.shake_x, p.shake_y) * cmath.exp(-1j * self._angle)
+        self.data.xfrc_applied[:, 0] = field.real * self.model.body_mass
+        self.data.xfrc_applied[:, 1] = field.imag * self.model.body_mass
 
     def soften(self) -> None:
         """Takes away what a hinge's moment lacks: k q s kappa^2 / (kappa^2 + kappa_0^2)."""

@@ -84,6 +84,10 @@ class Plant(NamedTuple):
     softening_curvature: float = 1.0
     gravity_x: float = 0.0
     gravity_y: float = 0.0
+    shake_x: float = 0.0  # m/s^2, amplitude of an acceleration of the base
+    shake_y: float = 0.0
+    shake_frequency: float = 1.0
+    shake_phase: float = 0.0
     torsion_stiffness: float = 0.0  # N m/rad, of an oscillator on the hub
     torsion_damping: float = 0.0  # N m s/rad
     gap: float = 0.0  # rad, whole play between motor and hub
@@ -275,7 +279,16 @@ def _directions(phi, sin, cos):
 
 
 @_inlined
-def _generalised_forces(plant, phi, omega, force, mass, sin, cos):
+def _field(plant, t):
+    """Acceleration field on every mass [m/s^2]: gravity, and what a base that is shaken takes away."""
+    if plant.shake_x == 0.0 and plant.shake_y == 0.0:
+        return plant.gravity_x, plant.gravity_y
+    shake = np.sin(2 * np.pi * plant.shake_frequency * t + plant.shake_phase)
+    return plant.gravity_x - plant.shake_x * shake, plant.gravity_y - plant.shake_y * shake
+
+
+@_inlined
+def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
     """Fills `force` (n + 1) with all but hub torques and `mass` (n + 1, n + 1) with the mass matrix."""
     m = phi.size
     _directions(phi, sin, cos)
@@ -321,11 +334,12 @@ def _generalised_forces(plant, phi, omega, force, mass, sin, cos):
         drag = plant.tip_drag_linear + plant.tip_drag_quadratic * np.sqrt(vx * vx + vy * vy)
         for i in range(m):
             force[i] -= drag * plant.lengths[i] * (cos[i] * vy - sin[i] * vx)
-    if plant.gravity_x != 0.0 or plant.gravity_y != 0.0:
-        # Gravity in the hub's frame.
+    field_x, field_y = _field(plant, t)
+    if field_x != 0.0 or field_y != 0.0:
+        # In the hub's frame.
         s, c = np.sin(phi[0]), np.cos(phi[0])
-        gx = c * plant.gravity_x + s * plant.gravity_y
-        gy = c * plant.gravity_y - s * plant.gravity_x
+        gx = c * field_x + s * field_y
+        gy = c * field_y - s * field_x
         for i in range(m):
             force[i] += plant.first_moment[i] * (gy * cos[i] - gx * sin[i])
 
@@ -361,7 +375,7 @@ def _solve(mass, force, first):
 def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch):
     """Fills `acc` (n + 1); returns the torque [N m] that friction must bear to hold a locked hub."""
     mass, row = scratch[3:], scratch[2]
-    _generalised_forces(plant, phi, omega, acc, mass, scratch[0], scratch[1])
+    _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
     if plant.gap > 0.0:
         acc[m - 1] += drive + _cogging(plant, phi[m - 1])
@@ -650,10 +664,10 @@ def driven(
 
 
 @_compiled
-def _driven_accelerations(plant, phi, omega, alpha, acc, scratch):
+def _driven_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     """Fills acc (n + 1) under a hub acceleration alpha; returns the hub torque that it takes."""
     mass, row = scratch[3:], scratch[2]
-    _generalised_forces(plant, phi, omega, acc, mass, scratch[0], scratch[1])
+    _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
     hub_force, hub_mass = acc[0], mass[0, 0]
     for j in range(1, m):
@@ -681,7 +695,7 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
     for row in range(time.size):
         angles[row] = phi
         rates[row] = omega
-        torques[row] = _driven_accelerations(plant, phi, omega, acceleration[row], k1a, scratch)
+        torques[row] = _driven_accelerations(plant, time[row], phi, omega, acceleration[row], k1a, scratch)
         if row + 1 == time.size:
             break
         span = time[row + 1] - time[row]
@@ -689,24 +703,25 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
         h = span / count
         slope = (acceleration[row + 1] - acceleration[row]) / span
         for step in range(count):
+            t = time[row] + step * h
             start = acceleration[row] + slope * step * h
             middle, end = start + slope * h / 2, start + slope * h
             for i in range(m):
                 k1v[i] = omega[i]
             if step > 0:  # the first is known: it gave the torque
-                _driven_accelerations(plant, phi, omega, start, k1a, scratch)
+                _driven_accelerations(plant, t, phi, omega, start, k1a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k1v[i]
                 k2v[i] = omega[i] + 0.5 * h * k1a[i]
-            _driven_accelerations(plant, p, k2v, middle, k2a, scratch)
+            _driven_accelerations(plant, t + h / 2, p, k2v, middle, k2a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k2v[i]
                 k3v[i] = omega[i] + 0.5 * h * k2a[i]
-            _driven_accelerations(plant, p, k3v, middle, k3a, scratch)
+            _driven_accelerations(plant, t + h / 2, p, k3v, middle, k3a, scratch)
             for i in range(m):
                 p[i] = phi[i] + h * k3v[i]
                 k4v[i] = omega[i] + h * k3a[i]
-            _driven_accelerations(plant, p, k4v, end, k4a, scratch)
+            _driven_accelerations(plant, t + h, p, k4v, end, k4a, scratch)
             for i in range(m):
                 phi[i] += h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
                 omega[i] += h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])

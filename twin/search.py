@@ -173,7 +173,7 @@ def promised(bench: Workbench, base: Fit, slopes: Slopes) -> float:
 def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Slopes:
     """Slopes of an effect at neutral; of a wave, at the highest peak of its spectrum."""
     effect = REGISTRY[name]
-    paid = price(len([p for p in effect.parameters if not p.choice]), bench)
+    paid = price(len(effect.free(effect.neutral(base.model.declared))), bench)
     if effect.wave is not None:
         columns = waves.slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
         rivals, level = (tops[0].rivals, tops[0].level) if tops else (1, 1.0)

@@ -137,7 +137,7 @@ def free_parameters(model: Model, effect: str) -> tuple[Free, ...]:
     within a factor of ten.
     """
     neutral = REGISTRY[effect].neutral(model.declared)
-    seen = [p for p in REGISTRY[effect].parameters if not p.choice and p.channel in (None, "hub_angle")]
+    seen = [p for p in REGISTRY[effect].free(neutral) if p.channel in (None, "hub_angle")]
     limit = model.declared["torque_limit"]
     return tuple(_free(REGISTRY[effect], p, neutral[p.name], limit) for p in seen)
 

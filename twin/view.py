@@ -156,7 +156,8 @@ _ON_HUB = (
 
 def on_link(plant: planar.Plant) -> dict[str, float]:
     """What acts on the link beyond its own inertia, stiffness and damping: fields of the plant."""
-    own = ("flexibility", "hub_inertia", *_ON_HUB)
+    shaken = ("shake_x", "shake_y", "shake_frequency", "shake_phase")
+    own = ("flexibility", "hub_inertia", *_ON_HUB, *shaken)
     return {n: v for n, v in plant._asdict().items() if n not in own and not isinstance(v, np.ndarray)}
 
 

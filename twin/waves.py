@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter
 
 from twin import driven, fit
@@ -23,12 +24,14 @@ from twin.model import Model, Motion
 from twin.view import View, move, whitened
 
 _PEAKS = 3
+_LOUDEST = 3  # frequencies at which a base is tried that shakes
 _ABOUT = 60  # frequencies to either side that tell how loud the noise is about one
 _AT_ONCE = 16  # orders of one piece of work
 _MODES = 3
 _FINEST = 0.05  # smallest step of an order
-_HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0}
-_LOWEST = {"torque": 1.0, "friction": 1.0, "reading": 1.0, "time": 0.1, "resonance": 5.0}
+_ON_LINK = ("reading", "resonance", "shake")  # what strains tell, too
+_HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0, "shake": 30.0}
+_LOWEST = {"torque": 1.0, "friction": 1.0, "reading": 1.0, "time": 0.1, "resonance": 5.0, "shake": 0.1}
 
 Columns = dict[int, np.ndarray]
 """Index of a group -> (k, orders, rows) slopes of its residual."""
@@ -44,6 +47,7 @@ class Peak:
       gain: drop of half the weighted squares.
       rivals: number of peaks in the spectrum, this one among them.
       level: how high the spectrum over time is about this place, in that of white noise; 1 of any other spectrum.
+      acts: as what: see `Wave`, or "shake", an acceleration of the base.
     """
 
     order: float
@@ -51,11 +55,12 @@ class Peak:
     gain: float
     rivals: int = 1
     level: float = 1.0
+    acts: str = ""
 
 
 def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     """The highest peaks of the spectrum, best first."""
-    scan = _Scan.of(bench, base, effect)
+    scan = _Scan.of(bench, base, _wave(effect).acts)
     if scan is None:
         return ()
     chunks = np.array_split(scan.orders, max(1, len(scan.orders) // _AT_ONCE))
@@ -64,11 +69,44 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     inner = np.r_[-np.inf, gains, -np.inf]
     tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
     best = tops[np.argsort(-gains[tops])[:_PEAKS]]
-    return tuple(
-        replace(found[k], rivals=len(tops), level=_level(gains, k) if _wave(effect).acts == "time" else 1.0)
+    in_time = scan.acts == "time"
+    highest = [
+        replace(found[k], rivals=len(tops), level=_level(gains, k) if in_time else 1.0)
         for k in best
         if found[k].gain > 0
-    )
+    ]
+    shaken = _shaken(bench, base, scan.orders) if in_time else []
+    # By chance a coefficient gains a half.
+    return tuple(sorted([*highest, *shaken], key=lambda peak: -peak.gain + 0.5 * len(peak.coefficients)))
+
+
+def _shaken(bench: Workbench, base: Fit, frequencies: np.ndarray) -> list[Peak]:
+    """The best frequency for an acceleration of the base along x and y, among those at which most is unexplained."""
+    scan = _Scan.of(bench, base, "shake")
+    if scan is None:
+        return []
+    loud = _loudness(scan, frequencies)
+    inner = np.r_[-np.inf, loud, -np.inf]
+    tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
+    about = np.array([np.median(loud[max(k - _ABOUT, 0) : k + _ABOUT + 1]) for k in tops])
+    chosen = np.argsort(-loud[tops] / about)[:_LOUDEST]
+    peaks = scan.at(frequencies[tops[chosen]])
+    best = int(np.argmax([peak.gain for peak in peaks]))
+    if peaks[best].gain <= 0:
+        return []
+    return [replace(peaks[best], rivals=len(tops), level=max(1.0, float(about[chosen[best]])))]
+
+
+def _loudness(scan: _Scan, frequencies: np.ndarray) -> np.ndarray:
+    """Power of what is unexplained (f) at evenly spaced frequencies [Hz], in that of most of them."""
+    size = next_fast_len(round(1 / ((frequencies[1] - frequencies[0]) * GRID)))
+    total = np.zeros(len(frequencies))
+    for group in (scan.bench.data.groups[k] for k in scan.groups):
+        signal = scan.base.residual[group.rows] * np.sqrt(scan.weights[group.rows])
+        length = max(size, len(signal))
+        power = np.abs(rfft(signal, length)) ** 2
+        total += np.interp(frequencies, rfftfreq(length, GRID), power) / max(float(power.mean()), 1e-300)
+    return total / np.median(total)
 
 
 def _level(gains: np.ndarray, place: int) -> float:
@@ -79,7 +117,7 @@ def _level(gains: np.ndarray, place: int) -> float:
 
 def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
     """Slopes (n x k) of the residual for the wave at one of its `peaks`, for `fit.slope_gain`."""
-    scan = _Scan.of(bench, base, effect)
+    scan = _Scan.of(bench, base, peak.acts)
     if scan is None:
         return np.zeros((len(base.residual), 0))
     parts = scan.columns(np.array([peak.order]))
@@ -97,6 +135,8 @@ class _Scan:
       bench, base: the fit to look beyond.
       weights: (n) of the residual.
       information, gradient: of the base's unknowns (p x p), (p).
+      acts: see `Peak`.
+      groups: indices of those that are told anything.
       orders: the grid.
       columns: orders (o) to slopes: index of a group -> (k, o, rows).
     """
@@ -106,20 +146,20 @@ class _Scan:
     weights: np.ndarray
     information: np.ndarray
     gradient: np.ndarray
+    acts: str
+    groups: tuple[int, ...]
     orders: np.ndarray
     columns: Callable[[np.ndarray], Columns]
 
     @staticmethod
-    def of(bench: Workbench, base: Fit, effect: Effect) -> _Scan | None:
-        acts, data = _wave(effect).acts, cast(driven.DrivenData, bench.data)
+    def of(bench: Workbench, base: Fit, acts: str) -> _Scan | None:
+        data = cast(driven.DrivenData, bench.data)
         seen = [
             (k, g) for k, g in enumerate(data.groups) if g.channel not in (*driven.SINGLE, "motor_torque")
         ]
-        free = {i for i, p in enumerate(data.prepared) if p.hub is not None}
+        free = {i for i, p in enumerate(data.prepared) if p.hub is not None or acts == "shake"}
         groups = [
-            (k, g)
-            for k, g in seen
-            if g.recording in free and (acts in ("reading", "resonance") or g.channel == "hub_torque")
+            (k, g) for k, g in seen if g.recording in free and (acts in _ON_LINK or g.channel == "hub_torque")
         ]
         if not groups:
             return None
@@ -143,9 +183,9 @@ class _Scan:
 
         weights = fit.row_weights(bench, base.residual)
         information, gradient = fit.normal_equations(bench, base)
-        return _Scan(
-            bench, base, weights, information, gradient, _grid(acts, list(motions.values())), columns
-        )
+        told = tuple(k for k, _ in groups)
+        orders = _grid(acts, list(motions.values()))
+        return _Scan(bench, base, weights, information, gradient, acts, told, orders, columns)
 
     def at(self, orders: np.ndarray) -> list[Peak]:
         """The regressions at some orders (o)."""
@@ -161,7 +201,10 @@ class _Scan:
             slope += weighted @ r[rows]
         inverse = np.linalg.pinv(self.information, hermitian=True)
         return [
-            _regression(float(order), squares[o], mixed[:, o], slope[:, o], inverse, self.gradient)
+            replace(
+                _regression(float(order), squares[o], mixed[:, o], slope[:, o], inverse, self.gradient),
+                acts=self.acts,
+            )
             for o, order in enumerate(orders)
         ]
 
@@ -192,7 +235,7 @@ def _grid(acts: str, motions: Sequence[Motion]) -> np.ndarray:
     """Orders close enough that no peak falls between two."""
     if acts == "resonance":
         return np.arange(_LOWEST[acts], _HIGHEST[acts], 0.25)
-    if acts == "time":
+    if acts in ("time", "shake"):
         step = 0.35 / max(m.time[-1] - m.time[0] for m in motions)
         return np.arange(_LOWEST[acts], _HIGHEST[acts], step)
     widest = max(float(np.ptp(m.angles[:, 0])) for m in motions)
@@ -208,9 +251,13 @@ def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
     if acts == "resonance":
         push = -np.gradient(motion.rates[:, 0], motion.time)
         return np.stack([[lfilter(*_sampled(2 * np.pi * f, RESONANCE_DAMPING), push) for f in orders]])
-    x = 2 * np.pi * motion.time if acts == "time" else motion.angles[:, 0]
+    x = 2 * np.pi * motion.time if acts in ("time", "shake") else motion.angles[:, 0]
     angle = orders[:, None] * x
     waves = np.stack([np.sin(angle), np.cos(angle)])
+    if acts == "shake":
+        # Along x and along y, as the link feels it across.
+        across = -np.sin(motion.angles[:, 0]), np.cos(motion.angles[:, 0])
+        return np.concatenate([waves * across[0], waves * across[1]])
     if acts == "friction":
         return -0.5 * motion.modes * np.concatenate([waves, np.ones((1, *angle.shape))])
     return waves
@@ -225,16 +272,26 @@ def _responses(
         return {"hub_torque": -share * waves / view.noise["hub_torque"]}
     if acts == "resonance":
         return _resonances(waves[0], view, model)
+    if acts == "shake":
+        return _changes(_under_base(model, waves), view, 1.0)
     if acts != "reading":
         return {"hub_torque": -low_passed(waves, GRID) / view.noise["hub_torque"]}
-    error = low_passed(waves, GRID, view.band)
-    found = {}
-    for channel, response in _under_hub(model, _second(error)).items():
-        if channel in view.noise:
-            # What the sensor's error lets the hub seem to do was never there.
-            sign = -1.0 if channel == "hub_torque" else 1.0
-            found[channel] = whitened(sign * low_passed(response, GRID), view, channel)
-    return found
+    # What the sensor's error lets the hub seem to do was never there.
+    return _changes(_under_hub(model, _second(low_passed(waves, GRID, view.band))), view, -1.0)
+
+
+def _changes(responses: dict[str, np.ndarray], view: View, size: float) -> dict[str, np.ndarray]:
+    """Channel -> (..., m) change of the residual, noise units, if so much of this is there: measured less simulated.
+
+    A torque that the motion takes is measured, a strain simulated.
+    """
+    return {
+        channel: whitened(
+            (size if channel == "hub_torque" else -size) * low_passed(response, GRID), view, channel
+        )
+        for channel, response in responses.items()
+        if channel in view.noise
+    }
 
 
 def _resonances(angles: np.ndarray, view: View, model: Model) -> dict[str, np.ndarray]:
@@ -259,19 +316,29 @@ def _second(values: np.ndarray) -> np.ndarray:
 
 
 def _under_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and strains (..., m) that small hub accelerations (..., m) [rad/s^2] take.
+    """Torque on the hub and strains (..., m) that small hub accelerations (..., m) [rad/s^2] take."""
+    return _under(model, acceleration, model.chain.mass_matrix()[0])
 
-    In clamped modes q'' + 2 zeta omega q' + omega^2 q = -g alpha, and the torque is J alpha + sum g q''.
+
+def _under_base(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
+    """Torque on the hub and strains (..., m) that accelerations (..., m) of the base across the link [m/s^2] take."""
+    return _under(model, acceleration, np.cumsum(model.chain.first_moment[::-1])[::-1])
+
+
+def _under(model: Model, acceleration: np.ndarray, pulled: np.ndarray) -> dict[str, np.ndarray]:
+    """Torque on the hub and strains (..., m) that hold a hub where an acceleration (..., m) pulls at its coordinates.
+
+    In clamped modes q'' + 2 zeta omega q' + omega^2 q = -p a, and the torque is p_0 a + sum g q'', with p what an
+    acceleration pulls (n + 1), on the hub and each hinge behind it.
     """
     mass = model.chain.mass_matrix()
     frequencies, shapes = model.chain.modes("clamped")
     ratios = model.chain.damping_ratios("clamped")
-    torque = mass[0, 0] * acceleration
+    torque = pulled[0] * acceleration
     strains = {c: np.zeros_like(acceleration) for c in model.curvature_rows}
     for omega, zeta, shape in list(zip(frequencies, ratios, shapes[1:].T, strict=True))[:_MODES]:
-        g = float(mass[0, 1:] @ shape)
-        q = lfilter(*_sampled(float(omega), float(zeta)), -g * acceleration)
-        torque = torque + g * _second(q)
+        q = lfilter(*_sampled(float(omega), float(zeta)), -float(pulled[1:] @ shape) * acceleration)
+        torque = torque + float(mass[0, 1:] @ shape) * _second(q)
         for channel, row in model.curvature_rows.items():
             strains[channel] += model.sensors[channel].half_thickness * float(row @ shape) * q
     return {"hub_torque": torque, **strains}

@@ -145,6 +145,14 @@ class Effect:
         """Values at which the model is exactly the one without this effect."""
         return {p.name: rig[p.name] if p.neutral is None else p.neutral for p in self.parameters}
 
+    def free(self, values: Mapping[str, float]) -> tuple[EffectParameter, ...]:
+        """Parameters that a fit may move where the effect stands at these values."""
+        return tuple(p for p in self.parameters if not p.choice)
+
+    def units(self, values: Mapping[str, float]) -> dict[str, str]:
+        """Parameter -> SI unit where the effect stands at these values."""
+        return {p.name: p.unit for p in self.parameters}
+
     def resolved(self, values: Mapping[str, float], period: float) -> bool:
         """Whether an effect of this size is more than what good sensors, and a card of this period [s], leave open."""
         return True

@@ -1,22 +1,60 @@
-"""A disturbance of one frequency: a fan, a pump, a mains hum in the amplifier."""
+"""A disturbance of one frequency: a fan, a pump, a mains hum in the amplifier, a table that shakes."""
+
+import math
+
+import numpy as np
 
 from twin.effects.base import Effect, EffectParameter
 from twin.effects.wave import Wave
 
 
 class PeriodicDisturbance(Effect):
-    """Torque amplitude sin(2 pi frequency t + phase) on the hub, t from the start of each recording."""
+    """Torque amplitude sin(2 pi frequency t + phase) on the hub, or acceleration of the base along `direction`.
+
+    t is from the start of each recording. Where the choice `base` is 1 the base is accelerated, along an angle fixed in
+    the plane, and every mass of link and payload feels a field the other way round.
+    """
 
     name = "periodic-disturbance"
     parameters = (
         EffectParameter("frequency", "Hz", 1.0, (0.05, 60.0), 0.002),
-        EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
+        EffectParameter("amplitude", "N*m", 0.0, (0.0, 20.0), 1e-3),
         EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
+        EffectParameter("base", "1", 0.0, (0.0, 1.0), 1.0, choice=True),
+        EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1),
     )
-    along = ("frequency", "phase")
+    along = ("frequency", "phase", "base", "direction")
     wave = Wave("time", "frequency")
 
+    def free(self, values):
+        return tuple(p for p in super().free(values) if values["base"] or p.name != "direction")
+
+    def units(self, values):
+        return {**super().units(values), "amplitude": "m/s^2" if values["base"] else "N*m"}
+
+    def at_order(self, order, coefficients):
+        if len(coefficients) == 2:
+            return {**super().at_order(order, coefficients), "base": 0.0, "direction": 0.0}
+        # Of an acceleration along x and y the part that swings along one line.
+        axes, sizes, parts = np.linalg.svd(np.reshape(coefficients, (2, 2)))
+        sign = -1.0 if axes[0, 0] < 0 else 1.0
+        line, (sine, cosine) = sign * axes[:, 0], sign * parts[0]
+        return {
+            "amplitude": float(sizes[0]),
+            "frequency": order,
+            "phase": math.atan2(cosine, sine),
+            "base": 1.0,
+            "direction": math.atan2(line[1], line[0]),
+        }
+
     def plant(self, plant, p):
+        if p["base"]:
+            return plant._replace(
+                shake_x=p["amplitude"] * math.cos(p["direction"]),
+                shake_y=p["amplitude"] * math.sin(p["direction"]),
+                shake_frequency=p["frequency"],
+                shake_phase=p["phase"],
+            )
         return plant._replace(
             disturbance_amplitude=p["amplitude"],
             disturbance_frequency=p["frequency"],
