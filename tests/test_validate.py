@@ -396,9 +396,13 @@ def test_rigs_are_drawn_as_a_campaign_declares_them(twin, tmp_path):
     assert "lqi on mine" in out
     answer = json.loads((tmp_path / "v.json").read_text())
     assert answer["rigs"] == 2
-    code, _, err = twin("validate", "lqi", "--campaign", "mine", "--rig", "bossi2009-printed")
+
+
+@pytest.mark.parametrize("rig", ["bossi2009", "bossi2009-printed"])
+def test_a_rig_and_a_campaign_are_one_too_many(twin, rig):
+    code, _, err = twin("validate", "lqi", "--campaign", "mine", "--rig", rig)
     assert code == 2
-    assert "--rig and --campaign" in err
+    assert "--rig and --campaign both say which rig" in err
 
 
 def test_stricter_requirements_fail(twin, tmp_path):

@@ -109,6 +109,17 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     )
 
 
+def files_of(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Returns the files of the campaign in a folder, whether they are there or not.
+
+    Raises:
+      InputError: its `campaign.toml` cannot be used.
+    """
+    root = _folder(Path(folder))
+    said = schema.parse(read_text(root / schema.FILE, schema.FILE))
+    return (root / schema.FILE, root / STATIC, *(root / entry.file for entry in said.recordings))
+
+
 def _folder(path: Path) -> Path:
     if path.is_file():
         hint = f"; did you mean '{path.parent}'?" if path.name == schema.FILE else ""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,10 @@ class ResultsFolder:
         """Returns the folder, in the working directory, that is named after a campaign."""
         return Path(f"{campaign.resolve().name or 'campaign'}-{self.kind}")
 
+    def written(self, folder: Path) -> tuple[Path, ...]:
+        """Returns the files that the command fills such a folder with."""
+        return tuple(folder / name for name in self.files.values())
+
     def _check(self, folder: Path, force: bool) -> None:
         with _readable(folder):
             if not folder.exists():
@@ -70,25 +75,50 @@ class ResultsFolder:
         return isinstance(content, dict) and self.keys <= content.keys()
 
 
-def check_writable(*files: Path | None, made: Path | None = None) -> None:
-    """Makes sure that files can be written.
+def check_writable(
+    *files: Path | None,
+    made: Path | None = None,
+    beside: Iterable[Path] = (),
+    read: Iterable[Path | None] = (),
+) -> None:
+    """Makes sure that files can be written, each to a place of its own and none over what is read.
 
     Args:
       files: those that the user named; None for one that is not wanted.
       made: a folder that will be there by then.
+      beside: other files that the same command writes.
+      read: files that it reads; None for one that it does not.
 
     Raises:
-      InputError: one is a folder, or would be in one that is not there.
+      InputError: one is a folder, or would be in one that is not there, or coincides with another.
     """
-    for file in files:
-        if file is None:
-            continue
+    named = [file for file in files if file is not None]
+    for file in named:
         with _readable(file):
             if file.is_dir():
                 raise InputError(f"cannot write {file}: it is a folder")
             there = file.parent.is_dir() or (made is not None and file.parent.resolve() == made.resolve())
         if not there:
             raise InputError(f"cannot write {file}: there is no folder {file.parent}")
+    _check_apart([*beside, *named], [file for file in read if file is not None])
+
+
+def _check_apart(written: list[Path], read: list[Path]) -> None:
+    for number, file in enumerate(written):
+        for other in read:
+            if _same(file, other):
+                raise InputError(f"cannot write {file}: it is {other}, which is read; name another place")
+        for other in written[:number]:
+            if _same(file, other):
+                raise InputError(f"cannot write {file}: another result goes to {other}; name a file for each")
+
+
+def _same(file: Path, other: Path) -> bool:
+    """Whether both are one file, by whatever names; what is no file, such as /dev/null, holds nothing to lose."""
+    with _readable(file):
+        if file.exists() and other.exists():
+            return file.is_file() and file.samefile(other)
+        return os.path.realpath(file) == os.path.realpath(other)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.campaign import read_campaign
+from twin.campaign import files_of, read_campaign
 from twin.closed_loop import Run
 from twin.errors import InputError
 from twin.mjcf import GAUGES
@@ -63,6 +63,15 @@ def read_track(path: Path, length: float | None = None) -> Track:
             raise InputError(f"{path}: its campaign has no such recording; it has {', '.join(recordings)}")
         return of_recording(recordings[path.name], campaign.rig["length"], campaign.sensors)
     return _run_track(path, preset("bossi2009")["length"] if length is None else length)
+
+
+def files_read(path: Path) -> tuple[Path, ...]:
+    """Returns the files that `read_track` reads.
+
+    Raises:
+      InputError: the campaign of the file cannot be used.
+    """
+    return (path, *files_of(path.parent)) if (path.parent / "campaign.toml").is_file() else (path,)
 
 
 def _run_track(path: Path, length: float) -> Track:

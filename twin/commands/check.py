@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress
+from twin.commands.shared import DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress, rig_file
 from twin.errors import InputError
 from twin.json_file import write_json
+from twin.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.check import Check
@@ -20,6 +21,7 @@ def check(
     json_file: JsonFile = None,
 ) -> None:
     """Hold the chain against the analytical model; exit code 1 where it is off."""
+    check_writable(json_file, read=[rig_file(rig)])
     declared, effects = load_rig(rig)
     if effects:
         raise InputError(

@@ -27,7 +27,9 @@ def compare(
     json_file: JsonFile = None,
 ) -> None:
     """Lay runs and recordings over one another on one timeline, with their difference from the first."""
-    check_writable(rrd_file, json_file)
+    from twin.run_files import files_read
+
+    check_writable(rrd_file, json_file, read=[read for file in files for read in files_read(file)])
     with progress() as report:
         report("reading the files")
         from twin import run_stream

@@ -77,11 +77,12 @@ def _diagnose(
     rig: Path | None = None,
 ) -> None:
     from twin import deliver
-    from twin.campaign import read_campaign
+    from twin.campaign import files_of, read_campaign
     from twin.report import print_summary
 
     folder = deliver.FOLDER.chosen(out, campaign, force)
-    check_writable(json_file, made=folder)
+    written, read = deliver.FOLDER.written(folder), (*files_of(campaign), rig)
+    check_writable(json_file, made=folder, beside=written, read=read)
     given = read_campaign(campaign)
     if rig is not None:
         given = replace(given, rig=_declared(rig))

@@ -37,11 +37,12 @@ def identify(
     force: Force = False,
 ) -> None:
     """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
-    from twin.campaign import read_campaign
+    from twin.campaign import files_of, read_campaign
     from twin.identify import deliver
 
     folder = deliver.FOLDER.chosen(out, campaign, force)
-    check_writable(json_file, made=folder)
+    read = (*files_of(campaign), *(() if against is None else files_of(against)))
+    check_writable(json_file, made=folder, beside=deliver.FOLDER.written(folder), read=read)
     given = read_campaign(campaign)
     other = read_campaign(against) if against is not None else None
     with progress() as report:

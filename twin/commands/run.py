@@ -13,9 +13,11 @@ from twin.commands.shared import (
     JsonFile,
     RigOption,
     console,
+    controller_file,
     load_rig,
     progress,
     require_display,
+    rig_file,
 )
 from twin.json_file import write_json
 from twin.outputs import check_writable
@@ -68,7 +70,8 @@ def run(
     json_file: JsonFile = None,
 ) -> None:
     """Run one of the paper's experiments on the chain or the modal model, under any controller."""
-    check_writable(csv_file, json_file, rrd_file)
+    read = (rig_file(rig), controller_file(controller), *_read_for(ghost))
+    check_writable(csv_file, json_file, rrd_file, read=read)
     declared, effects = load_rig(rig)
     if view:
         require_display("--view")
@@ -95,6 +98,15 @@ def run(
     if json_file is not None:
         write_json(json_file, answer)
     _print(answer)
+
+
+def _read_for(ghost: str) -> tuple[Path, ...]:
+    """The files that a ghost is read from."""
+    if not ghost.endswith(".csv"):
+        return ()
+    from twin.run_files import files_read
+
+    return files_read(Path(ghost))
 
 
 def _print(answer: dict[str, Any]) -> None:

@@ -39,12 +39,8 @@ CampaignFolder = Annotated[
 JsonFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the result here, as JSON.")
 ]
-RigOption = Annotated[
-    str,
-    typer.Option(
-        "--rig", metavar="NAME|FILE", help="bossi2009, bossi2009-printed, or a parameter file (TOML)."
-    ),
-]
+RIGS = "bossi2009, bossi2009-printed, or a parameter file (TOML)."
+RigOption = Annotated[str, typer.Option("--rig", metavar="NAME|FILE", help=RIGS)]
 DEFAULT_RIG = "bossi2009"
 DiagnosisFolder = Annotated[Path | None, _out_folder("diagnosis")]
 IdentificationFolder = Annotated[Path | None, _out_folder("identification")]
@@ -82,12 +78,24 @@ def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
       InputError: neither a preset nor a file that can be read.
     """
     from twin.rig_file import read_rig_file
-    from twin.rigs import PRESETS, preset
+    from twin.rigs import preset
+
+    path = rig_file(name_or_file)
+    return (preset(name_or_file), {}) if path is None else read_rig_file(path)
+
+
+def rig_file(name_or_file: str) -> Path | None:
+    """Returns the parameter file that `--rig` names; None for a preset."""
+    from twin.rigs import PRESETS
 
     path = Path(name_or_file)
-    if name_or_file in PRESETS or not (path.suffix or path.exists()):
-        return preset(name_or_file), {}
-    return read_rig_file(path)
+    return None if name_or_file in PRESETS or not (path.suffix or path.exists()) else path
+
+
+def controller_file(name: str | None) -> Path | None:
+    """Returns the FILE.py of a controller FILE.py:NAME; None for one of the library, or none at all."""
+    file, _, _ = (name or "").rpartition(":")
+    return Path(file) if file.endswith(".py") else None
 
 
 def require_display(what: str) -> None:

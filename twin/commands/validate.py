@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import CONTROLLERS, DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress
+from twin.commands.shared import (
+    CONTROLLERS,
+    DEFAULT_RIG,
+    RIGS,
+    JsonFile,
+    console,
+    controller_file,
+    load_rig,
+    progress,
+    rig_file,
+)
 from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
@@ -25,7 +36,10 @@ def validate(
             help=CONTROLLERS,
         ),
     ],
-    rig: RigOption = DEFAULT_RIG,
+    rig: Annotated[
+        str | None,
+        typer.Option("--rig", metavar="NAME|FILE", help=RIGS, show_default=DEFAULT_RIG),
+    ] = None,
     campaign: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="The rig that this campaign declares, instead of --rig."),
@@ -42,8 +56,8 @@ def validate(
     ] = None,
 ) -> None:
     """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
-    check_writable(json_file, report_file)
-    believed = _believed(rig) if campaign is None else _declared(campaign, rig)
+    check_writable(json_file, report_file, read=_read(controller, rig, campaign, requirements))
+    believed = _believed(rig or DEFAULT_RIG) if campaign is None else _declared(campaign)
     from twin.validation.requirements import defaults, read_requirements
 
     limits = defaults() if requirements is None else read_requirements(requirements)
@@ -66,6 +80,21 @@ def validate(
         raise typer.Exit(1)
 
 
+def _read(
+    controller: str, rig: str | None, campaign: Path | None, requirements: Path | None
+) -> Iterator[Path | None]:
+    """The files that a validation reads."""
+    if rig is not None and campaign is not None:
+        raise InputError("--rig and --campaign both say which rig; expected one of them")
+    yield from (controller_file(controller), requirements)
+    if rig is not None:
+        yield rig_file(rig)
+    if campaign is not None:
+        from twin.campaign import files_of
+
+        yield from files_of(campaign)
+
+
 def _believed(rig: str) -> Believed:
     """What a preset or a parameter file says."""
     declared, effects = load_rig(rig)
@@ -76,10 +105,8 @@ def _believed(rig: str) -> Believed:
     return Believed(declared, effects, *(() if rig in PRESETS else read_uncertainty(rig)))
 
 
-def _declared(campaign: Path, rig: str) -> Believed:
+def _declared(campaign: Path) -> Believed:
     """What a campaign says."""
-    if rig != DEFAULT_RIG:
-        raise InputError("--rig and --campaign both say which rig; expected one of them")
     from twin.campaign import read_campaign
     from twin.validation.rigs import declared_by
 
