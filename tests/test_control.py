@@ -180,6 +180,24 @@ def test_what_goes_wrong_in_a_run_is_said(tmp_path, line, message):
         law.torque({"hub_angle": 0.0, "time": 0.1}, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("states", "message"),
+    [
+        ("states = 3", "mine.py: states is 3; expected a dict"),
+        ("states = {'a': 'text'}", "mine.py: states is {'a': 'text'}; expected a dict"),
+        ("def states(self):\n        return {}", "mine.py: states is <bound method"),
+        (
+            "@property\n    def states(self):\n        return {'a': 1 / 0}",
+            "mine.py: line 6: ZeroDivisionError",
+        ),
+    ],
+)
+def test_states_that_are_no_numbers_are_said(tmp_path, states, message):
+    text = f"class make:\n    def torque(self, y, r):\n        return 0.0\n    {states}\n"
+    with pytest.raises(InputError, match=message):
+        run(plants.make("modal"), controller(user_file(tmp_path, text), RIG, PERIOD), lambda time: 0.0, 0.1)
+
+
 def test_missing_file_and_unknown_name_are_said():
     with pytest.raises(InputError, match="no such file"):
         controller("nowhere.py:make", RIG, PERIOD)

@@ -2,12 +2,13 @@
 
 import json
 import math
+import sys
 
 import numpy as np
 import pytest
 from test_stream import read
 
-from twin import scenarios
+from twin import run_stream, scenarios
 from twin.compare import compare, read_tracks
 from twin.errors import InputError
 from twin.experiment import Experiment, run_shown
@@ -246,10 +247,46 @@ def test_bad_input_is_one_message_and_nothing_is_written(twin, tmp_path, argumen
     assert not list(tmp_path.iterdir())
 
 
+def test_a_negative_seed_is_refused(twin, tmp_path):
+    code, out, err = twin("run", "lq-step-120", "--noise", "-1")
+    assert (code, out) == (2, "")
+    assert "Error: Invalid value for '--noise'" in err
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there is always a display")
+@pytest.mark.parametrize("display", [None, ":4711"])
 @pytest.mark.parametrize("arguments", [["view"], ["run", "lq-step-120", "--view"]])
-def test_without_a_display_it_says_so(twin, monkeypatch, arguments):
-    monkeypatch.delenv("DISPLAY", raising=False)
+def test_without_a_display_it_says_so(twin, monkeypatch, arguments, display):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    code, _, err = twin(*arguments)
-    assert code == 2
+    monkeypatch.delenv("DISPLAY", raising=False)
+    if display is not None:
+        monkeypatch.setenv("DISPLAY", display)
+    code, out, err = twin(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("Error: ")
     assert "needs a display" in err
+    assert err.count("\n") == 1
+
+
+# The rerun viewer
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="scripts of POSIX")
+def test_the_viewer_beside_the_interpreter_is_started(monkeypatch, tmp_path):
+    import rerun as rr
+
+    viewer = tmp_path / "rerun"
+    viewer.write_text("#!/bin/sh")
+    viewer.chmod(0o755)
+    asked = []
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(rr, "spawn", lambda **options: asked.append(options["executable_path"]))
+    run_stream.open_viewer("run")
+    assert asked == [str(viewer)]
+
+
+def test_a_viewer_that_does_not_start_is_said_in_one_line(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    with pytest.raises(InputError, match=r"viewer cannot be started: Failed to find [^\n]*$"):
+        run_stream.open_viewer("run")

@@ -5,6 +5,8 @@ What is shown is a track: a run, or a recording of the rig. A run can be sent pi
 
 from __future__ import annotations
 
+import shutil
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +16,7 @@ import numpy as np
 
 from twin import rerun_parts as parts
 from twin.closed_loop import Run
+from twin.errors import InputError
 from twin.recording import Recording, Sensor
 from twin.report import display
 
@@ -198,11 +201,21 @@ def open_file(path: Path, name: str) -> rr.RecordingStream:
 
 
 def open_viewer(name: str) -> rr.RecordingStream:
-    """Returns a stream into the viewer, which is started where none runs."""
+    """Returns a stream into the viewer, which is started where none runs.
+
+    Raises:
+      InputError: it cannot be started.
+    """
     import rerun as rr
 
     stream = rr.RecordingStream("flexlink-twin")
-    stream.spawn()
+    # The viewer stands beside the interpreter, where no activated environment says so.
+    viewer = shutil.which("rerun", path=Path(sys.executable).parent)
+    try:
+        rr.spawn(executable_path=viewer, recording=stream)
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[0]
+        raise InputError(f"the rerun viewer cannot be started: {reason}") from None
     stream.send_recording_name(name)
     return stream
 

@@ -25,7 +25,8 @@ from twin.outputs import check_writable
 Scenario = Annotated[
     str,
     typer.Argument(
-        help="bang-bang-20, -45, -60, -90 or -120; sinus-0.2 or -0.4; filtered-step-120; lq-step-120."
+        metavar="SCENARIO",
+        help="bang-bang-20, -45, -60, -90 or -120; sinus-0.2 or -0.4; filtered-step-120; lq-step-120.",
     ),
 ]
 PlantOption = Annotated[str, typer.Option("--plant", help="chain (MuJoCo) or modal.")]
@@ -41,7 +42,11 @@ ControllerOption = Annotated[
 Noise = Annotated[
     int | None,
     typer.Option(
-        "--noise", metavar="SEED", help="Noise and resolution of the rig's sensors.", show_default="none"
+        "--noise",
+        metavar="SEED",
+        help="Noise and resolution of the rig's sensors.",
+        min=0,
+        show_default="none",
     ),
 ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -102,12 +103,28 @@ def require_display(what: str) -> None:
     """Makes sure that there is a screen to show a window on.
 
     Raises:
-      InputError: there is none.
+      InputError: none is set, or the one that is set cannot be opened.
     """
-    if sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
-        raise InputError(
-            f"{what} needs a display, and DISPLAY and WAYLAND_DISPLAY are not set; "
-            "write a file with `twin run SCENARIO --rrd FILE` and open it elsewhere with `rerun FILE`"
-        )
+    if not sys.platform.startswith("linux"):
+        return
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise _no_display(what, "DISPLAY and WAYLAND_DISPLAY are not set")
+    if not _display_opens():
+        raise _no_display(what, "the one that DISPLAY or WAYLAND_DISPLAY names cannot be opened")
+
+
+def _display_opens() -> bool:
+    import glfw  # of MuJoCo's viewer
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        opened = bool(glfw.init())
+        glfw.terminate()
+    return opened
+
+
+def _no_display(what: str, why: str) -> InputError:
+    return InputError(
+        f"{what} needs a display, and {why}; "
+        "write a file with `twin run SCENARIO --rrd FILE` and open it elsewhere with `rerun FILE`"
+    )

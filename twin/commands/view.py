@@ -11,7 +11,9 @@ from twin.commands.shared import DEFAULT_RIG, RigOption, load_rig, require_displ
 
 
 def view(
-    scenario: Annotated[str, typer.Argument(help="A scenario of `twin run`.")] = "lq-step-120",
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="A scenario of `twin run`.")
+    ] = "lq-step-120",
     controller: ControllerOption = None,
     rig: RigOption = DEFAULT_RIG,
 ) -> None:

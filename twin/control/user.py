@@ -38,7 +38,13 @@ class UserController:
     @property
     def states(self) -> Mapping[str, float]:
         """What the user's object says of its state."""
-        return getattr(self._owner, "states", {})
+        said = _guarded(self._file, getattr, self._owner, "states", {})
+        try:
+            return {str(name): float(value) for name, value in said.items()}
+        except (AttributeError, TypeError, ValueError):
+            raise InputError(
+                f"{self._file}: states is {said!r}; expected a dict from names to numbers"
+            ) from None
 
     def reset(self) -> None:
         """Resets the user's object, where it can be."""
