@@ -3,6 +3,8 @@
 import json
 import math
 import sys
+from itertools import chain
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from twin import run_stream, scenarios
 from twin.compare import compare, read_tracks
 from twin.errors import InputError
 from twin.experiment import Experiment, run_shown
+from twin.rig_file import header, parameter_lines
 from twin.rigs import preset
 from twin.run_files import read_track, write_csv
 from twin.viewer import watch
@@ -26,6 +29,13 @@ def experiment(name="lq-step-120", plant="compiled", **more) -> Experiment:
 @pytest.fixture(scope="module")
 def chain_run():
     return experiment(plant="chain").run()
+
+
+def rig_file(path: Path, air_drag: bool = False, **values: float) -> None:
+    """Writes a parameter file of the rig with other values."""
+    effect = ["", "[effects.air-drag]", "coefficient = 0.01"] if air_drag else []
+    lines = chain.from_iterable(parameter_lines(p) for p in RIG.replace(**values).parameters.values())
+    path.write_text("\n".join([*header("mine", "for a test"), *lines, *effect]) + "\n", encoding="utf-8")
 
 
 # The paper's figures: Bossi et al. 2009, section VI
@@ -133,6 +143,29 @@ def test_rerun_file_holds_the_run_and_its_ghost(tmp_path):
     assert len(tips) == pytest.approx(5 * 60, abs=3)
 
 
+def test_what_is_sent_while_a_run_goes_on_is_what_the_file_holds(tmp_path, monkeypatch):
+    live, path = tmp_path / "live.rrd", tmp_path / "run.rrd"
+    monkeypatch.setattr(run_stream, "open_viewer", lambda name: run_stream.open_file(live, name))
+    run_shown(experiment(noise=1), path, view=True, ghost="other")
+    streamed, written = read(live), read(path)
+    assert streamed.keys() == written.keys()
+    assert {"/run/difference_hub_angle/1_modal", "/run/difference_tip_deflection/1_modal"} < written.keys()
+    for entity, columns in written.items():
+        order = np.argsort(streamed[entity]["sim_time"], kind="stable")
+        np.testing.assert_allclose(streamed[entity]["sim_time"][order], columns["sim_time"], atol=1e-9)
+        if "scalars" in columns:
+            there = np.concatenate([streamed[entity]["scalars"][i] for i in order])
+            np.testing.assert_allclose(there, np.concatenate(list(columns["scalars"])), atol=1e-12)
+
+
+def test_where_the_modal_model_has_no_such_effect_it_is_said_that_no_ghost_is_shown(twin, tmp_path):
+    rig_file(tmp_path / "rig.toml", air_drag=True)
+    code, out, _ = twin("run", "lq-step-120", "--rig", "rig.toml", "--rrd", "run.rrd")
+    assert code == 0
+    assert "No ghost is shown: effect air-drag has no place in the modal plant." in out
+    assert not any("modal" in entity for entity in read(tmp_path / "run.rrd"))
+
+
 def test_pieces_of_a_run_are_the_run():
     pieces = []
     whole = experiment().run(pieces.append)
@@ -160,6 +193,34 @@ def test_files_of_one_name_are_told_apart(tmp_path, chain_run):
         path.parent.mkdir()
         write_csv(chain_run, path)
     assert [track.name for track in read_tracks(paths)] == [str(path) for path in paths]
+
+
+def test_runs_are_drawn_with_length_and_limit_of_their_rig(twin, tmp_path, chain_run):
+    rig_file(tmp_path / "long.toml", length=0.84, torque_limit=0.5)
+    for name in ("a.csv", "b.csv"):
+        write_csv(chain_run, tmp_path / name)
+    assert twin("compare", "a.csv", "b.csv", "--rig", "long.toml", "--rrd", "run.rrd")[0] == 0
+    found = read(tmp_path / "run.rrd")
+    tip = found["/run/arms/0_a_csv/payload"]["positions"][0][0]
+    assert np.hypot(tip[0], tip[1]) == pytest.approx(0.84, rel=1e-3)
+    assert found["/run/torque/limit_upper"]["scalars"][0][0] == 0.5
+
+
+def test_what_is_not_alike_is_said_in_a_sentence_and_numbers_are_readable(twin, tmp_path, chain_run):
+    write_csv(chain_run, tmp_path / "a.csv")
+    write_csv(experiment("sinus-0.2", plant="modal").run(), tmp_path / "b.csv")
+    code, out, _ = twin("compare", "a.csv", "b.csv")
+    assert code == 0
+    assert "b.csv lasts 20 s, a.csv 5 s" in out
+    assert "b.csv is of another experiment than a.csv" in out
+    assert "e+" not in out
+    rows = [line.rstrip() for line in out.splitlines() if line.rstrip().endswith(" %")]
+    assert len(rows) == 5
+    assert len({len(line) for line in rows}) == 1
+    write_csv(experiment(plant="modal").run(), tmp_path / "b.csv")
+    out = twin("compare", "a.csv", "b.csv")[1]
+    assert "lasts" not in out
+    assert "another experiment" not in out
 
 
 def test_one_file_is_nothing_to_compare(tmp_path):
@@ -233,6 +294,7 @@ def test_command_prints_and_writes_what_others_rely_on(twin, tmp_path):
         (["run", "lq-step-120", "--controller", "mine.py:make"], "mine.py: no such file"),
         (["run", "lq-step-120", "--rig", "bosi2009"], "did you mean 'bossi2009'"),
         (["run", "lq-step-120", "--csv", "nowhere/run.csv"], "there is no folder nowhere"),
+        (["run", "lq-step-120", "--ghost", "other"], "expected --rrd FILE or --view with it"),
         (["run", "lq-step-120", "--ghost", "twin", "--rrd", "a.rrd"], "is no ghost"),
         (["compare", "a.csv"], "expected two or more"),
         (["compare", "a.csv", "b.csv"], "a.csv"),

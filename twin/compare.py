@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,8 +38,12 @@ class Difference:
         return self.rms / self.span if self.span > 0 else float("nan")
 
 
-def read_tracks(paths: Sequence[Path]) -> list[Track]:
+def read_tracks(paths: Sequence[Path], rig: Mapping[str, float] | None = None) -> list[Track]:
     """Reads files, each of a run or of a campaign; files of one name are told apart by their path.
+
+    Args:
+      paths: the files.
+      rig: of the runs; None for `bossi2009`.
 
     Raises:
       InputError: a file cannot be used, or there are fewer than two.
@@ -47,7 +51,7 @@ def read_tracks(paths: Sequence[Path]) -> list[Track]:
     if len(paths) < 2:
         raise InputError(f"got {len(paths)} file; expected two or more to compare")
     count = Counter(path.name for path in paths)
-    tracks = [read_track(path) for path in paths]
+    tracks = [read_track(path, rig) for path in paths]
     return [
         replace(track, name=str(path)) if count[path.name] > 1 else track
         for path, track in zip(paths, tracks, strict=True)
@@ -84,3 +88,29 @@ def compare(tracks: Sequence[Track]) -> list[Difference]:
                 )
             )
     return found
+
+
+_SAME = 0.01  # of a duration, or of the range of a reference
+
+
+def remarks(tracks: Sequence[Track]) -> Iterator[str]:
+    """Yields a sentence for each track that lasts longer or shorter than the first, or follows another reference."""
+    first = tracks[0]
+    for other in tracks[1:]:
+        lasts, wanted = (float(track.time[-1] - track.time[0]) for track in (other, first))
+        if abs(lasts - wanted) > _SAME * wanted:
+            yield (
+                f"{other.name} lasts {lasts:.4g} s, {first.name} {wanted:.4g} s: "
+                "they are compared over the time that both cover."
+            )
+        if _references_differ(first, other):
+            yield f"{other.name} is of another experiment than {first.name}: its hub follows another reference."
+
+
+def _references_differ(first: Track, other: Track) -> bool:
+    if not all("hub_reference" in track.channels for track in (first, other)):
+        return False
+    wanted = first.channels["hub_reference"]
+    there = np.interp(first.time, other.time, other.channels["hub_reference"])
+    shared = (first.time >= other.time[0]) & (first.time <= other.time[-1])
+    return float(np.mean(np.abs(there - wanted)[shared])) > _SAME * float(np.abs(wanted).max())

@@ -70,24 +70,27 @@ class Experiment:
         """Returns what is shown beside it: "other" plant, "none", or a CSV file of a run or of a campaign.
 
         Raises:
-          InputError: it is none of these, or the file cannot be read.
+          InputError: it is none of these, the other plant has no such effect, or the file cannot be read.
         """
         if what == "none":
             return None
         if what == "other":
             other = replace(self, plant="chain" if self.plant == "modal" else "modal")
-            try:
-                return run_stream.of_run(other.run(), other.plant)
-            except InputError:
-                return None  # the modal model has no such effect
+            return run_stream.of_run(other.run(), other.plant)
         if not what.endswith(".csv"):
             raise InputError(f"'{what}' is no ghost; expected other, none, or a CSV file")
         from twin.run_files import read_track
 
-        return read_track(Path(what), self.rig["length"])
+        return read_track(Path(what), self.rig)
 
 
-def run_shown(experiment: Experiment, rrd: Path | None, view: bool, ghost: str) -> Run:
+def run_shown(
+    experiment: Experiment,
+    rrd: Path | None,
+    view: bool,
+    ghost: str,
+    remark: Callable[[str], None] = lambda text: None,
+) -> Run:
     """Runs an experiment and shows it: in a file, or in the viewer piece by piece while it goes on.
 
     Args:
@@ -95,11 +98,18 @@ def run_shown(experiment: Experiment, rrd: Path | None, view: bool, ghost: str) 
       rrd: file for the viewer; None for none.
       view: show it in the viewer, which is started.
       ghost: what is shown beside it, see `Experiment.ghost`.
+      remark: told why the other plant is not shown, where it has no such effect.
     """
     if rrd is None and not view:
         return experiment.run()
     name, length = f"{experiment.scenario}, {experiment.plant}", experiment.rig["length"]
-    beside = experiment.ghost(ghost)
+    try:
+        beside = experiment.ghost(ghost)
+    except InputError as error:
+        if ghost != "other":
+            raise
+        beside = None
+        remark(f"No ghost is shown: {str(error).partition(';')[0]}.")
     run = _run_in_viewer(experiment, beside, name) if view else experiment.run()
     if rrd is not None:
         track = run_stream.of_run(run, experiment.plant)
@@ -120,6 +130,8 @@ def _run_in_viewer(experiment: Experiment, ghost: Track | None, name: str) -> Ru
             if ghost is not None:
                 sender.send(1, ghost)
         sender.send(0, track)
+        if ghost is not None:
+            sender.send_differences(track, [ghost])
 
     run = experiment.run(show)
     run_stream.close(stream)

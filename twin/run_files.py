@@ -14,10 +14,12 @@ from twin.closed_loop import Run
 from twin.errors import InputError
 from twin.mjcf import GAUGES
 from twin.outputs import writing
-from twin.recording import CHANNEL_UNITS, Recording
+from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.rigs import preset
 from twin.run_stream import Track, of_recording
 from twin.table import read_table
+
+_OTHER = (".json", ".rrd", ".toml", ".html")  # what else the twin writes
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
@@ -46,12 +48,13 @@ def _rows(table: Mapping[str, np.ndarray]) -> Iterator[list[str]]:
         yield [f"{value:.9g}" for value in row]
 
 
-def read_track(path: Path, length: float | None = None) -> Track:
+def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
     """Reads what there is to see of a CSV file: of a campaign, if its folder has a campaign.toml, else of a run.
 
     Args:
       path: the file.
-      length: of the link in a run [m]; None for that of `bossi2009`. A campaign says its own.
+      rig: of a run, whose length [m] and torque limit [N m] the file does not say; None for `bossi2009`. A campaign
+        says its own.
 
     Raises:
       InputError: the file, or its campaign, cannot be used.
@@ -61,8 +64,12 @@ def read_track(path: Path, length: float | None = None) -> Track:
         recordings = {r.name: r for r in (*campaign.fit, *campaign.holdout())}
         if path.name not in recordings:
             raise InputError(f"{path}: its campaign has no such recording; it has {', '.join(recordings)}")
-        return of_recording(recordings[path.name], campaign.rig["length"], campaign.sensors)
-    return _run_track(path, preset("bossi2009")["length"] if length is None else length)
+        return _of_rig(recordings[path.name], campaign.rig, campaign.sensors)
+    return _run_track(path, preset("bossi2009") if rig is None else rig)
+
+
+def _of_rig(recording: Recording, rig: Mapping[str, float], sensors: Mapping[str, Sensor]) -> Track:
+    return replace(of_recording(recording, rig["length"], sensors), torque_limit=rig["torque_limit"])
 
 
 def files_read(path: Path) -> tuple[Path, ...]:
@@ -74,8 +81,12 @@ def files_read(path: Path) -> tuple[Path, ...]:
     return (path, *files_of(path.parent)) if (path.parent / "campaign.toml").is_file() else (path,)
 
 
-def _run_track(path: Path, length: float) -> Track:
+def _run_track(path: Path, rig: Mapping[str, float]) -> Track:
     """A file with a column for each channel, in SI units, as `write_csv` writes it."""
+    if path.suffix.lower() in _OTHER and path.is_file():
+        raise InputError(
+            f"{path} is not a CSV file; expected a run as `twin run --csv` writes it, or a recording of a campaign"
+        )
     table = read_table(path, path.name)
     if "time" not in table.columns or "hub_angle" not in table.columns:
         raise InputError(
@@ -84,6 +95,6 @@ def _run_track(path: Path, length: float) -> Track:
         )
     channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
     recording = Recording(path.name, table.columns["time"], channels)
-    track = of_recording(recording, length, {g.channel: g for g in GAUGES})
+    track = _of_rig(recording, rig, {g.channel: g for g in GAUGES})
     states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
     return replace(track, modes=table.columns.get("mode"), states=states)

@@ -55,6 +55,11 @@ class Track:
     states: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     torque_limit: float | None = None
 
+    @property
+    def length(self) -> float:
+        """Length of the link [m], along its line at the first instant."""
+        return float(np.linalg.norm(np.diff(self.line[0], axis=0), axis=1).sum())
+
 
 def of_run(run: Run, name: str) -> Track:
     """Returns what there is to see of a run."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import JsonFile, console, progress
+from twin.commands.shared import DEFAULT_RIG, RIGS, JsonFile, console, load_rig, progress, rig_file
 from twin.json_file import write_json
 from twin.outputs import check_writable
 
@@ -21,6 +22,10 @@ def compare(
         list[Path],
         typer.Argument(metavar="A.csv B.csv ...", help="Runs, or recordings in a campaign's folder."),
     ],
+    rig: Annotated[
+        str,
+        typer.Option("--rig", metavar="NAME|FILE", help=f"Of the runs; a campaign declares its own. {RIGS}"),
+    ] = DEFAULT_RIG,
     rrd_file: Annotated[
         Path | None, typer.Option("--rrd", metavar="FILE", help="Lay them over one another here, for rerun.")
     ] = None,
@@ -29,20 +34,21 @@ def compare(
     """Lay runs and recordings over one another on one timeline, with their difference from the first."""
     from twin.run_files import files_read
 
-    check_writable(rrd_file, json_file, read=[read for file in files for read in files_read(file)])
+    read = [read for file in files for read in files_read(file)]
+    check_writable(rrd_file, json_file, read=[*read, rig_file(rig)])
+    declared, _ = load_rig(rig)
     with progress() as report:
         report("reading the files")
         from twin import run_stream
         from twin.compare import compare as compared
-        from twin.compare import read_tracks
-        from twin.rigs import preset
+        from twin.compare import read_tracks, remarks
 
-        tracks = read_tracks(files)
+        tracks = read_tracks(files, declared)
         rows = compared(tracks)
         if rrd_file is not None:
             report("writing the recording")
-            length = preset("bossi2009")["length"]
-            run_stream.write_rrd(tracks, length, rrd_file, ", ".join(track.name for track in tracks))
+            name = ", ".join(track.name for track in tracks)
+            run_stream.write_rrd(tracks, tracks[0].length, rrd_file, name)
     if json_file is not None:
         write_json(
             json_file,
@@ -52,6 +58,8 @@ def compare(
             },
         )
     _print(tracks[0].name, rows)
+    for line in remarks(tracks):
+        console().print(line, highlight=False, markup=False)
 
 
 def _print(first: str, rows: list[Difference]) -> None:
@@ -63,8 +71,16 @@ def _print(first: str, rows: list[Difference]) -> None:
     table = Table(
         "", "channel", "RMS", "largest", "unit", "RMS/span", box=None, title=title, title_justify="left"
     )
+    for column in (2, 3, 5):
+        table.columns[column].justify = "right"
     for row in rows:
         shown = display.channel(row.channel)
-        values = (f"{shown.factor * row.rms:.3g}", f"{shown.factor * row.largest:.3g}")
-        table.add_row(row.name, shown.label, *values, shown.unit, f"{100 * row.relative:.2g} %")
+        values = (_number(shown.factor * row.rms), _number(shown.factor * row.largest))
+        share = f"{_number(100 * row.relative, 2)} %" if isfinite(row.relative) else "at rest"
+        table.add_row(row.name, shown.label, *values, shown.unit, share)
     console().print(table, highlight=False)
+
+
+def _number(value: float, digits: int = 3) -> str:
+    """A number with so many digits, or with all before its point: no power of ten where it is large."""
+    return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"

@@ -19,6 +19,7 @@ from twin.commands.shared import (
     require_display,
     rig_file,
 )
+from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
 
@@ -64,29 +65,34 @@ def run(
         bool, typer.Option("--view", help="Show the run in the rerun viewer while it goes on.")
     ] = False,
     ghost: Annotated[
-        str,
+        str | None,
         typer.Option(
-            metavar="other|none|FILE.csv", help="Shown beside the run: the other plant, nothing, a recording."
+            metavar="other|none|FILE.csv",
+            help="Shown beside the run, with --rrd or --view: the other plant, nothing, a recording.",
+            show_default="other",
         ),
-    ] = "other",
+    ] = None,
     csv_file: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write the run here, as a recording.")
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Run one of the paper's experiments on the chain or the modal model, under any controller."""
-    read = (rig_file(rig), controller_file(controller), *_read_for(ghost))
+    read = (rig_file(rig), controller_file(controller), *_read_for(ghost or ""))
     check_writable(csv_file, json_file, rrd_file, read=read)
+    if ghost is not None and rrd_file is None and not view:
+        raise InputError("--ghost is shown beside a run; expected --rrd FILE or --view with it")
     declared, effects = load_rig(rig)
     if view:
         require_display("--view")
+    remarks: list[str] = []
     with progress() as report:
         report("loading the plants")
         from twin.experiment import Experiment, run_shown
 
         experiment = Experiment(scenario, plant, declared, effects, controller, noise)
         report(f"{scenario} on the {plant}")
-        result = run_shown(experiment, rrd_file, view, ghost)
+        result = run_shown(experiment, rrd_file, view, ghost or "other", remarks.append)
     figures = experiment.metrics(result)
     answer = {
         "scenario": scenario,
@@ -103,6 +109,8 @@ def run(
     if json_file is not None:
         write_json(json_file, answer)
     _print(answer)
+    for line in remarks:
+        console().print(line, highlight=False, markup=False)
 
 
 def _read_for(ghost: str) -> tuple[Path, ...]:
