@@ -158,8 +158,8 @@ def test_bad_files_are_named(tmp_path, text, message):
 def test_missing_and_binary_files_are_named(tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         read_rig_file(tmp_path / "none.toml")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder; expected a rig as a TOML file"):
         read_rig_file(tmp_path)
     (tmp_path / "rig.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="rig.toml is not UTF-8"):
+    with pytest.raises(InputError, match="rig.toml is not UTF-8 text; expected a rig as TOML$"):
         read_rig_file(tmp_path / "rig.toml")

@@ -203,3 +203,5 @@ def test_missing_file_and_unknown_name_are_said():
         controller("nowhere.py:make", RIG, PERIOD)
     with pytest.raises(InputError, match="did you mean 'lqi'"):
         controller("lqj", RIG, PERIOD)
+    with pytest.raises(InputError, match=r"expected siso\.py:NAME$"):
+        controller("siso.py", RIG, PERIOD)

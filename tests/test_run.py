@@ -228,6 +228,27 @@ def test_one_file_is_nothing_to_compare(tmp_path):
         read_tracks([tmp_path / "a.csv"])
 
 
+def test_what_is_no_table_is_refused_as_such(twin, tmp_path):
+    (tmp_path / "a.json").write_text("{}")
+    (tmp_path / "b.csv").write_text("time,hub_angle\n0,1\n1,2\n")
+    (tmp_path / "law.bin").write_bytes(b"\x00\xff")
+    for arguments, message in (
+        (("compare", "a.json", "b.csv"), "a.json is not a CSV file; expected a run"),
+        (("run", "lq-step-120", "--rig", "."), ". is a folder; expected a rig as a TOML file"),
+        (("run", "lq-step-120", "--rig", "b.csv"), "expected a rig as TOML"),
+        (("run", "lq-step-120", "--rig", "law.bin"), "law.bin is not UTF-8 text; expected a rig as TOML"),
+    ):
+        code, out, error = twin(*arguments)
+        assert (code, out) == (2, "")
+        assert message in error
+
+
+def test_the_help_of_validate_has_every_scenario_that_comes_to_rest(twin):
+    said = twin("validate", "--help")[1]
+    for name in scenarios.SCENARIOS:
+        assert (name.rpartition("-")[2] in said) == (not name.startswith("sinus"))
+
+
 def test_a_file_without_channels_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n")
     with pytest.raises(InputError, match="expected time and hub_angle"):

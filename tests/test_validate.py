@@ -418,6 +418,7 @@ def test_stricter_requirements_fail(twin, tmp_path):
         (("lqy",), "'lqy' is not a controller.*did you mean 'lqi'"),
         (("lqi", "--scenario", "sinus-0.2"), "the reference of sinus-0.2 does not come to rest"),
         (("lqi", "--rig", "none.toml"), "there is no such file"),
+        (("lqi", "--rig", "."), "is a folder; expected a TOML file; for a campaign use --campaign"),
         (("lqi", "--json", "none/v.json"), "there is no folder none"),
         (("none.py:law",), "none.py"),
     ],

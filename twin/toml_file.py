@@ -23,8 +23,11 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         return tomllib.loads(path.read_bytes().decode("utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; expected {what} as TOML") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder; expected {what} as a TOML file") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name} is not UTF-8 text; expected {what} as TOML") from None
     except ValueError as error:
-        form = "UTF-8" if isinstance(error, UnicodeDecodeError) else "TOML"
-        raise InputError(f"{path.name} is not {form}: {error}") from None
+        raise InputError(f"{path.name} is not TOML: {error}; expected {what} as TOML") from None

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from twin.validation.rigs import Believed
     from twin.validation.validation import Validation
 
+_STEPS = "lq-step-120, filtered-step-120, or bang-bang-20, -45, -60, -90, -120: a step of that angle."
+
 
 def validate(
     controller: Annotated[
@@ -45,10 +47,13 @@ def validate(
         typer.Option(metavar="FOLDER", help="The rig that this campaign declares, instead of --rig."),
     ] = None,
     rigs: Annotated[int, typer.Option(help="Number of rigs to draw.", min=1)] = 200,
-    scenario: Annotated[str, typer.Option(help="Scenario whose reference comes to rest.")] = "lq-step-120",
+    scenario: Annotated[str, typer.Option(metavar="NAME", help=_STEPS)] = "lq-step-120",
     seed: Annotated[int, typer.Option(help="Of the draw.", min=0)] = 0,
     requirements: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Other limits, TOML.", show_default="stated defaults")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Other limits, TOML: docs/validation.md.", show_default="stated defaults"
+        ),
     ] = None,
     json_file: JsonFile = None,
     report_file: Annotated[
@@ -97,6 +102,8 @@ def _read(
 
 def _believed(rig: str) -> Believed:
     """What a preset or a parameter file says."""
+    if Path(rig).is_dir():
+        raise InputError(f"{rig} is a folder; expected a TOML file; for a campaign use --campaign")
     declared, effects = load_rig(rig)
     from twin.rig_file import read_uncertainty
     from twin.rigs import PRESETS

@@ -54,6 +54,8 @@ def controller(name: str, rig: Mapping[str, float], period: float) -> Controller
     if name in CONTROLLERS:
         return CONTROLLERS[name](rig, period)
     file, colon, attribute = name.rpartition(":")
+    if name.endswith(".py"):
+        raise InputError(f"'{name}' says no controller of the file; expected {name}:NAME")
     if not colon or not file.endswith(".py"):
         known = ", ".join(CONTROLLERS)
         raise InputError(
