@@ -28,32 +28,32 @@ def rows(result: Validation) -> Iterator[tuple[str, ...]]:
     """Requirement, limit, figure as believed, median, worst, number of rigs that miss it, what drives it."""
     for v in result.verdicts:
         sign = "≥" if v.requirement.at_least else "≤"
-        unit = "" if v.requirement.unit == "1" else f" {v.requirement.unit}"
         figures = (v.nominal, float(np.median(v.values)), v.worst_value)
         yield (
-            v.requirement.name.replace("_", " "),
-            f"{sign} {v.requirement.limit:g}{unit}",
-            *(number(value) for value in figures),
+            _name(v),
+            f"{sign} {v.requirement.limit:g}{_unit(v)}",
+            *(with_unit(v, value) for value in figures),
             str(v.failed) if v.failed else "none",
             ", ".join(driver(d) for d in v.drivers),
         )
 
 
 def worst_cases(result: Validation) -> Iterator[str]:
-    """For each limit that rigs miss, the worst rig and the parameters that make it so."""
-    for v in result.verdicts:
-        if v.failed:
-            name = v.requirement.name.replace("_", " ")
-            yield f"worst {name}: rig {v.worst.drawn.number}, {_with_unit(v)}: {_reason(result, v)}"
+    """For each rig that is worst at a limit that rigs miss, its figures there and the parameters that make them so."""
+    missed = [v for v in result.verdicts if v.failed]
+    for rig in dict.fromkeys(v.worst.drawn.number for v in missed):
+        here = [v for v in missed if v.worst.drawn.number == rig]
+        figures = ", ".join(f"{_name(v)} {with_unit(v, v.worst_value)}" for v in here)
+        yield f"worst {figures}: rig {rig}, {_reason(result, here)}"
 
 
-def _reason(result: Validation, verdict: Verdict) -> str:
-    """The parameters of the worst rig that drive the figure; else what is odd about it."""
-    if verdict.drivers:
-        return ", ".join(f"{d.name} {value(result, verdict.worst, d.name)}" for d in verdict.drivers)
-    return (
-        f"no parameter stands out over the fleet; farthest off: {', '.join(farthest(result, verdict.worst))}"
-    )
+def _reason(result: Validation, verdicts: list[Verdict]) -> str:
+    """The parameters of the worst rig that drive the figures; else what is odd about it."""
+    worst = verdicts[0].worst
+    names = dict.fromkeys(d.name for v in verdicts for d in v.drivers)
+    if names:
+        return ", ".join(f"{name} {value(result, worst, name)}" for name in names)
+    return f"no parameter stands out over the fleet; farthest off: {', '.join(farthest(result, worst))}"
 
 
 def farthest(result: Validation, outcome: Outcome, count: int = 3) -> list[str]:
@@ -93,6 +93,15 @@ def number(figure: float) -> str:
     return "never" if math.isinf(figure) else f"{figure:.3g}"
 
 
-def _with_unit(verdict: Verdict) -> str:
-    figure, unit = verdict.worst_value, verdict.requirement.unit
-    return number(figure) if math.isinf(figure) or unit == "1" else f"{number(figure)} {unit}"
+def with_unit(verdict: Verdict, figure: float) -> str:
+    """A figure of a requirement in its unit."""
+    return number(figure) if math.isinf(figure) else f"{number(figure)}{_unit(verdict)}"
+
+
+def _unit(verdict: Verdict) -> str:
+    unit = verdict.requirement.unit
+    return "" if unit == "1" else f" {unit}"
+
+
+def _name(verdict: Verdict) -> str:
+    return verdict.requirement.name.replace("_", " ")
