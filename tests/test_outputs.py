@@ -7,7 +7,7 @@ import campaign_folder
 import pytest
 
 from twin.errors import InputError
-from twin.outputs import check_writable
+from twin.outputs import ResultsFolder, check_writable
 
 CASES = {
     "compare over its first file": ("compare a.csv b.csv --rrd a.csv", "a.csv"),
@@ -49,7 +49,7 @@ CASES = {
         "identify camp --against other --json other/pull.csv",
         "other/pull.csv",
     ),
-    "identify over its answer": ("identify camp --out new --json new/identification.json", "another result"),
+    "identify over its page": ("identify camp --out new --json new/identification.html", "another result"),
 }
 
 
@@ -90,3 +90,12 @@ def test_a_link_to_an_input_is_that_input(files):
 
 def test_what_is_no_file_may_take_everything():
     check_writable(Path(os.devnull), Path(os.devnull))
+
+
+def test_an_answer_may_go_where_the_folder_has_it_anyway(tmp_path):
+    results = ResultsFolder("diagnosis", {"report": "page.html", "answer": "a.json"}, "a.json", frozenset())
+    own = results.written(tmp_path, tmp_path / "a.json")
+    assert own == (tmp_path / "page.html",)
+    check_writable(tmp_path / "a.json", made=tmp_path, beside=own)
+    with pytest.raises(InputError, match=r"another result goes to"):
+        check_writable(tmp_path / "a.json", made=tmp_path, beside=results.written(tmp_path))

@@ -47,9 +47,15 @@ class ResultsFolder:
         """Returns the folder, in the working directory, that is named after a campaign."""
         return Path(f"{campaign.resolve().name or 'campaign'}-{self.kind}")
 
-    def written(self, folder: Path) -> tuple[Path, ...]:
-        """Returns the files that the command fills such a folder with."""
-        return tuple(folder / name for name in self.files.values())
+    def written(self, folder: Path, answer: Path | None = None) -> tuple[Path, ...]:
+        """Returns the files that the command fills such a folder with, beside an answer that is written, too.
+
+        One that goes where the folder has its own is the same.
+        """
+        files = [folder / name for name in self.files.values()]
+        if answer is not None and _same(answer, folder / self.answer):
+            files.remove(folder / self.answer)
+        return tuple(files)
 
     def _check(self, folder: Path, force: bool) -> None:
         with _readable(folder):

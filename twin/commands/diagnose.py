@@ -81,7 +81,7 @@ def _diagnose(
     from twin.report import print_summary
 
     folder = deliver.FOLDER.chosen(out, campaign, force)
-    written, read = deliver.FOLDER.written(folder), (*files_of(campaign), rig)
+    written, read = deliver.FOLDER.written(folder, json_file), (*files_of(campaign), rig)
     check_writable(json_file, made=folder, beside=written, read=read)
     given = read_campaign(campaign)
     if rig is not None:

@@ -42,7 +42,8 @@ def identify(
 
     folder = deliver.FOLDER.chosen(out, campaign, force)
     read = (*files_of(campaign), *(() if against is None else files_of(against)))
-    check_writable(json_file, made=folder, beside=deliver.FOLDER.written(folder), read=read)
+    written = deliver.FOLDER.written(folder, json_file)
+    check_writable(json_file, made=folder, beside=written, read=read)
     given = read_campaign(campaign)
     other = read_campaign(against) if against is not None else None
     with progress() as report:
