@@ -226,6 +226,7 @@ def _trace(fit: list[Prediction]) -> Trace:
             "time": time,
         },
         recording=np.concatenate([np.full(len(r), i) for i, r in moving]),
+        since_start=np.concatenate([r.time - r.time[0] for _, r in moving]),
         explained_by="hub_angle",
         fitted=true,
     )

@@ -217,10 +217,16 @@ def test_without_held_out_recordings_fit_ones_are_named_so(diagnosis):
 
 def test_empty_trace_has_no_figure():
     none = np.array([])
-    empty = Trace("torque [N m]", none, none, {"hub_angle": none}, none.astype(int), "hub_angle", none)
+    empty = Trace("torque [N m]", none, none, {"hub_angle": none}, none.astype(int), none, "hub_angle", none)
     assert trace_figure(empty, "hub_angle") is None
     assert other_variables_figure(empty, "hub_angle") is None
-    lost = replace(empty, time=np.arange(3.0), values=np.full(3, np.nan), recording=np.zeros(3, dtype=int))
+    lost = replace(
+        empty,
+        time=np.arange(3.0),
+        values=np.full(3, np.nan),
+        recording=np.zeros(3, dtype=int),
+        since_start=np.arange(3.0),
+    )
     assert trace_figure(lost, None) is None
 
 

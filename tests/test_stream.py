@@ -79,6 +79,26 @@ def test_unmodelled_torque_belongs_to_fit_recordings(diagnosis, written):
     assert not [e for e in written if e.startswith("/holdout") and "unmodelled" in e]
 
 
+def test_torque_of_a_recording_that_begins_with_a_rest_comes_when_it_acts(diagnosis, tmp_path):
+    """A clock that does not start at zero; 0.3 s of rest, a rest of 0.2 s later on: no torque is known in them."""
+    p, trace = diagnosis.predictions["bang-bang-45.csv"], diagnosis.traces[0]
+    shifted = {m: (r := getattr(p, m)).replace(time=r.time + 5.0) for m in ("measured", "before", "after")}
+    within = trace.since_start
+    moves = (trace.recording == 0) | (within >= 0.3) & ((within < 0.6) | (within >= 0.8))
+    parts = {n: getattr(trace, n)[moves] for n in ("time", "values", "recording", "since_start", "fitted")}
+    late = replace(trace, variables={n: v[moves] for n, v in trace.variables.items()}, **parts)
+    predictions = {**diagnosis.predictions, "bang-bang-45.csv": replace(p, **shifted)}
+    write_rrd(replace(diagnosis, predictions=predictions, traces=(late,)), tmp_path / "late.rrd")
+    found = read(tmp_path / "late.rrd")
+    series = found["/fit/04_bang-bang-45/unmodelled/fitted"]
+    assert series["sim_time"] == pytest.approx(5.0 + within[moves & (trace.recording == 1)], abs=1e-9)
+    arrow = found["/fit/04_bang-bang-45/arms/unmodelled_torque"]
+    long = np.linalg.norm(np.array(list(arrow["vectors"]), dtype=float)[:, 0], axis=1) > 0
+    frames = arrow["sim_time"] - 5.0
+    moving = (frames >= 0.3) & ((frames <= 0.596) | (frames >= 0.8)) & (frames <= within[-1])
+    assert long.tolist() == moving.tolist()
+
+
 def test_clamped_recording_has_arms_but_no_hub_angle(written):
     entities = [e for e in written if e.startswith("/holdout/02_release")]
     assert "/holdout/02_release/arms/measured/link" in entities

@@ -16,6 +16,9 @@ from twin.recording import CHANNEL_UNITS, Recording
 
 Verdict = Literal["explained", "no-missing-effect", "outside-library"]
 
+UNSEEN = 0.02
+"""Time between two samples of a trace beyond which nothing is known of what lies between [s]."""
+
 
 @dataclass(frozen=True)
 class AdoptedEffect:
@@ -90,7 +93,8 @@ class Trace:
       variables: name -> (n) what it may depend on, SI: `hub_angle`, `hub_rate`, `time`, `torque_command`, ...
       explained_by: the variable that explains most of it, or None.
       fitted: (n) what the adopted effects say it should be, or None.
-      recording: (n) index of the recording that each sample belongs to.
+      recording: (n) index of the fit recording that each sample belongs to.
+      since_start: (n) [s] since the first sample of that recording.
     """
 
     label: str
@@ -98,6 +102,7 @@ class Trace:
     values: np.ndarray
     variables: Mapping[str, np.ndarray]
     recording: np.ndarray
+    since_start: np.ndarray
     explained_by: str | None = None
     fitted: np.ndarray | None = None
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import rerun_parts as parts
-from twin.diagnosis import Diagnosis, Prediction, Trace
+from twin.diagnosis import UNSEEN, Diagnosis, Prediction, Trace
 from twin.recording import Recording, Sensor
 from twin.report import display
 
@@ -113,20 +113,16 @@ class _Shown:
 
 
 def _samples(diagnosis: Diagnosis, trace: Trace, file: str) -> tuple[np.ndarray, np.ndarray]:
-    """Returns which samples of a trace belong to a file, and their time in it [s].
+    """Returns which samples of a trace belong to a file, and their time on its clock [s].
 
-    A trace numbers the fit recordings in their order and has them one after the other.
+    A trace numbers the fit recordings in their order.
     """
     files = list(display.by_role(diagnosis, "fit"))
     if file not in files:
         return np.array([], dtype=int), np.array([])
     mine = (np.asarray(trace.recording) == files.index(file)) & np.isfinite(trace.values)
     samples = np.flatnonzero(mine)
-    measured = diagnosis.predictions[file].measured
-    time = np.asarray(trace.time)[samples]
-    if len(time) and (time[0] < measured.time[0] - 1e-6 or time[-1] > measured.time[-1] + 1e-6):
-        time = time - time[0] + measured.time[0]
-    return samples, time
+    return samples, diagnosis.predictions[file].measured.time[0] + np.asarray(trace.since_start)[samples]
 
 
 def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
@@ -173,13 +169,20 @@ def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) 
     there = np.isfinite(pushing)
     if not there.any():
         return
-    torque = np.interp(frames, time[there], pushing[there])
+    torque = np.where(_seen(frames, time[there]), np.interp(frames, time[there], pushing[there]), 0.0)
     origins, vectors = _arrows(entry, frames, torque / max(np.abs(pushing[there]).max(), 1e-12))
     entity = f"{entry.root}/arms/unmodelled_torque"
     style = rr.Arrows3D.from_fields(colors=COLOURS["unmodelled"], radii=0.012 * entry.length)
     stream.log(entity, style, static=True)
     columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
     stream.send_columns(entity, [rr.TimeColumn(parts.TIMELINE, duration=frames)], columns)
+
+
+def _seen(instants: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Whether instants (k) [s] lie between two samples, at times (n) [s], that are close to each other."""
+    behind = np.searchsorted(time, instants, side="right")
+    last, next_one = time[np.clip(behind - 1, 0, None)], time[np.clip(behind, None, len(time) - 1)]
+    return (last <= instants) & (instants <= next_one) & (next_one - last <= UNSEEN)
 
 
 def _arrows(entry: _Shown, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

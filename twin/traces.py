@@ -278,7 +278,10 @@ def traces_of(found: Found, behind: Mapping[str, Unexplained]) -> tuple[Trace, .
         explained = order[0][0] if order and order[0][1] > 0.1 else None
         fitted = left.values - after.values if found.adopted else None
         variables = left.variables | (_travel(left) if explained == TRAVEL else {})
-        trace = Trace(label, left.time, left.values, variables, left.recording, explained, fitted)
+        since_start = left.variables["time"]
+        trace = Trace(
+            label, left.time, left.values, variables, left.recording, since_start, explained, fitted
+        )
         traces.append((gained, trace))
     return tuple(trace for _, trace in sorted(traces, key=lambda pair: -pair[0]))
 
