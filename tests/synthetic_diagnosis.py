@@ -216,7 +216,7 @@ def _trace(fit: list[Prediction]) -> Trace:
     rng = np.random.default_rng(7)
     time = np.concatenate([r.time + start for (_, r), start in zip(moving, ends, strict=False)])
     return Trace(
-        label="unmodelled hub torque [N m]",
+        channel="hub_torque",
         time=time,
         values=true + 1.2e-3 * rng.standard_normal(len(true)),
         variables={

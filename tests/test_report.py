@@ -1,5 +1,6 @@
 """The report and the summary say all that a reader needs, and nothing in a campaign breaks them."""
 
+import base64
 import io
 import json
 import re
@@ -14,7 +15,7 @@ from rich.console import Console
 from twin.diagnosis import ChannelError, Trace
 from twin.report import display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
-from twin.report.figures import compress, other_variables_figure, recording_figure, trace_figure
+from twin.report.figures import JoinedTime, compress, other_variables_figure, recording_figure, trace_figure
 from twin.report.html import render
 
 VERDICTS = {
@@ -138,7 +139,7 @@ def test_odd_names_are_escaped(diagnosis):
         notes=(name,),
         indistinguishable=((name, name),),
         predictions={name: diagnosis.predictions["bang-bang-90.csv"]},
-        traces=(replace(diagnosis.traces[0], label=name, variables={name: diagnosis.traces[0].values}),),
+        traces=(replace(diagnosis.traces[0], channel=name, variables={name: diagnosis.traces[0].values}),),
     )
     html = page(odd)
     assert not [tag for tag, _ in outline(html).tags if tag == "img"]
@@ -217,8 +218,8 @@ def test_without_held_out_recordings_fit_ones_are_named_so(diagnosis):
 
 def test_empty_trace_has_no_figure():
     none = np.array([])
-    empty = Trace("torque [N m]", none, none, {"hub_angle": none}, none.astype(int), none, "hub_angle", none)
-    assert trace_figure(empty, "hub_angle") is None
+    empty = Trace("hub_torque", none, none, {"hub_angle": none}, none.astype(int), none, "hub_angle", none)
+    assert trace_figure(empty, "hub_angle", JoinedTime.of([empty])) is None
     assert other_variables_figure(empty, "hub_angle") is None
     lost = replace(
         empty,
@@ -227,7 +228,27 @@ def test_empty_trace_has_no_figure():
         recording=np.zeros(3, dtype=int),
         since_start=np.arange(3.0),
     )
-    assert trace_figure(lost, None) is None
+    assert trace_figure(lost, None, JoinedTime.of([lost])) is None
+
+
+def test_trace_is_drawn_where_it_is_known_alone(diagnosis):
+    """Microstrain over the time of all recordings, the line broken in a rest of 0.2 s and between recordings."""
+    whole = diagnosis.traces[0]
+    known = (whole.since_start < 0.6) | (whole.since_start >= 0.8)
+    parts = {n: getattr(whole, n)[known] for n in ("time", "recording", "since_start")}
+    strain = replace(
+        whole, channel="strain_base", values=np.full(known.sum(), 1e-5), variables={}, fitted=None, **parts
+    )
+    figure = json.loads(trace_figure(strain, None, JoinedTime.of([whole, strain])).json)
+    [line], layout = figure["data"], figure["layout"]
+    x, y = (np.frombuffer(base64.b64decode(line[axis]["bdata"]), line[axis]["dtype"]) for axis in "xy")
+    assert np.flatnonzero(np.isnan(y)).tolist() == np.flatnonzero(np.isnan(x)).tolist()
+    assert np.isnan(y).sum() == 3
+    assert np.nanmax(y) == pytest.approx(10.0)
+    assert layout["yaxis"]["title"]["text"] == "unmodelled base strain [µε]"
+    assert layout["xaxis"]["range"] == [0.0, pytest.approx(whole.time[-1])]
+    [border] = layout["shapes"]
+    assert border["x0"] == pytest.approx(whole.time[whole.recording == 1][0])
 
 
 def test_partial_explanation_is_not_sold_as_a_whole(diagnosis):

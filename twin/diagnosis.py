@@ -87,9 +87,9 @@ class Trace:
     """What the calibrated model leaves unexplained, local in time: the picture of the cause.
 
     Attributes:
-      label: name and unit of the unexplained quantity, such as "unmodelled hub torque [N m]".
+      channel: whose: `hub_torque`, the balance of the hub, or the name of a sensor's channel.
       time: (n) [s], over all fit recordings one after the other.
-      values: (n) in the unit of the label.
+      values: (n) in the unit of the channel, SI.
       variables: name -> (n) what it may depend on, SI: `hub_angle`, `hub_rate`, `time`, `torque_command`, ...
       explained_by: the variable that explains most of it, or None.
       fitted: (n) what the adopted effects say it should be, or None.
@@ -97,7 +97,7 @@ class Trace:
       since_start: (n) [s] since the first sample of that recording.
     """
 
-    label: str
+    channel: str
     time: np.ndarray
     values: np.ndarray
     variables: Mapping[str, np.ndarray]

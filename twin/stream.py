@@ -16,6 +16,7 @@ import numpy as np
 
 from twin import rerun_parts as parts
 from twin.diagnosis import UNSEEN, Diagnosis, Prediction, Trace
+from twin.patch import HUB
 from twin.recording import Recording, Sensor
 from twin.report import display
 
@@ -106,7 +107,7 @@ class _Shown:
     def torque(self) -> tuple[Trace, np.ndarray, np.ndarray] | None:
         """The trace of an unmodelled torque with its samples and instants here, if there is one."""
         for trace in self.diagnosis.traces:
-            if "torque" in trace.label:
+            if trace.channel == HUB:
                 samples, time = _samples(self.diagnosis, trace, self.file)
                 return (trace, samples, time) if len(samples) else None
         return None
@@ -215,9 +216,9 @@ def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
     arms = parts.arms_view(entry.root, entry.length)
     plots = [parts.channel_view(f"{entry.root}/{name}", name) for name in entry.channels()]
     plots.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]"))
-    found = entry.torque()
-    if found:
-        plots.append(parts.series_view(f"{entry.root}/unmodelled", found[0].label))
+    if entry.torque():
+        shown = display.unmodelled(HUB)
+        plots.append(parts.series_view(f"{entry.root}/unmodelled", f"{shown.label} [{shown.unit}]"))
     left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
     return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)
 

@@ -14,6 +14,7 @@ from twin.diagnosis import Trace
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.low_pass import BAND, GRID
+from twin.patch import HUB
 from twin.verdict import SOUND
 from twin.view import move
 
@@ -31,13 +32,7 @@ _SELDOM = 0.05  # share of the pieces that knocks may fall into
 DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
 TRAVEL = "hub_travel"
 """How far the hub has turned since it turned round [rad]: what it did before."""
-_LABELS = {
-    "hub_torque": "unmodelled hub torque [N m]",
-    "strain_base": "unmodelled base strain [1]",
-    "strain_mid": "unmodelled mid strain [1]",
-    "tip_deflection": "unmodelled tip deflection [m]",
-    "tip_acceleration": "unmodelled tip acceleration [m/s^2]",
-}
+_SHOWN = (HUB, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 
 
 @dataclass(frozen=True)
@@ -269,7 +264,7 @@ def traces_of(found: Found, behind: Mapping[str, Unexplained]) -> tuple[Trace, .
     """
     traces = []
     before = unexplained(found.bench, found.data, found.base) if found.adopted else behind
-    for channel, label in _LABELS.items():
+    for channel in _SHOWN:
         if channel not in before or len(before[channel].values) < 50:
             continue
         left, after = before[channel], behind[channel]
@@ -280,7 +275,7 @@ def traces_of(found: Found, behind: Mapping[str, Unexplained]) -> tuple[Trace, .
         variables = left.variables | (_travel(left) if explained == TRAVEL else {})
         since_start = left.variables["time"]
         trace = Trace(
-            label, left.time, left.values, variables, left.recording, since_start, explained, fitted
+            channel, left.time, left.values, variables, left.recording, since_start, explained, fitted
         )
         traces.append((gained, trace))
     return tuple(trace for _, trace in sorted(traces, key=lambda pair: -pair[0]))

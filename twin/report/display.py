@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Prediction
+from twin.patch import HUB
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,12 @@ def channel(name: str) -> Shown:
 def variable(name: str) -> Shown:
     """Returns how a variable that an unexplained force may depend on is shown."""
     return _VARIABLES.get(name) or CHANNELS.get(name) or Shown(words(name), "", 1.0)
+
+
+def unmodelled(name: str) -> Shown:
+    """Returns how that is shown which a model leaves of a channel, or of the balance of the hub."""
+    shown = Shown("hub torque", "N m", 1.0) if name == HUB else channel(name)
+    return replace(shown, label=f"unmodelled {shown.label}")
 
 
 def words(name: str) -> str:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from twin import pages
-from twin.diagnosis import Patched, Prediction, Trace
+from twin.diagnosis import UNSEEN, Patched, Prediction, Trace
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report.decimate import decimate, thin
-from twin.report.display import MODELS, NOISE_LIKE, channel, over_noise, variable
+from twin.report.display import MODELS, NOISE_LIKE, channel, over_noise, unmodelled, variable
 
 COLOURS: Mapping[str, str] = {
     "measured": pages.INK,
@@ -69,12 +69,34 @@ def recording_figure(prediction: Prediction, points: int = 2000) -> Figure | Non
     return page.figure()
 
 
-def trace_figure(trace: Trace, against: str | None) -> Figure | None:
+@dataclass(frozen=True)
+class JoinedTime:
+    """The time axis that traces share: the fit recordings one after the other.
+
+    Attributes:
+      end: of what is shown [s].
+      starts: of recordings [s].
+    """
+
+    end: float
+    starts: tuple[float, ...]
+
+    @classmethod
+    def of(cls, traces: Sequence[Trace]) -> JoinedTime:
+        """The axis on which all of these can be seen."""
+        starts = {round(float(t), 6) for trace in traces for t in np.unique(trace.time - trace.since_start)}
+        return cls(
+            max((float(t) for trace in traces for t in trace.time), default=0.0), tuple(sorted(starts))
+        )
+
+
+def trace_figure(trace: Trace, against: str | None, axis: JoinedTime) -> Figure | None:
     """Returns an unexplained quantity against what explains it, and over time; None if it is empty.
 
     Args:
       trace: the unexplained quantity.
       against: the variable; None for the time alone.
+      axis: of the time.
     """
     kept = np.flatnonzero(np.isfinite(trace.values))
     if not len(kept):
@@ -82,7 +104,7 @@ def trace_figure(trace: Trace, against: str | None) -> Figure | None:
     page = _Page([1.0], row=340, columns=(0.46, 0.43) if against else (1.0,), linked=False)
     if against:
         _cloud_panel(page, 0, trace, against, kept)
-    _history_panel(page, 1 if against else 0, trace)
+    _history_panel(page, 1 if against else 0, trace, axis)
     return page.figure()
 
 
@@ -330,45 +352,65 @@ def _cloud_panel(
     points: int = 2500,
     legend: bool = True,
 ) -> None:
-    shown = variable(against)
+    shown, left = variable(against), unmodelled(trace.channel)
     x = shown.factor * np.asarray(trace.variables[against])
     kept = kept[np.isfinite(x[kept])]
     few = kept[thin(len(kept), points)]
-    hover = f"%{{y:.4g}} at %{{x:.4g}} {shown.unit}<extra></extra>"
+    hover = f"%{{y:.4g}} {left.unit} at %{{x:.4g}} {shown.unit}<extra></extra>"
     marker = {"color": COLOURS["cloud"], "size": 4 if legend else 3, "opacity": 0.5}
-    cloud = {"x": x[few].astype("f4"), "y": trace.values[few].astype("f4"), "mode": "markers"}
+    cloud = {"x": x[few].astype("f4"), "y": (left.factor * trace.values[few]).astype("f4"), "mode": "markers"}
     page.add(0, column, **cloud, marker=marker, name="unexplained", showlegend=legend, hovertemplate=hover)
     if trace.fitted is not None and legend:
-        fitted = {"x": cloud["x"], "y": trace.fitted[few].astype("f4"), "mode": "markers"}
+        fitted = cloud | {"y": (left.factor * trace.fitted[few]).astype("f4")}
         marker = {"color": COLOURS["after"], "size": 3.5}
         page.add(0, column, **fitted, marker=marker, name="fitted effect", hovertemplate=hover)
     page.set(page.axes(0, column)[0], title=_title(shown.label, shown.unit))
     if column == 0:
-        page.set(page.axes(0, column)[1], title={"text": html.escape(trace.label), "standoff": 4})
+        page.set(page.axes(0, column)[1], title=_title(left.label, left.unit))
     if not legend:
         page.set(page.axes(0, column)[1], nticks=5)
         page.set(page.axes(0, column)[0], nticks=5)
 
 
-def _history_panel(page: _Page, column: int, trace: Trace) -> None:
-    order = np.argsort(trace.time, kind="stable")
-    time = np.asarray(trace.time)[order]
-    x = page.axes(0, column)[0]
-    for i in np.flatnonzero(np.diff(np.asarray(trace.recording)[order]) != 0):
-        at = float(time[i : i + 2].mean())
-        border = {"type": "line", "xref": x, "x0": at, "x1": at, "yref": f"y{x[1:]} domain", "y0": 0, "y1": 1}
+def _history_panel(page: _Page, column: int, trace: Trace, axis: JoinedTime) -> None:
+    left = unmodelled(trace.channel)
+    x, y = page.axes(0, column)
+    for at in axis.starts[1:]:
+        border = {"type": "line", "xref": x, "x0": at, "x1": at, "yref": f"{y} domain", "y0": 0, "y1": 1}
         page.layout["shapes"].append({**border, "line": {"color": _AXIS, "width": 1, "dash": "dot"}})
-    values = {"unexplained": trace.values, "fitted effect": trace.fitted}
-    widths = {"unexplained": 0.8, "fitted effect": 1.8}
-    colours = {"unexplained": "#b9c0c7", "fitted effect": COLOURS["after"]}
-    for name, series in values.items():
-        if series is None:
+    # What is measured stays visible behind a thin line that follows it.
+    lines = (
+        ("unexplained", trace.values, "#b9c0c7", 3.0),
+        ("fitted effect", trace.fitted, COLOURS["after"], 1.0),
+    )
+    for name, values, colour, width in lines:
+        if values is None:
             continue
-        line = _line(time, np.asarray(series)[order], 2500)
-        style = {"mode": "lines", "line": {"color": colours[name], "width": widths[name]}}
+        line = _broken_line(trace, left.factor * np.asarray(values), 2500)
+        style = {"mode": "lines", "line": {"color": colour, "width": width}}
         page.add(
-            0, column, **line, **style, name=name, showlegend=column == 0, hovertemplate=_hover(name, "")
+            0,
+            column,
+            **line,
+            **style,
+            name=name,
+            showlegend=column == 0,
+            hovertemplate=_hover(name, left.unit),
         )
-    page.set(page.axes(0, column)[0], title=_title("time, fit recordings one after the other", "s"))
+    page.set(x, title=_title("time, fit recordings one after the other", "s"), range=[0.0, axis.end])
     if column == 0:
-        page.set(page.axes(0, column)[1], title={"text": html.escape(trace.label), "standoff": 4})
+        page.set(y, title=_title(left.label, left.unit))
+
+
+def _broken_line(trace: Trace, values: np.ndarray, points: int) -> dict[str, np.ndarray]:
+    """Returns values (n) of a trace over its time as a line that breaks between recordings and where it has a gap."""
+    order = np.argsort(trace.time, kind="stable")
+    time, values = np.asarray(trace.time)[order], values[order]
+    anew = (np.diff(time) > UNSEEN) | (np.diff(np.asarray(trace.recording)[order]) != 0)
+    pieces = np.split(np.arange(len(time)), np.flatnonzero(anew) + 1)
+    kept = [piece[decimate(values[piece], max(2, points * len(piece) // len(time)))] for piece in pieces]
+    breaks = np.cumsum([len(piece) for piece in kept])[:-1]
+    joined = np.concatenate(kept)
+    return {
+        axis: np.insert(v[joined], breaks, np.nan).astype("f4") for axis, v in (("x", time), ("y", values))
+    }

@@ -75,7 +75,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "scale": scale,
         "effects": [_effect(effect) for effect in diagnosis.effects],
         "ranking": _ranking(diagnosis),
-        "traces": [_trace(diagnosis, trace) for trace in diagnosis.traces],
+        "traces": list(_traces(diagnosis)),
         "held_out": list(_recordings(held_out)),
         "fit": list(_recordings(fit)),
         "remaining": _remaining(diagnosis),
@@ -212,14 +212,20 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> list[dict[str, Any]]:
     ]
 
 
-def _trace(diagnosis: Diagnosis, trace: Trace) -> dict[str, Any]:
+def _traces(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
+    axis = figures.JoinedTime.of(diagnosis.traces)
+    for trace in diagnosis.traces:
+        yield _trace(diagnosis, trace, axis)
+
+
+def _trace(diagnosis: Diagnosis, trace: Trace, axis: figures.JoinedTime) -> dict[str, Any]:
     against = _against(diagnosis, trace)
     return {
-        "label": trace.label,
+        "label": display.unmodelled(trace.channel).label,
         "against": display.variable(against).label if against else None,
         "explained": trace.explained_by is not None,
         "fitted": trace.fitted is not None,
-        "figure": figures.trace_figure(trace, against),
+        "figure": figures.trace_figure(trace, against, axis),
         "others": figures.other_variables_figure(trace, against),
     }
 
