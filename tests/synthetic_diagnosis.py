@@ -149,6 +149,10 @@ def diagnosis(duration: float = 2.0, rate: float = 250.0, **changes) -> Diagnosi
         declared=declared,
         fitted=fitted,
         wall_s=41.3,
+        threshold=30.0,
+        false_alarm_rate=0.01,
+        by_chance=9.8,
+        least_score=30.0,
     )
     return replace(whole, **changes)
 

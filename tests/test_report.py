@@ -107,6 +107,14 @@ def test_errors_are_multiples_of_the_noise(diagnosis):
         assert display.ratio(getattr(error, model) / error.noise) in text
 
 
+def test_false_alarm_rate_is_told_with_what_it_came_to(diagnosis):
+    text = seen(page(diagnosis))
+    assert "The best of the first round gains 812 . Chance alone gives more than 9.8 in 1 %" in text
+    assert "Whatever chance gives, 30 is the least" in text
+    answer = diagnosis.to_json()
+    assert (answer["false_alarm_rate"], answer["by_chance"], answer["threshold"]) == (0.01, 9.8, 30.0)
+
+
 def test_moved_parameter_is_told_in_declared_sigmas(diagnosis):
     # hub inertia: 7 % at a declared uncertainty of 3 %
     assert "+7.0 % +2.3" in seen(page(diagnosis))

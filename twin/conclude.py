@@ -34,7 +34,6 @@ def conclude(
     predictions: Mapping[str, Prediction],
     plans: Sequence[Plan],
     patched: Patched | None,
-    wall_s: float,
 ) -> Diagnosis:
     """Puts the answer together; `behind` is what the model leaves unexplained that stands at the end."""
     left = verdict.unexplained(found)
@@ -65,8 +64,9 @@ def conclude(
         ),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
-        wall_s=wall_s,
         threshold=found.thresholds[0] if found.thresholds else None,
+        by_chance=found.by_chance[0] if found.by_chance else None,
+        least_score=verdict.LEAST_SCORE,
         patched=patched,
         correlations=_correlations(polished.augmented),
     )

@@ -78,7 +78,8 @@ def diagnose(
         plans = planned(campaign, pair, pool) if pair else []
         left = traces.unexplained(found.bench, found.data, found.best)
         patched = None if followed else patches.patched(campaign, found, left, polished, predicted, pool)
-    return conclude(campaign, found, left, polished, predicted, plans, patched, time.perf_counter() - began)
+    answer = conclude(campaign, found, left, polished, predicted, plans, patched)
+    return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
 
 
 def planned(
@@ -126,6 +127,7 @@ def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple
         found,
         rounds=(*found.rounds, tuple(ranked)),
         thresholds=(*found.thresholds, max(least, verdict.LEAST_SCORE)),
+        by_chance=(*found.by_chance, by_chance),
     )
     if choice is None:
         return found, False

@@ -156,7 +156,10 @@ class Diagnosis:
       notes: assumptions and data defects that the reader should know.
       declared, fitted: the rig before and after calibration.
       wall_s: how long it took [s].
-      threshold: score that the first round asked for.
+      threshold: score that the first round asked for: the larger of `by_chance` and `least_score`.
+      false_alarm_rate: how often something may be found where nothing is missing, as asked for [1].
+      by_chance: score that chance alone exceeds at this rate, in the first round.
+      least_score: that is asked for whatever chance gives, because of the model's own error.
       patched: what is outside the library as a lookup, where it is a function of one variable.
       correlations: of the errors of fitted parameters, declared ones and those of effects.
     """
@@ -177,6 +180,9 @@ class Diagnosis:
     fitted: Rig
     wall_s: float = 0.0
     threshold: float | None = None
+    false_alarm_rate: float | None = None
+    by_chance: float | None = None
+    least_score: float | None = None
     patched: Patched | None = None
     correlations: Correlations = field(default_factory=Correlations)
 
@@ -205,6 +211,9 @@ class Diagnosis:
             },
             "errors": {file: _errors_json(p) for file, p in self.predictions.items()},
             "threshold": self.threshold,
+            "false_alarm_rate": self.false_alarm_rate,
+            "by_chance": self.by_chance,
+            "least_score": self.least_score,
             "patch": self.patched.to_json() if self.patched is not None else None,
             "notes": list(self.notes),
             "wall_s": self.wall_s,

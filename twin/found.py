@@ -20,6 +20,7 @@ class Found:
       rounds: all candidates of each round, best first; the last one adopted nothing, unless the most were reached.
       thresholds: score that each round asked for.
       benches: the data as the calibrated model sees them, and then each that was adopted.
+      by_chance: score that chance exceeds at the false-alarm rate, of each round.
     """
 
     start: Calibration
@@ -27,6 +28,7 @@ class Found:
     rounds: tuple[tuple[Candidate, ...], ...]
     thresholds: tuple[float, ...]
     benches: tuple[Workbench, ...]
+    by_chance: tuple[float, ...] = ()
 
     @property
     def bench(self) -> Workbench:

@@ -116,5 +116,6 @@ def _rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
         adopted=tuple(adopted),
         rounds=tuple(rounds),
         thresholds=found.thresholds[: len(names)],
+        by_chance=found.by_chance[: len(names)],
         benches=(*earlier, bench),
     )

@@ -75,6 +75,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "scale": scale,
         "effects": [_effect(effect) for effect in diagnosis.effects],
         "ranking": _ranking(diagnosis),
+        "decision": _decision(diagnosis),
         "traces": list(_traces(diagnosis)),
         "held_out": list(_recordings(held_out)),
         "fit": list(_recordings(fit)),
@@ -204,12 +205,30 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> list[dict[str, Any]]:
         {
             "name": display.words(name),
             "meaning": display.MEANINGS.get(name, ""),
-            "score": f"{score:.0f}" if abs(score) >= 100 else f"{score:.1f}",
+            "score": _score(score),
             "width": 100 * max(score, 0.0) / top if top > 0 else 0.0,
             "adopted": name in adopted,
         }
         for name, score in ranking[:most]
     ]
+
+
+def _decision(d: Diagnosis) -> dict[str, str] | None:
+    """Returns the best score of the first round and what is held against it, where that is known."""
+    scores = [score for _, score in d.ranking if math.isfinite(score)]
+    if not scores or d.by_chance is None or d.false_alarm_rate is None or d.least_score is None:
+        return None
+    return {
+        "best": _score(max(scores)),
+        "chance": _score(d.by_chance),
+        "least": f"{d.least_score:g}",
+        "rate": f"{100 * d.false_alarm_rate:.3g} %",
+    }
+
+
+def _score(score: float) -> str:
+    text = f"{score:.0f}" if abs(score) >= 100 else f"{score:.1f}"
+    return text.replace("-", "−")
 
 
 def _traces(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
