@@ -265,6 +265,20 @@ def test_partial_explanation_is_not_sold_as_a_whole(diagnosis):
     assert "The rest follows no effect of the library" in seen(page(partial))
 
 
+def test_outside_the_library_the_traces_are_of_what_remains_and_no_lookup_has_a_reason(diagnosis):
+    reason = "There is no lookup, because nobody knows."
+    trace = replace(diagnosis.traces[0], fitted=None)
+    partial = replace(diagnosis, verdict="outside-library", traces=(trace,), no_patch=reason)
+    text = seen(page(partial))
+    assert (
+        "What the final model leaves unexplained, from the fit recordings; it depends most on hub angle"
+        in text
+    )
+    assert reason in text
+    assert partial.to_json()["no_patch"] == reason
+    assert "What the calibrated model leaves" in seen(page(diagnosis))
+
+
 def test_what_remains_is_listed_worst_first(diagnosis):
     rows = display.remaining(diagnosis)
     assert rows

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.traces import DEPENDS, Unexplained, dependence
+from twin.patches import why_none
+from twin.traces import DEPENDS, TRAVEL, Unexplained, dependence, remaining
 
 NOISE = 1e-3
 COUNT = 3000  # readings of a recording, 2 ms apart
@@ -91,3 +92,31 @@ def test_bristles_depend_on_how_far_the_hub_has_turned_since_it_turned_round():
     (first, share), *_ = dependence(replace(found, values=found.values + held, variables=variables))
     assert first == "hub_travel"
     assert share > DEPENDS
+
+
+def test_what_remains_is_shown_against_what_it_depends_on_the_unexplained_first():
+    quiet, odd = recordings((False, False)), recordings((True, True))
+    hub_rate = {"hub_rate": np.gradient(odd.variables["hub_angle"], odd.time)}
+    odd = replace(odd, variables=odd.variables | hub_rate)
+    behind = {"hub_torque": quiet, "strain_base": quiet, "strain_mid": odd}
+    first, *others = remaining(behind, ["strain_mid"], ("torque_command", "hub_angle"))
+    assert [t.channel for t in (first, *others)] == ["strain_mid", "hub_torque", "strain_base"]
+    assert [t.explained_by for t in (first, *others)] == ["torque_command", None, None]
+    assert first.values is odd.values
+    assert first.fitted is None
+    assert first.since_start == pytest.approx(odd.time - 6.0 * odd.recording)
+    [travelled] = remaining({"strain_mid": odd}, ["strain_mid"], (TRAVEL,))
+    assert TRAVEL in travelled.variables
+
+
+def test_why_there_is_no_lookup_is_said():
+    dead_zone = recordings((True, True))
+    assert "none of the variables" in why_none({"hub_torque": dead_zone}, ())
+    assert "how far the hub has turned" in why_none({"hub_torque": dead_zone}, (TRAVEL, "hub_rate"))
+    assert "in another phase" in why_none({"hub_torque": dead_zone}, ("time",))
+    assert "no variable alone" in why_none({"hub_torque": dead_zone}, ("hub_angle",))
+    assert "too little of the range of the torque command" in why_none(
+        {"hub_torque": dead_zone}, ("torque_command",)
+    )
+    by_rate = replace(dead_zone, variables={"hub_rate": dead_zone.variables["torque_command"]})
+    assert "depends on the hub rate: no function" in why_none({"strain_base": by_rate}, ("hub_rate",))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin import planning, timing, traces, verdict
+from twin import patches, planning, timing, traces, verdict
 from twin.campaign import Campaign
 from twin.correlations import Correlations, of_covariance
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Patched, Prediction, Verdict
@@ -53,7 +53,7 @@ def conclude(
         depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
-        traces=traces.traces_of(found, behind),
+        traces=traces.remaining(behind, left, depends) if left else traces.traces_of(found, behind),
         notes=(
             *campaign.warnings,
             *found.start.notes,
@@ -68,6 +68,9 @@ def conclude(
         by_chance=found.by_chance[0] if found.by_chance else None,
         least_score=verdict.LEAST_SCORE,
         patched=patched,
+        no_patch=patches.why_none({c: behind[c] for c in left}, depends)
+        if left and patched is None
+        else None,
         correlations=_correlations(polished.augmented),
     )
 

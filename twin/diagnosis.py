@@ -84,7 +84,9 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Trace:
-    """What the calibrated model leaves unexplained, local in time: the picture of the cause.
+    """What a model leaves unexplained, local in time: the picture of the cause.
+
+    It is the calibrated model's, or that of the model that stands at the end where something is outside the library.
 
     Attributes:
       channel: whose: `hub_torque`, the balance of the hub, or the name of a sensor's channel.
@@ -152,7 +154,7 @@ class Diagnosis:
       depends_on: variables on which what is left unexplained depends, strongest first.
       calibrated: declared parameters that were refitted.
       predictions: by file name; held-out ones were simulated once, at the end.
-      traces: what the calibrated model left unexplained.
+      traces: what the calibrated model left unexplained; outside the library, what is left at the end.
       notes: assumptions and data defects that the reader should know.
       declared, fitted: the rig before and after calibration.
       wall_s: how long it took [s].
@@ -161,6 +163,7 @@ class Diagnosis:
       by_chance: score that chance alone exceeds at this rate, in the first round.
       least_score: that is asked for whatever chance gives, because of the model's own error.
       patched: what is outside the library as a lookup, where it is a function of one variable.
+      no_patch: where it is none, why not, in one sentence.
       correlations: of the errors of fitted parameters, declared ones and those of effects.
     """
 
@@ -184,6 +187,7 @@ class Diagnosis:
     by_chance: float | None = None
     least_score: float | None = None
     patched: Patched | None = None
+    no_patch: str | None = None
     correlations: Correlations = field(default_factory=Correlations)
 
     def to_json(self) -> dict[str, Any]:
@@ -215,6 +219,7 @@ class Diagnosis:
             "by_chance": self.by_chance,
             "least_score": self.least_score,
             "patch": self.patched.to_json() if self.patched is not None else None,
+            "no_patch": self.no_patch,
             "notes": list(self.notes),
             "wall_s": self.wall_s,
         }

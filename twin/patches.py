@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -64,6 +64,32 @@ def of_worst(found: Found, left: Mapping[str, Unexplained]) -> Patch | None:
             if lookup is not None and lookup.acts:
                 return lookup
     return None
+
+
+def why_none(left: Mapping[str, Unexplained], depends: Sequence[str]) -> str:
+    """Why there is no lookup, in one sentence.
+
+    Args:
+      left: channel -> what is left of it, of those that are not explained.
+      depends: variables on which that depends, the first most.
+    """
+    if not depends:
+        return "There is no lookup, because what is left depends on none of the variables that were asked."
+    first = depends[0]
+    if first == traces.TRAVEL:
+        return (
+            "There is no lookup, because what is left depends on how far the hub has turned since it turned round: "
+            "no function that a simulation knows."
+        )
+    told = [channel for channel, odd in left.items() if traces.steps(odd).get(first, 0.0) >= _LEAST_SHARE]
+    if not told and first == "time":
+        return "There is no lookup, because what is left comes at other times, or in another phase, in each recording."
+    if not told:
+        return "There is no lookup, because no variable alone tells what is left in every recording."
+    name = first.replace("_", " ")
+    if not any(Patch(channel, first, *np.zeros((3, 0))).acts for channel in told):
+        return f"There is no lookup, because what is left depends on the {name}: no function that a simulation knows."
+    return f"There is no lookup, because too little of the range of the {name} was seen in more than one recording."
 
 
 def _rms(difference: np.ndarray) -> float:

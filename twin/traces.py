@@ -22,6 +22,7 @@ _BINS = (16, 100)  # of a variable, each with as many samples
 _COARSE = 8  # bins of each of two variables
 _TOGETHER = 1.5  # times the share of the best alone that two have to explain together
 _FEWEST = 20  # samples that tell the mean of a bin
+_FEWEST_SHOWN = 50  # samples of a trace that is worth a picture
 _STRETCH = 0.75  # s
 _UNSEEN = 0.01  # s without a residual, after which nothing tells where the hub turned round
 _SLOWEST = 0.3  # Hz, of an oscillation that is looked for
@@ -265,20 +266,40 @@ def traces_of(found: Found, behind: Mapping[str, Unexplained]) -> tuple[Trace, .
     traces = []
     before = unexplained(found.bench, found.data, found.base) if found.adopted else behind
     for channel in _SHOWN:
-        if channel not in before or len(before[channel].values) < 50:
+        if channel not in before or len(before[channel].values) < _FEWEST_SHOWN:
             continue
         left, after = before[channel], behind[channel]
         gained = float(np.log(np.std(left.values) / max(np.std(after.values), 1e-30)))
         order = dependence(left)
         explained = order[0][0] if order and order[0][1] > 0.1 else None
+        trace = _trace(channel, left, explained)
         fitted = left.values - after.values if found.adopted else None
-        variables = left.variables | (_travel(left) if explained == TRAVEL else {})
-        since_start = left.variables["time"]
-        trace = Trace(
-            channel, left.time, left.values, variables, left.recording, since_start, explained, fitted
-        )
-        traces.append((gained, trace))
+        traces.append((gained, replace(trace, fitted=fitted)))
     return tuple(trace for _, trace in sorted(traces, key=lambda pair: -pair[0]))
+
+
+def remaining(
+    behind: Mapping[str, Unexplained], worst: Sequence[str], depends: Sequence[str]
+) -> tuple[Trace, ...]:
+    """What the model that stands at the end leaves of each channel.
+
+    Args:
+      behind: channel -> its residuals.
+      worst: channels that are not explained; they come first.
+      depends: variables on which what is left of these depends, the first most.
+    """
+    channels = [c for c in dict.fromkeys((*worst, *_SHOWN)) if c in behind]
+    return tuple(
+        _trace(c, behind[c], depends[0] if depends and c in worst else None)
+        for c in channels
+        if len(behind[c].values) >= _FEWEST_SHOWN
+    )
+
+
+def _trace(channel: str, left: Unexplained, explained_by: str | None) -> Trace:
+    variables = left.variables | (_travel(left) if explained_by == TRAVEL else {})
+    since_start = left.variables["time"]
+    return Trace(channel, left.time, left.values, variables, left.recording, since_start, explained_by)
 
 
 def strongest(dependences: Mapping[str, list[tuple[str, float]]]) -> tuple[str, ...]:

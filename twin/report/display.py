@@ -79,7 +79,8 @@ _VARIABLES: Mapping[str, Shown] = {
     "hub_rate": Shown("hub rate", "rad/s", 1.0),
     "hub_acceleration": Shown("hub acceleration", "rad/s²", 1.0),
     "time": Shown("time", "s", 1.0),
-    "tip_velocity": Shown("tip velocity", "m/s", 1.0),
+    "tip_rate": Shown("tip rate", "m/s", 1.0),
+    "hub_travel": Shown("hub travel since it turned round", "°", _DEGREE),
 }
 
 

@@ -242,7 +242,7 @@ def _trace(diagnosis: Diagnosis, trace: Trace, axis: figures.JoinedTime) -> dict
     return {
         "label": display.unmodelled(trace.channel).label,
         "against": display.variable(against).label if against else None,
-        "explained": trace.explained_by is not None,
+        "explained": against is not None and trace.explained_by == against,
         "fitted": trace.fitted is not None,
         "figure": figures.trace_figure(trace, against, axis),
         "others": figures.other_variables_figure(trace, against),
