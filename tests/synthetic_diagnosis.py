@@ -153,6 +153,7 @@ def diagnosis(duration: float = 2.0, rate: float = 250.0, **changes) -> Diagnosi
         false_alarm_rate=0.01,
         by_chance=9.8,
         least_score=30.0,
+        not_fitted=("payload-mass", "air-drag"),
     )
     return replace(whole, **changes)
 

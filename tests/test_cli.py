@@ -134,6 +134,17 @@ def test_every_verdict_can_be_delivered(make, tmp_path):
     assert all(path.stat().st_size > 100 for path in delivery.paths.values())
 
 
+def test_report_says_what_lies_beside_it_and_what_mjcf_leaves_out(tmp_path, answer):
+    delivery = deliver(answer, synthetic.SENSORS, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    for path in delivery.paths.values():
+        assert path.name == "report.html" or f'<td class="file">{path.name}</td>' in page
+    assert delivery.left_out
+    assert f"It leaves out: {', '.join(delivery.left_out)}." in page
+    assert "Open it with: rerun run.rrd" in page
+    assert "patch.csv" not in page
+
+
 def test_unfinite_errors_are_null(answer, tmp_path):
     effect = replace(answer.effects[0], standard_errors={"stiffness": np.nan, "rest_angle": np.inf})
     paths = deliver(replace(answer, effects=(effect,)), synthetic.SENSORS, tmp_path).paths

@@ -115,6 +115,24 @@ def test_false_alarm_rate_is_told_with_what_it_came_to(diagnosis):
     assert (answer["false_alarm_rate"], answer["by_chance"], answer["threshold"]) == (0.01, 9.8, 30.0)
 
 
+def test_what_was_not_fitted_has_no_score_and_the_threshold_is_a_line(diagnosis):
+    html = page(diagnosis)
+    assert "Not fitted, because their slopes promised less: payload mass, air drag." in seen(html)
+    assert "viscous friction 3.2" in seen(html)
+    assert "payload mass 0.4" not in seen(html)
+    lines = [a["style"] for tag, a in outline(html).tags if a.get("class") == "least"]
+    assert lines == [f"left:{100 * 30 / 812.4:.2f}%"] * 5
+    assert ("payload-mass", 0.4) in [(r["name"], r["score"]) for r in diagnosis.to_json()["ranking"]]
+    assert diagnosis.to_json()["not_fitted"] == ["payload-mass", "air-drag"]
+
+
+def test_a_score_below_the_threshold_ends_before_its_line(diagnosis):
+    weak = replace(diagnosis, effects=(), ranking=(("cogging", 12.0),), not_fitted=())
+    styles = [a["style"] for _, a in outline(page(weak)).tags if "style" in a]
+    assert "width:40.0%" in styles
+    assert "left:100.0%" in styles
+
+
 def test_moved_parameter_is_told_in_declared_sigmas(diagnosis):
     # hub inertia: 7 % at a declared uncertainty of 3 %
     assert "+7.0 % +2.3" in seen(page(diagnosis))

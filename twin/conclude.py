@@ -39,7 +39,7 @@ def conclude(
     left = verdict.unexplained(found)
     answer = said(found)
     effects = _effects(found, polished)
-    ranking = [(c.effects[-1], c.score) for c in (found.rounds[0] if found.rounds else ())]
+    first = found.rounds[0] if found.rounds else ()
     alike = verdict.alternatives(found.rounds[: len(found.adopted)])
     depends = variables(found, behind)
     return Diagnosis(
@@ -47,7 +47,8 @@ def conclude(
         verdict=answer,
         summary=_summary(answer, effects, left, depends, predictions),
         effects=effects,
-        ranking=tuple(ranking),
+        ranking=tuple((c.effects[-1], c.score) for c in first),
+        not_fitted=tuple(c.effects[-1] for c in first if c.effects[-1] not in c.fit.model.effects),
         indistinguishable=tuple(alike),
         next_experiment=_next(answer, alike, depends, plans),
         depends_on=depends if answer == "outside-library" else (),

@@ -55,13 +55,15 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     from twin import augmented_mjcf  # compiles equations of motion: only where it is needed
 
     paths = {what: folder / name for what, name in FILES.items()}
-    patch = paths.pop("patch")
+    patch = paths["patch"]
+    if diagnosis.patched is None:
+        del paths["patch"]
     mjcf = augmented_mjcf.to_mjcf(diagnosis, sensors)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # First, because by it the folder is known as ours.
         write_json(paths["answer"], diagnosis.to_json())
-        write_report(diagnosis, paths["report"])
+        write_report(diagnosis, paths["report"], _beside(paths, mjcf.left_out))
         write_rrd(diagnosis, paths["rerun"], sensors)
         augmented.write_augmented(diagnosis, folder)
         paths["MJCF"].write_text(mjcf.xml, encoding="utf-8")
@@ -69,8 +71,20 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
             patch.unlink(missing_ok=True)  # of an earlier run
         else:
             patch.write_text(_patch_table(diagnosis.patched), encoding="utf-8")
-            paths["patch"] = patch
     return Delivery(paths, mjcf.left_out)
+
+
+def _beside(paths: Mapping[str, Path], left_out: tuple[str, ...]) -> dict[str, str]:
+    """Name of each file beside the report -> what it is, and how to open it."""
+    said = {
+        "rerun": f"The measured arm, that of the declared model and that of the final one, moving together. "
+        f"Open it with: rerun {FILES['rerun']}",
+        "answer": "The answer, for programs.",
+        "rig": f"The final model, with standard errors. Use it with: twin run SCENARIO --rig {FILES['rig']}",
+        "MJCF": f"The final model for any MuJoCo viewer. It leaves out: {', '.join(left_out) or 'nothing'}.",
+        "patch": "The lookup of what no effect explains.",
+    }
+    return {paths[what].name: text for what, text in said.items() if what in paths}
 
 
 def _patch_table(patched: Patched) -> str:

@@ -162,6 +162,7 @@ class Diagnosis:
       false_alarm_rate: how often something may be found where nothing is missing, as asked for [1].
       by_chance: score that chance alone exceeds at this rate, in the first round.
       least_score: that is asked for whatever chance gives, because of the model's own error.
+      not_fitted: candidates that were not fitted, because their slopes promised less: their score is but a bound.
       patched: what is outside the library as a lookup, where it is a function of one variable.
       no_patch: where it is none, why not, in one sentence.
       correlations: of the errors of fitted parameters, declared ones and those of effects.
@@ -186,6 +187,7 @@ class Diagnosis:
     false_alarm_rate: float | None = None
     by_chance: float | None = None
     least_score: float | None = None
+    not_fitted: tuple[str, ...] = ()
     patched: Patched | None = None
     no_patch: str | None = None
     correlations: Correlations = field(default_factory=Correlations)
@@ -206,6 +208,7 @@ class Diagnosis:
                 for e in self.effects
             ],
             "ranking": [{"name": name, "score": score} for name, score in self.ranking],
+            "not_fitted": list(self.not_fitted),
             "indistinguishable": [list(names) for names in self.indistinguishable],
             "next_experiment": self.next_experiment,
             "depends_on": list(self.depends_on),

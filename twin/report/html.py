@@ -19,22 +19,24 @@ from twin.report.figures import Figure
 _POINTS = {"holdout": 2000, "fit": 1000}  # per line: the fit recordings are many and looked at less
 
 
-def write_report(diagnosis: Diagnosis, path: Path) -> None:
+def write_report(diagnosis: Diagnosis, path: Path, files: Mapping[str, str] | None = None) -> None:
     """Writes a diagnosis as one HTML file that needs nothing else.
 
     Args:
       diagnosis: what to tell.
       path: the file; it is overwritten.
+      files: name of each file of the same folder -> what it is, in plain words.
     """
-    Path(path).write_text(render(diagnosis), encoding="utf-8")
+    Path(path).write_text(render(diagnosis, files), encoding="utf-8")
 
 
-def render(diagnosis: Diagnosis) -> str:
+def render(diagnosis: Diagnosis, files: Mapping[str, str] | None = None) -> str:
     """Returns the page."""
     return pages.render(
         "report/report.html.j2",
         filters={"words": display.words, "ratio": display.ratio, "probability": display.probability},
         page=_content(diagnosis),
+        files=files or {},
         d=diagnosis,
     )
 
@@ -197,20 +199,28 @@ def _effect(effect: AdoptedEffect) -> dict[str, Any]:
     }
 
 
-def _ranking(diagnosis: Diagnosis, most: int = 12) -> list[dict[str, Any]]:
-    ranking = [(name, score) for name, score in diagnosis.ranking if math.isfinite(score)]
-    top = max((score for _, score in ranking), default=0.0)
+def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
+    """Returns the candidates that were fitted, with bars, the others by name, and where the threshold is."""
+    idle = set(diagnosis.not_fitted)
+    fitted = [(n, score) for n, score in diagnosis.ranking if math.isfinite(score) and n not in idle]
+    least = diagnosis.threshold or 0.0
+    top = max([least, *(score for _, score in fitted)])
     adopted = {effect.name for effect in diagnosis.effects}
-    return [
+    rows = [
         {
             "name": display.words(name),
-            "meaning": display.MEANINGS.get(name, ""),
             "score": _score(score),
             "width": 100 * max(score, 0.0) / top if top > 0 else 0.0,
             "adopted": name in adopted,
         }
-        for name, score in ranking[:most]
+        for name, score in fitted[:most]
     ]
+    return {
+        "rows": rows,
+        "more": max(len(fitted) - most, 0),
+        "not_fitted": [display.words(n) for n, _ in diagnosis.ranking if n in idle],
+        "least": 100 * least / top if least > 0 else None,
+    }
 
 
 def _decision(d: Diagnosis) -> dict[str, str] | None:
