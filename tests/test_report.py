@@ -133,6 +133,18 @@ def test_a_score_below_the_threshold_ends_before_its_line(diagnosis):
     assert "left:100.0%" in styles
 
 
+def test_a_model_that_is_worse_than_the_declared_one_is_told_with_what_decides_it(diagnosis):
+    held_out = diagnosis.predictions["bang-bang-90.csv"]
+    error = held_out.errors["hub_angle"]
+    for times, told in ((1.0, False), (2.0, True)):
+        moved = replace(error, calibrated=times * error.before, reach=40 * error.noise)
+        text = seen(
+            page(replace(diagnosis, predictions={"x.csv": replace(held_out, errors={"hub_angle": moved})}))
+        )
+        assert ("Worse than before: calibrated on x.csv (hub angle). That" in text) == told
+        assert ("off by 0.1 % changes these by up to 40.0 times the noise" in text) == told
+
+
 def test_moved_parameter_is_told_in_declared_sigmas(diagnosis):
     # hub inertia: 7 % at a declared uncertainty of 3 %
     assert "+7.0 % +2.3" in seen(page(diagnosis))

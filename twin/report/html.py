@@ -16,6 +16,7 @@ from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures
 from twin.report.figures import Figure
 
+_CLEARLY = 1.05  # times the error of the declared model from which another one is worse
 _POINTS = {"holdout": 2000, "fit": 1000}  # per line: the fit recordings are many and looked at less
 
 
@@ -73,6 +74,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "recordings": [_recording(file, p) for file, p in diagnosis.predictions.items()],
         "first_miss": _first_miss(diagnosis),
         "held_out_errors": list(_error_rows(held_out, scale)),
+        "worse": _worse(held_out),
         "fit_errors": list(_error_rows(fit, scale)),
         "scale": scale,
         "effects": [_effect(effect) for effect in diagnosis.effects],
@@ -182,6 +184,33 @@ def _error_rows(predictions: Mapping[str, Prediction], scale: _Scale) -> Iterato
 def _over_and_shown(name: str, error: ChannelError, model: str) -> tuple[float, str]:
     value = getattr(error, model)
     return display.over_noise(value, error.noise), _shown_error(name, value)
+
+
+def _worse(held_out: Mapping[str, Prediction]) -> str:
+    """Returns where a later model is clearly worse than the declared one, and why that can be; "" if nowhere."""
+    places: list[str] = []
+    reach = 0.0
+    for model in ("calibrated", "after"):
+        for file, prediction in held_out.items():
+            errors = {n: e for n, e in prediction.errors.items() if _clearly_worse(e, model)}
+            if errors:
+                channels = ", ".join(display.channel(name).label for name in errors)
+                places.append(f"{model} on {file} ({channels})")
+                reach = max([reach, *(display.over_noise(e.reach, e.noise) for e in errors.values())])
+    if not places:
+        return ""
+    hangs = f": one that is off by 0.1 % changes these by up to {display.ratio(reach)} times the noise"
+    return (
+        f"Worse than before: {'; '.join(places)}. That can be: parameters are fitted to the balance of torques at each "
+        "instant, those of a model that still lacks something stand in for it, and in a run that is simulated freely "
+        "one stick or slip more, which a tiny change of the break-away torque decides, shifts all that follows"
+        f"{hangs if reach > display.NOISE_LIKE else ''}."
+    )
+
+
+def _clearly_worse(error: ChannelError, model: str) -> bool:
+    value = getattr(error, model)
+    return display.over_noise(value, error.noise) > display.NOISE_LIKE and value > _CLEARLY * error.before
 
 
 # What explains it
