@@ -379,8 +379,9 @@ def _history_panel(page: _Page, column: int, trace: Trace, axis: JoinedTime) -> 
         border = {"type": "line", "xref": x, "x0": at, "x1": at, "yref": f"{y} domain", "y0": 0, "y1": 1}
         page.layout["shapes"].append({**border, "line": {"color": _AXIS, "width": 1, "dash": "dot"}})
     # What is measured stays visible behind a thin line that follows it.
+    behind = 1.0 if trace.fitted is None else 3.0
     lines = (
-        ("unexplained", trace.values, "#b9c0c7", 3.0),
+        ("unexplained", trace.values, "#b9c0c7", behind),
         ("fitted effect", trace.fitted, COLOURS["after"], 1.0),
     )
     for name, values, colour, width in lines:
