@@ -28,7 +28,16 @@ from twin import (
 from twin.campaign import read_campaign
 from twin.evidence import Group
 from twin.fit import Fit, Unknown
-from twin.identify import against, break_away, joint, profile, results, sentences, spectra
+from twin.identify import (
+    against,
+    break_away,
+    joint,
+    near_modes,
+    profile,
+    results,
+    sentences,
+    spectra,
+)
 from twin.identify.against import Comparison
 from twin.look import look
 from twin.model import Model, Start, simulate
@@ -37,7 +46,7 @@ from twin.rigs import preset
 from twin.view import move
 from twin.virtual_rig import Rig as VirtualRig
 from twin.virtual_rig import Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
+from twin.virtual_rig.experiments import Experiment, planned_campaign
 
 RIG = preset("bossi2009")
 GAUGES = {
@@ -441,6 +450,105 @@ def test_a_peak_that_an_air_pad_takes_away_is_none_of_bending():
     said = sentences.compared(Comparison("with-pad", {}, found)).sentences
     assert any("Hz is gone" in s for s in said)
     assert sentences.compared(Comparison("with-pad", {}, (), missing="no sweep")).missing == "no sweep"
+
+
+def at_peaks(*frequencies, response=1.0):
+    """A response that is flat, with sharp peaks of equal height; it stands for what `spectra.response` found."""
+    f = np.arange(1.0, 45.0, 0.05)
+    return SimpleNamespace(frequency=f, h1=response * np.ones(len(f)), known=f > 0, tops=frequencies)
+
+
+@pytest.fixture
+def pictured(monkeypatch):
+    """Peaks of such responses: 1 high, and surely where they are."""
+
+    def peaks(found):
+        sure = results.Estimate
+        return tuple(spectra.Peak(sure(f, 1e-3), sure(0.03, 1e-3), 1.0) for f in found.tops)
+
+    monkeypatch.setattr(spectra, "peaks", peaks)
+
+
+@pytest.mark.parametrize(("left", "gone", "kind"), [(0.69, False, "unknown"), (0.2, True, "not bending")])
+def test_a_peak_is_gone_only_if_its_height_is(pictured, left, gone, kind):
+    [found] = against.paired(at_peaks(30.0), RIG, at_peaks(response=left), RIG)
+    assert found.other_hz is None
+    assert found.height == pytest.approx(left)
+    assert (found.gone, found.kind) == (gone, kind)
+    [_, said] = sentences.compared(Comparison("B", {}, (found,))).sentences
+    assert ("is gone" in said) == ("no bending mode" in said) == gone
+
+
+# Bossi et al. 2009, Fig. 4: sweeps of 0 to 50 Hz, a torsional mode near 28 Hz that an air-pad takes away.
+TORSION = {"frequency": 28.0, "damping_ratio": 0.01, "inertia_share": 0.15}
+HEAVY = VirtualRig()._replace(tip_mass=0.25, tip_inertia=2.5e-4)
+FIGURE_4 = {
+    "bare": (VirtualRig(), {"torsional-mode": TORSION}),
+    "with-pad": (VirtualRig(), {"torsional-mode": TORSION | {"damping_ratio": 0.3}}),
+    "loaded": (HEAVY, {"torsional-mode": TORSION}),
+    "no-torsion": (VirtualRig(), {}),
+}
+
+
+@pytest.fixture(scope="module")
+def figure_4(tmp_path_factory):
+    """The campaigns of Fig. 4, a torque sweep each."""
+    t = np.arange(0, 22, 0.002)
+    age = np.clip(t - 0.5, 0, 20)
+    taper = np.clip(age / 0.5, 0, 1) * np.clip((20 - age) / 0.3, 0, 1)
+    torque = 0.15 * taper * np.sin(2 * np.pi * (2 * age + 46 * age**2 / 40))
+    folder = tmp_path_factory.mktemp("figure-4")
+    found = {}
+    for name, (rig, effects) in FIGURE_4.items():
+        sweep = Experiment("sweep", "torque-sweep", "fit", 0.0, torque)
+        make_campaign(folder / name, effects, 3, rig=rig, experiments=[sweep])
+        found[name] = read_campaign(folder / name)
+    return found
+
+
+def kinds(peaks):
+    return {round(p.frequency_hz): p.kind for p in peaks}
+
+
+def test_the_torsional_mode_of_figure_4_vanishes_with_the_air_pad(figure_4):
+    found = against.compare(figure_4["bare"], figure_4["with-pad"])
+    [torsion] = [p for p in found.peaks if 27 < p.frequency_hz < 32]
+    assert torsion.gone
+    assert all(p.kind == "bending" for p in found.peaks if p is not torsion)
+    assert len(found.peaks) == 4
+    assert not found.appeared
+    said = sentences.compared(found).sentences
+    assert [s for s in said if "no bending mode" in s] == [s for s in said if "is gone" in s]
+
+
+def test_the_torsional_mode_of_figure_4_stays_under_a_payload_that_moves_bending_modes(figure_4):
+    found = against.compare(figure_4["bare"], figure_4["loaded"])
+    assert list(kinds(found.peaks).values()) == ["bending", "bending", "not bending", "bending"]
+    stays = found.peaks[2]
+    assert stays.other_hz == pytest.approx(stays.frequency_hz, rel=0.02)
+    assert stays.bending_hz < 0.95 * stays.frequency_hz
+
+
+def test_without_a_torsional_mode_figure_4_has_bending_modes_alone(figure_4):
+    found = against.compare(figure_4["no-torsion"], figure_4["bare"])
+    assert set(kinds(found.peaks).values()) == {"bending"}
+    [torsion] = found.appeared
+    assert 27 < torsion.frequency_hz < 32
+    assert torsion.kind == "not bending"
+
+
+def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured, figure_4, monkeypatch):
+    third = float(near_modes.bending_frequencies(RIG, 3)[2])
+    seen = {"bare": at_peaks(response=0.1), "with-pad": at_peaks(30.0, 1.003 * third)}
+    monkeypatch.setattr(spectra, "response", lambda recordings, *channel: seen[names[id(recordings[0])]])
+    for response in seen.values():
+        response.channel = "strain_base"
+    names = {id(figure_4[name].fit[0]): name for name in seen}
+    found = against.compare(figure_4["bare"], figure_4["with-pad"])
+    assert [p.kind for p in found.appeared] == ["not bending", "bending"]
+    [_, torsion, third_bending] = sentences.compared(found).sentences
+    assert "no bending mode" in torsion
+    assert "has a bending mode" in third_bending
 
 
 def test_the_limit_of_even_chains_knows_a_clamp_that_gives():

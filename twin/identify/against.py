@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from twin import beam
 from twin.campaign import Campaign
 from twin.chain import SHAPED_BY
-from twin.identify import spectra
+from twin.identify import near_modes, spectra
 from twin.identify.results import Kind
 from twin.identify.spectra import Peak, Response
 from twin.parameters import Rig
 
+_BENDING: Kind = "bending"
+_NOT_BENDING: Kind = "not bending"
 _MODES = 5
 _SURE = 3.0  # standard errors of a frequency that count as the same
 _SOFTER = 0.02  # relative change of a frequency by another amplitude
@@ -34,10 +35,10 @@ class PairedPeak:
 
     Attributes:
       frequency_hz: of the peak [Hz].
-      other_hz: where it is in the other campaign [Hz]; None where it is gone.
+      other_hz: where it is in the other campaign [Hz]; None where there is no clear peak.
       bending_hz: where a bending mode would be [Hz].
-      height: response there over that of the peak [1].
-      kind: "bending" where it moved, or stayed, as one.
+      height: response there over that of the peak [1]; without a clear peak the larger of those here and there.
+      kind: "bending" where it moved, or stayed, as one; "unknown" where no clear peak is left, but much of its height.
     """
 
     frequency_hz: float
@@ -45,6 +46,11 @@ class PairedPeak:
     bending_hz: float
     height: float
     kind: Kind
+
+    @property
+    def gone(self) -> bool:
+        """Whether hardly anything of it is left."""
+        return self.other_hz is None and self.height < _GONE
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,7 @@ class Comparison:
       campaign: the other one.
       changed: parameter of the link and its ends -> declared here and there, where they differ.
       peaks: of the first campaign, as far as the other one excites them.
-      appeared: those of the other campaign of which nothing is in the first.
+      appeared: clear peaks of the other campaign that are none in the first; of bending where its rig has such a mode.
       missing: what the recordings lack; None where there is a comparison.
       responses: here and there; none where something is missing.
     """
@@ -78,8 +84,13 @@ class Comparison:
         }
 
 
-def compare(campaign: Campaign, other: Campaign) -> Comparison:
-    """Compares the peaks of two campaigns in the channel that shows those of the first."""
+def compare(campaign: Campaign, other: Campaign, rig: Rig | None = None) -> Comparison:
+    """Compares the peaks of two campaigns in the channel that shows those of the first.
+
+    Args:
+      campaign, other: of one rig, each with what it declares of it.
+      rig: as identified from the first; in the other it differs by what the two declare.
+    """
     here = spectra.response(campaign.fit)
     there = None
     if here is not None:
@@ -93,15 +104,17 @@ def compare(campaign: Campaign, other: Campaign) -> Comparison:
         lacking = campaign.name if here is None else other.name
         missing = f"no recording of {lacking} from rest whose torque excites a broad band"
         return Comparison(other.name, changed, (), missing=missing)
-    peaks = paired(here, campaign.rig, there, other.rig)
-    back = paired(there, other.rig, here, campaign.rig)
-    appeared = tuple(p for p in back if p.other_hz is None)
+    rig = rig or campaign.rig
+    loaded = rig.replace("loaded", **{name: value for name, (_, value) in changed.items()})
+    peaks = paired(here, rig, there, loaded)
+    back = paired(there, loaded, here, rig)
+    appeared = tuple(_appeared(p, loaded) for p in back if p.other_hz is None)
     return Comparison(other.name, changed, peaks, appeared, responses=(here, there))
 
 
 def paired(here: Response, rig: Rig, there: Response, other: Rig) -> tuple[PairedPeak, ...]:
     """The peaks of one response beside those of another, whose rigs are declared as such."""
-    modes, moved = (beam.modes(r, _MODES).frequencies / (2 * math.pi) for r in (rig, other))
+    modes, moved = (near_modes.bending_frequencies(r, _MODES) for r in (rig, other))
     candidates = spectra.peaks(there)
     excited = there.frequency[there.known]
     found = []
@@ -117,12 +130,16 @@ def _pair(peak: Peak, expected: float, candidates: Sequence[Peak], there: Respon
     f = peak.frequency.value
     as_bending = _near(peak, expected, candidates)
     stayed = _near(peak, f, candidates)
-    height = as_bending.height / peak.height if as_bending else _left(peak, expected, there)
-    if as_bending is not None and height > _GONE:
-        return PairedPeak(f, as_bending.frequency.value, expected, height, "bending")
-    if stayed is not None and stayed.height > _GONE * peak.height:
-        return PairedPeak(f, stayed.frequency.value, expected, stayed.height / peak.height, "not bending")
-    return PairedPeak(f, None, expected, height, "not bending")
+    for found, kind in ((as_bending, _BENDING), (stayed, _NOT_BENDING)):
+        if found is not None and found.height > _GONE * peak.height:
+            return PairedPeak(f, found.frequency.value, expected, found.height / peak.height, kind)
+    height = max(_left(peak, expected, there), _left(peak, f, there))
+    return PairedPeak(f, None, expected, height, _NOT_BENDING if height < _GONE else "unknown")
+
+
+def _appeared(peak: PairedPeak, rig: Rig) -> PairedPeak:
+    """A peak that is clear in one campaign only: its place says whether it is of bending, as it does of any peak."""
+    return replace(peak, kind=_BENDING) if near_modes.near_bending(peak.frequency_hz, rig) else peak
 
 
 def _near(peak: Peak, frequency: float, candidates: Sequence[Peak]) -> Peak | None:
@@ -139,4 +156,4 @@ def _open(a: Peak, b: Peak) -> float:
 def _left(peak: Peak, frequency: float, there: Response) -> float:
     """Response about a frequency [Hz] over the height of the peak [1]."""
     near = np.abs(there.frequency / frequency - 1) < _SOFTER
-    return float(np.abs(there.h1[near]).max() / peak.height) if near.any() else math.nan
+    return float(np.abs(there.h1[near]).max() / peak.height) if near.any() else 0.0

@@ -25,6 +25,7 @@ from twin.identify import (
     friction_map,
     held_out,
     joint,
+    near_modes,
     sentences,
     spectra,
     static_test,
@@ -54,8 +55,6 @@ from twin.parameters import Rig
 from twin.planar import STUCK
 from twin.search import Progress, silent
 
-_MODES = 4
-_SOFTER, _STIFFER = 0.2, 0.08  # relative distance of a resonance from a mode up to which it is that mode
 _CLEAR = 0.02  # relative error of a frequency up to which a decay at rest is one
 _KNOWN_BEFORE = 0.7  # of the declared uncertainty: an error above it is hardly news
 
@@ -149,7 +148,7 @@ def identify(
     seen = spectra.response(campaign.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
     moved = backbone.backbone(campaign.fit, _first(beam.modes(found.fit.model.declared, 1)))
-    compared = against.compare(campaign, other) if other is not None else None
+    compared = against.compare(campaign, other, found.fit.model.declared) if other is not None else None
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
     progress("predicting the held-out recordings")
@@ -351,15 +350,16 @@ def _free_modes(rig: Rig, found: Response | None) -> tuple[Mode, ...]:
     """Resonances with a free hub; a bending mode is near one that the identified rig has, and softer at large bends."""
     if found is None:
         return ()
-    expected = beam.modes(rig, _MODES).frequencies / (2 * np.pi)
+    first_bending = float(near_modes.bending_frequencies(rig, 1)[0])
     source = f"{', '.join(found.recordings)}, {found.channel}"
     modes = []
     for peak in spectra.peaks(found):
-        off = peak.frequency.value / expected - 1
-        kind: Kind = "bending" if ((off > -_SOFTER) & (off < _STIFFER)).any() else "not bending"
+        kind: Kind = "bending" if near_modes.near_bending(peak.frequency.value, rig) else "not bending"
         modes.append(Mode("free", peak.frequency, peak.damping_ratio, kind, source))
-    first = backbone.resonance(found, float(expected[0]))
-    if first is not None and all(abs(m.frequency.value / expected[0] - 1) > _SOFTER for m in modes):
+    first = backbone.resonance(found, first_bending)
+    if first is not None and all(
+        abs(m.frequency.value / first_bending - 1) > near_modes.SOFTER for m in modes
+    ):
         # The top of a peak that friction and large bends have made no mode's.
         modes.insert(0, Mode("free", first, None, "bending", source))
     return tuple(modes)

@@ -240,10 +240,7 @@ def compared(found: Comparison) -> Finding:
         else "The two declare one rig, so that bending modes stay where they are."
     )
     said = [_paired(peak) for peak in found.peaks]
-    said += [
-        f"{peak.frequency_hz:.4g} Hz is in {found.campaign} only: no bending mode of the link."
-        for peak in found.appeared
-    ]
+    said += [_appeared(peak, found.campaign) for peak in found.appeared]
     return Finding("against", title, (rigs, *said))
 
 
@@ -251,11 +248,22 @@ def _paired(peak: PairedPeak) -> str:
     expected = 100 * (peak.bending_hz / peak.frequency_hz - 1)
     rule = f"a bending mode would by {expected:+.1f} %"
     if peak.other_hz is None:
-        left = f"{100 * peak.height:.0f} % of its height is left at {peak.bending_hz:.4g} Hz"
-        return f"{peak.frequency_hz:.4g} Hz is gone ({left}): no bending mode of the link."
+        left = f"{100 * peak.height:.0f} % of its height is left"
+        if peak.gone:
+            return f"{peak.frequency_hz:.4g} Hz is gone ({left}): no bending mode of the link."
+        return f"{peak.frequency_hz:.4g} Hz is no clear peak there, but {left}: its kind stays open."
     moved = 100 * (peak.other_hz / peak.frequency_hz - 1)
     what = "a bending mode" if peak.kind == "bending" else "no bending mode"
     return f"{peak.frequency_hz:.4g} Hz moves by {moved:+.1f} %, {rule}: {what}."
+
+
+def _appeared(peak: PairedPeak, campaign: str) -> str:
+    where = f"{peak.frequency_hz:.4g} Hz is a clear peak in {campaign} only"
+    if peak.kind == "bending":
+        return f"{where}, where this rig has a bending mode."
+    if peak.gone:
+        return f"{where}: no bending mode of the link."
+    return f"{where}, but {100 * peak.height:.0f} % of its height is here too: its kind stays open."
 
 
 def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding:
