@@ -30,6 +30,7 @@ from twin.evidence import Group
 from twin.fit import Fit, Unknown
 from twin.identify import (
     against,
+    backbone,
     break_away,
     joint,
     near_modes,
@@ -549,6 +550,65 @@ def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured,
     [_, torsion, third_bending] = sentences.compared(found).sentences
     assert "no bending mode" in torsion
     assert "has a bending mode" in third_bending
+
+
+# Bossi et al. 2009, Fig. 3: sweeps of growing amplitude. Friction lets the hub slide in all of them.
+SLIDING = VirtualRig()._replace(static_positive=0.02, static_negative=0.02)
+
+
+def backbone_of_sweeps(folder, effects):
+    """The backbone by five sweeps of 3 to 12 Hz, beside those of the declared rig, which is the true one otherwise."""
+    t = np.arange(0, 16, 0.002)
+    age = np.clip(t - 0.5, 0, 14)
+    taper = np.clip(age / 0.5, 0, 1) * np.clip((14 - age) / 0.3, 0, 1)
+    torque = taper * np.sin(2 * np.pi * (3 * age + 9 * age**2 / 28))
+    sweeps = [
+        Experiment(f"sweep-{k}", "torque-sweep", "fit", 0.0, size * torque)
+        for k, size in enumerate((0.05, 0.08, 0.11, 0.14, 0.17))
+    ]
+    make_campaign(folder, effects, 3, rig=SLIDING, experiments=sweeps)
+    campaign = read_campaign(folder)
+    expected = float(near_modes.bending_frequencies(campaign.rig, 1)[0])
+    twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 8))
+    pairs = [(r, simulate(twin, r, Start())) for r in campaign.fit]
+    return backbone.beside(backbone.backbone(campaign.fit, expected), pairs, expected)
+
+
+def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
+    found = backbone_of_sweeps(tmp_path / "rig", {})
+    assert found.moves
+    assert found.slope.value < -0.1
+    assert found.simulated == pytest.approx(found.slope.value, abs=0.03)
+    assert found.softens is False
+    assert abs(found.beyond.value) < 0.01
+    said = sentences.spectra(seen_sweeps(), (), found).sentences[-1]
+    assert "nothing is left for a softening link" in said
+
+
+def test_a_softening_link_moves_its_resonance_beyond_the_model(tmp_path):
+    effects = {"softening-stiffness": {"softening": 0.15, "curvature": 1.5}}
+    found = backbone_of_sweeps(tmp_path / "rig", effects)
+    assert found.softens
+    assert -0.1 < found.beyond.value < -0.02
+    assert "a softening link" in sentences.spectra(seen_sweeps(), (), found).sentences[-1]
+
+
+def seen_sweeps():
+    return SimpleNamespace(channel="strain_base", recordings=("sweep-4.csv",))
+
+
+def test_a_backbone_that_was_not_simulated_is_no_softening():
+    found = backbone.Backbone(
+        ("a", "b", "c"),
+        "strain_base",
+        np.ones(3),
+        (),
+        results.Estimate(7.0, 0.1),
+        results.Estimate(-0.2, 0.05),
+    )
+    assert found.moves
+    assert found.softens is None
+    assert "no softening of the link by itself" in sentences.spectra(seen_sweeps(), (), found).sentences[-1]
 
 
 def test_the_limit_of_even_chains_knows_a_clamp_that_gives():

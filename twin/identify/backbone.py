@@ -1,10 +1,14 @@
-"""How a resonance moves with its amplitude: its frequency in sweeps of different size, f = f0 (1 + s a^2)."""
+"""How a resonance moves with its amplitude: its frequency in sweeps of different size, f = f0 (1 + s a^2).
+
+Friction of the hub and large bends move it too, so that a slope is no softening by itself: the same sweeps are
+simulated, and what the measured frequency over the simulated one moves by is what the model lacks.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -30,7 +34,9 @@ class Backbone:
       amplitude: (n) largest vibration near the resonance.
       frequency: (n) of the peak [Hz].
       small: frequency of small vibration [Hz].
-      slope: relative change of the frequency at the largest amplitude [1]; negative where the link softens.
+      slope: relative change of the frequency at the largest amplitude [1].
+      simulated: that of the model in the same sweeps [1]; None where it was not simulated or shows no resonance.
+      beyond: of the measured frequency over the simulated one [1]; negative where the link softens.
     """
 
     recordings: tuple[str, ...]
@@ -39,11 +45,23 @@ class Backbone:
     frequency: tuple[Estimate, ...]
     small: Estimate
     slope: Estimate
+    simulated: float | None = None
+    beyond: Estimate | None = None
 
     @property
     def moves(self) -> bool:
-        """Whether the frequency depends on the amplitude beyond its errors."""
-        return abs(self.slope.value) > 3 * self.slope.standard_error
+        """Whether the frequency depends on the amplitude beyond its 95 % interval."""
+        return _not_zero(self.slope)
+
+    @property
+    def softens(self) -> bool | None:
+        """Whether it does so in another way than the model's; None where that was not simulated."""
+        return None if self.beyond is None else _not_zero(self.beyond)
+
+
+def _not_zero(slope: Estimate) -> bool:
+    low, high = slope.interval
+    return not low <= 0 <= high
 
 
 def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | None:
@@ -63,6 +81,47 @@ def backbone(recordings: Sequence[Recording], expected: float) -> Backbone | Non
     frequency = tuple(row[1] for row in rows)
     small, slope = _line((amplitude / amplitude[-1]) ** 2, frequency)
     return Backbone(tuple(row[2] for row in rows), channels.pop(), amplitude, frequency, small, slope)
+
+
+def beside(found: Backbone, pairs: Sequence[tuple[Recording, Recording]], expected: float) -> Backbone:
+    """The backbone with what a model says of it.
+
+    What makes a top broad is the same in both: their ratio is as uncertain as the grid of frequencies, or its scatter.
+
+    Args:
+      found: the backbone.
+      pairs: sweeps as measured and as simulated.
+      expected: frequency about which both are looked for [Hz].
+    """
+    rows = []
+    for measured, simulated in pairs:
+        here, there = (_top(r, found.channel, expected) for r in (measured, simulated))
+        if measured.name in found.recordings and here and there:
+            size = found.amplitude[found.recordings.index(measured.name)]
+            rows.append((float(size), here, there))
+    if len(rows) < LEAST_SWEEPS:
+        return found
+    share = np.array([(size / found.amplitude[-1]) ** 2 for size, *_ in rows])
+    ratios = [
+        Estimate(a.value / b.value, math.hypot(a.standard_error, b.standard_error) / b.value)
+        for _, a, b in rows
+    ]
+    _, alone = _line(share, [b for *_, b in rows])
+    _, beyond = _line(share, ratios)
+    return replace(found, simulated=alone.value, beyond=beyond)
+
+
+def _top(recording: Recording, channel: str, expected: float) -> Estimate | None:
+    """Where a response is largest near a frequency [Hz], as uncertain as its grid; None at an edge."""
+    found = spectra.response([recording], channel, _BAND) if np.isfinite(recording[channel]).any() else None
+    if found is None:
+        return None
+    near = found.known & (np.abs(found.frequency / expected - 1) < _REACH)
+    f, size = found.frequency[near], np.abs(found.h1[near])
+    top = int(np.argmax(size)) if len(f) else 0
+    if top in (0, len(f) - 1):
+        return None
+    return Estimate(float(f[top]), float(found.frequency[1] - found.frequency[0]) / math.sqrt(12))
 
 
 def resonance(found: Response, expected: float) -> Estimate | None:

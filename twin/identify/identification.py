@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import label
 from threadpoolctl import threadpool_limits
 
-from twin import beam, modal, search
+from twin import beam, fit, modal, search
 from twin.campaign import Campaign
 from twin.fit import Prepared
 from twin.identify import (
@@ -50,7 +50,7 @@ from twin.identify.results import (
 )
 from twin.identify.spectra import Response
 from twin.identify.static_test import StaticTest
-from twin.model import Model
+from twin.model import Model, simulate
 from twin.parameters import Rig
 from twin.planar import STUCK
 from twin.search import Progress, silent
@@ -143,11 +143,12 @@ def identify(
         progress("balancing torques")
         hub = _hub_balance(found)
         whole = balance.of_rig(found.data, model, starts)
-        released = friction_map.read(_with_static(search.fine(model), friction), found.prepared, starts)
+        as_read = _with_static(search.fine(model), friction)
+        released = friction_map.read(as_read, found.prepared, starts)
     load = static_test.read(campaign)
     seen = spectra.response(campaign.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
-    moved = backbone.backbone(campaign.fit, _first(beam.modes(found.fit.model.declared, 1)))
+    moved = _backbone(campaign, found, as_read)
     compared = against.compare(campaign, other, found.fit.model.declared) if other is not None else None
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
@@ -197,6 +198,20 @@ def _hub_balance(found: Joint) -> Balance | None:
     more = min(float(found.values[k] + found.errors[k]), most)
     lossier = model.replace(declared=model.declared.replace("lossier", damping_ratio=more))
     return balance.with_loss(hub, balance.of_hub(found.data, lossier, starts))
+
+
+def _backbone(campaign: Campaign, found: Joint, model: Model) -> Backbone | None:
+    """How the first resonance moves, and how that of the identified model does in the same sweeps."""
+    expected = _first(beam.modes(model.declared, 1))
+    moved = backbone.backbone(campaign.fit, expected)
+    if moved is None:
+        return None
+    pairs = [
+        (p.recording, simulate(model, p.recording, fit.reading_start(model, p, start)))
+        for p, start in zip(found.prepared, found.fit.starts, strict=True)
+        if p.recording.name in moved.recordings
+    ]
+    return backbone.beside(moved, pairs, expected)
 
 
 def _with_static(model: Model, friction: StaticFriction) -> Model:

@@ -216,12 +216,37 @@ def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | Non
             f"How the resonance moves with amplitude: fewer than {LEAST_SWEEPS} recordings show it by themselves."
         )
     else:
-        word = "moves" if moved.moves else "does not move visibly"
-        said.append(
-            f"The first resonance {word} with amplitude: {shown(moved.small, 'Hz')} for small vibration, "
-            f"{100 * moved.slope.value:+.2f} % \u00b1 {196 * moved.slope.standard_error:.2f} % at the largest."
-        )
+        said += _backbone(moved)
     return Finding("spectra", title, tuple(said))
+
+
+def _backbone(found: Backbone) -> list[str]:
+    word = "moves" if found.moves else "does not move visibly"
+    said = [
+        f"The first resonance {word} with amplitude: {shown(found.small, 'Hz')} for small vibration, "
+        f"{_percent(found.slope)} at the largest."
+    ]
+    if found.simulated is None or found.beyond is None:
+        return [
+            *said,
+            "Friction of the hub and large bends move it too, and no simulation of these sweeps shows by how much: "
+            "this is no softening of the link by itself.",
+        ]
+    left = (
+        "a softening link, or what else the model lacks"
+        if found.softens
+        else "nothing is left for a softening link"
+    )
+    said.append(
+        f"The identified model, without softening, moves by {100 * found.simulated:+.2f} % in the same sweeps, by the "
+        f"friction of its hub and large bends; measured over simulated by {_percent(found.beyond)}: {left}."
+    )
+    return said
+
+
+def _percent(change: Estimate) -> str:
+    low, high = change.interval
+    return f"{100 * change.value:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
 
 
 def compared(found: Comparison) -> Finding:
