@@ -272,6 +272,14 @@ def test_each_procedure_holds_the_truth_by_itself(run):
         ("static_friction", "break-away"),
     }
     assert expected <= seen
+def with_a_moving_start(folder, name, cut):
+    """Adds a recording without its first 0.4 s as one that was already moving, held out."""
+    header, *rows = (folder / name).read_text().splitlines()
+    (folder / cut).write_text("\n".join([header, *rows[200:]]) + "\n")
+    with (folder / "campaign.toml").open("a") as file:
+        file.write(f'\n[[recordings]]\nfile = "{cut}"\nrole = "holdout"\nstart = "unknown"\n')
+
+
     for name, method in expected:
         e = said["parameters"][name]["methods"][method]
         assert abs(e["value"] - true[name]) < 3.5 * e["standard_error"], (name, method)
@@ -282,6 +290,7 @@ def test_json_is_what_others_read(run):
     for p in said["parameters"].values():
         assert {"value", "standard_error", "unit", "declared", "methods"} <= set(p)
         assert all(set(e) == {"value", "standard_error"} for e in p["methods"].values())
+    with_a_moving_start(root / "rig-7", "slew.csv", "moving.csv")
     clamped = [m for m in said["modes"] if m["boundary"] == "clamped"]
     assert clamped[0]["kind"] == "bending"
     assert clamped[0]["frequency_hz"] == pytest.approx(1.24, rel=0.05)
@@ -334,6 +343,18 @@ def test_the_page_shows_what_was_found(run):
     for title in ("Stiffness from a static test", "Damping from free vibration", "Joint estimate"):
         assert title in page
         assert title in output
+def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
+    _, _, said, output = run
+    errors = {e["channel"]: e for e in said["held_out"] if e["recording"] == "moving.csv"}
+    assert all(e["start"] == "estimated" for e in errors.values())
+    assert errors["hub_angle"]["windowed"] < 2 * errors["hub_angle"]["noise"]
+    assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
+    assert {e["start"] for e in said["held_out"] if e["recording"] == "slew.csv"} == {"rest"}
+    table = output[output.index("Held-out recordings") :]
+    assert "moving.csv" in table
+    assert "slew.csv" in table
+
+
     assert page.count("Plotly.newPlot") >= 6
 
 

@@ -20,6 +20,8 @@ from twin.json_file import write_json
 from twin.outputs import check_writable
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from twin.identify.identification import Identification
 
 
@@ -58,6 +60,19 @@ def identify(
     _print(found, paths if json_file is None else {**paths, "JSON": json_file})
 
 
+def _held_out(found: Identification) -> Table:
+    from rich.table import Table
+
+    table = Table(
+        "recording", "channel", "declared", "identified", "following", "windows", "steps", "start", box=None
+    )
+    for e in found.held_out:
+        sizes = (e.declared, e.identified, e.following, e.windowed, e.by_steps)
+        cells = ("-" if size is None else f"{size / e.noise:.3g}" for size in sizes)
+        table.add_row(e.recording, e.channel, *cells, e.start)
+    return table
+
+
 def _print(found: Identification, paths: dict[str, Path]) -> None:
     from rich.table import Table
 
@@ -76,6 +91,13 @@ def _print(found: Identification, paths: dict[str, Path]) -> None:
         lines = (f"not possible: {finding.missing}",) if finding.missing else finding.sentences
         for line in lines:
             screen.print(f"  {line}", highlight=False, markup=False)
+    if found.held_out:
+        screen.print("\nHeld-out recordings: measured minus simulated, in noise levels", highlight=False)
+        screen.print(_held_out(found), highlight=False)
+    if found.notes:
+        screen.print("\nAssumptions and data defects", highlight=False)
+        for note in found.notes:
+            screen.print(f"  {note}", highlight=False, markup=False)
     screen.print()
     for what, path in paths.items():
         screen.print(f"{what:<7} {path}", highlight=False, markup=False, soft_wrap=True)

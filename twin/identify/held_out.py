@@ -4,19 +4,24 @@ Free-running from the first samples and the command alone, a stick more or less 
 the hub is held and released when the measured one rests and moves, so that the errors are those of link and slides.
 In windows, only what the hub's error changes by within a quarter of a second counts. By steps, the measured hub moves
 the link at every instant and nothing adds up: what is left is in the link, the gauges or the torque of that instant.
+
+A rig that was already moving at the first sample starts in the state that its first second tells.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from twin import calibration, driven_residual, fit, search, timing
 from twin.campaign import Campaign
-from twin.fit import Prepared
+from twin.driven import DrivenData
+from twin.fit import Prepared, Workbench
 from twin.identify.joint import Joint
-from twin.look import look
 from twin.model import Model, Start, simulate
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
@@ -33,6 +38,7 @@ class HeldOutError:
       following: of the identified rig, resting and moving as the measured hub did.
       windowed: as following, of the hub only what the error changes by within `fit.MEMORY`.
       by_steps: of the identified link under the measured hub; None for the hub itself.
+      start: "rest", or "estimated" from the first second of a rig that was already moving.
     """
 
     recording: str
@@ -44,32 +50,42 @@ class HeldOutError:
     following: float
     windowed: float
     by_steps: float | None
+    start: Literal["rest", "estimated"] = "rest"
 
 
-def errors(campaign: Campaign, found: Joint, rig: Rig) -> tuple[HeldOutError, ...]:
-    """Errors on every held-out recording that starts at rest; `rig` is the identified one."""
+def errors(campaign: Campaign, found: Joint, rig: Rig, pool: ThreadPoolExecutor) -> tuple[HeldOutError, ...]:
+    """Errors on every held-out recording; `rig` is the identified one."""
     noise = calibration.noises(campaign)
-    declared = search.fine(found.fit.model.replace(declared=campaign.rig))
-    identified = declared.replace(declared=rig)
+    models = [found.fit.model.replace(declared=r) for r in (campaign.rig, rig)]
     rows = []
     for recording in campaign.holdout():
-        if recording.start == "rest":
-            prepared, _ = fit.prepare(timing.on_clock(recording, found.clock), noise)
-            rows += _rows(prepared, declared, identified)
+        prepared, _ = fit.prepare(timing.on_clock(recording, found.clock), noise)
+        if prepared.channels:
+            starts = _starts(prepared, models, pool)
+            rows += _rows(prepared, [search.fine(m) for m in models], starts, pool)
     return tuple(rows)
 
 
-def _rows(prepared: Prepared, declared: Model, identified: Model) -> list[HeldOutError]:
-    recording = prepared.recording
-    start = fit.reading_start(identified, prepared, prepared.start)
+def _starts(prepared: Prepared, models: Sequence[Model], pool: ThreadPoolExecutor) -> list[Start]:
+    """The state at the first sample as each model tells it."""
+    if prepared.recording.start == "unknown":
+        return [fit.estimated_start(m, prepared, pool) for m in models]
+    return [fit.reading_start(m, prepared, prepared.start) for m in models]
+
+
+def _rows(
+    prepared: Prepared, models: Sequence[Model], starts: Sequence[Start], pool: ThreadPoolExecutor
+) -> list[HeldOutError]:
+    recording, (declared, identified), (before, start) = prepared.recording, models, starts
     guide = fit.guided(identified, prepared, tight=False)
     runs = [
-        simulate(declared, recording, start),
+        simulate(declared, recording, before),
         simulate(identified, recording, start),
         simulate(identified, recording, start, guide),
     ]
     windows = fit.whitened(identified, prepared, start)
-    steps = _by_steps(prepared, identified, start)
+    steps = _by_steps(prepared, identified, start, pool)
+    known_from: Literal["rest", "estimated"] = "estimated" if recording.start == "unknown" else "rest"
     rows = []
     for channel in prepared.channels:
         known = np.isfinite(recording[channel])
@@ -78,16 +94,24 @@ def _rows(prepared: Prepared, declared: Model, identified: Model) -> list[HeldOu
         windowed = noise * _rms(windows[channel][known])
         by_steps = steps.get(channel)
         rows.append(
-            HeldOutError(recording.name, channel, unit, noise, free, better, following, windowed, by_steps)
+            HeldOutError(
+                recording.name, channel, unit, noise, free, better, following, windowed, by_steps, known_from
+            )
         )
     return rows
 
 
-def _by_steps(prepared: Prepared, model: Model, start: Start) -> dict[str, float]:
+def _by_steps(prepared: Prepared, model: Model, start: Start, pool: ThreadPoolExecutor) -> dict[str, float]:
     """Channel of the link -> its error under the measured hub, behind the low-pass of `twin.driven`."""
-    view = look(prepared, model)
+    data = DrivenData([prepared], model)
+    view = data.views[0]
+    if prepared.recording.start == "unknown" and data.groups:
+        # Under a measured hub the link rings on for long: its first state is that of all the recording.
+        bench = Workbench(data, pool)
+        start = fit.minimise(bench, model, [start], fit.start_unknowns([prepared]), iterations=6).starts[0]
     found = driven_residual.missing(view, prepared, model, start)
-    return {c: _rms(found[c][view.known[c]]) for c in view.measured if c != "motor_torque"}
+    of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
+    return {g.channel: _rms(found[g.channel][data.weight[g.rows] > 0]) for g in of_link}
 
 
 def _rms(values: np.ndarray) -> float:

@@ -152,10 +152,12 @@ def identify(
     compared = against.compare(campaign, other, found.fit.model.declared) if other is not None else None
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
-    progress("predicting the held-out recordings")
     methods = _methods(campaign.rig, found, decays, friction, hub, load, released)
     parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
     rig = campaign.rig.replace("identified", **{name: p.value for name, p in parameters.items()})
+    progress("predicting the held-out recordings")
+    with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
+        predicted = held_out.errors(campaign, found, rig, pool)
     return Identification(
         campaign=campaign.name,
         rig=campaign.rig,
@@ -183,7 +185,7 @@ def identify(
         spectrum=seen,
         moved=moved,
         joint=found,
-        held_out=held_out.errors(campaign, found, rig),
+        held_out=predicted,
         wall_s=time.perf_counter() - began,
     )
 
