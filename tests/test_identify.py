@@ -6,17 +6,18 @@ import json
 import math
 from dataclasses import replace
 
+import campaign_folder
 import numpy as np
 import pytest
 from scipy.constants import g
 from scipy.signal import cont2discrete, lfilter
 from typer.testing import CliRunner
 
-from twin import calibration, chain, cli, fit
+from twin import calibration, campaign, chain, cli, fit
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.errors import InputError
-from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra
+from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra, static_test
 from twin.identify.backbone import backbone
 from twin.identify.break_away import StaticFriction
 from twin.identify.deliver import FOLDER
@@ -34,25 +35,64 @@ DISPLACEMENTS = np.array([0.023, 0.029, 0.034, 0.039, 0.044])
 LENGTH = Estimate(0.42, 0.0)
 
 
-def test_table_one_has_two_stiffnesses_and_an_odd_first_row():
-    weights = g * MASSES
-    line = load_line.fit_line(weights, DISPLACEMENTS)
-    row, away = load_line.odd_row(line)
-    assert row == 0
-    assert away == pytest.approx(-0.001, abs=1e-9)
-    others = load_line.fit_line(weights[1:], DISPLACEMENTS[1:])
-    assert load_line.stiffness(others, LENGTH).value == pytest.approx(0.2423, abs=2e-4)
-    # Row by row with the plate's 0.019 kg, as the paper does: the first row stands apart.
-    forces = g * (MASSES + 0.019)
-    by_row = forces * 0.42**3 / (3 * DISPLACEMENTS)
-    assert by_row[0] == pytest.approx(0.2527, abs=2e-4)
-    assert by_row[1:] == pytest.approx(0.2423, abs=2e-4)
+def static_test_of(columns, second_moment=None):
+    """What `twin identify` says of a static test on a link of the paper's length."""
+    rig = preset("bossi2009")
+    table = campaign.StaticTest(columns, second_moment)
+    return static_test.read(campaign.Campaign("paper", rig, {}, (), table))
 
 
-def test_the_plate_of_table_one_follows_from_the_line():
-    line = load_line.fit_line(g * MASSES[1:], DISPLACEMENTS[1:])
-    tare = line.intercept.value / line.slope.value / g
-    assert tare == pytest.approx(0.019, abs=1e-6)
+@pytest.fixture
+def table_one():
+    return static_test_of({"tip_load_mass": MASSES, "tip_deflection": DISPLACEMENTS}, second_moment=2.95e-11)
+
+
+def test_table_one_reads_as_in_the_paper_and_says_what_does_not_add_up(table_one):
+    said = sentences.static(table_one, Estimate(0.24957, 0.005)).sentences
+    assert any(s.startswith("Row 1 lies -1 mm off the line through the others") for s in said)
+    [without] = [s for s in said if s.startswith("Without it")]
+    # Rows 2 to 5 are a line to the last digit, 0.2423 N m^2 with g = 9.81 m/s^2; its tare is the plate's 0.019 kg.
+    assert "EI = 0.2422 " in without
+    assert "E = 8.21" in without
+    assert "tare = 0.186 N (0.019 kg)" in without
+    assert "With that tare row 1 by itself gives EI = 0.2527 N m^2." in said
+    assert "last decimals, 0.0098 N and 1 mm" in said[0]
+
+
+def test_table_one_in_numbers(table_one):
+    odd = table_one.odd
+    assert odd.row == 0
+    assert odd.away == pytest.approx(-0.001, abs=1e-9)
+    assert odd.others.stiffness.value == pytest.approx(0.2423, abs=2e-4)
+    assert odd.others.tare / g == pytest.approx(0.019, abs=1e-6)
+    assert odd.alone == pytest.approx(0.2527, abs=2e-4)
+    assert table_one.modulus.value == pytest.approx(table_one.stiffness.value / 2.95e-11)
+
+
+def test_loads_read_to_few_decimals_do_not_flatten_the_line():
+    rng = np.random.default_rng(5)
+    force, off = np.linspace(0.0, 0.3, 400), {"both": [], "plain": []}
+    compliance = 0.42**3 / (3 * 0.25)
+    for _ in range(20):
+        read, y = np.round(force + rng.normal(0, 0.05, 400), 2), np.round(compliance * force, 5)
+        found = static_test_of({"tip_force": read, "tip_deflection": y})
+        off["both"].append(found.stiffness.value / 0.25 - 1)
+        plain = load_line.stiffness(load_line.fit_line(read, y), LENGTH)
+        off["plain"].append(plain.value / 0.25 - 1)
+    # The variance of the forces is 0.0075 N^2, of their errors 0.0025 N^2.
+    assert np.mean(off["plain"]) > 0.25
+    assert abs(np.mean(off["both"])) < 0.02
+
+
+def test_the_second_moment_of_the_section_is_read_from_the_campaign(tmp_path):
+    folder = campaign_folder.write(tmp_path)
+    (folder / "static.csv").write_text("tip_force,tip_deflection\n0.1,0.01\n0.2,0.02\n0.3,0.03\n")
+    with (folder / "campaign.toml").open("a") as file:
+        file.write("\n[static]\nsecond_moment = 2.95e-11\n")
+    read = read_campaign(folder)
+    assert read.static.second_moment == 2.95e-11
+    said = static_test.read(read)
+    assert said.modulus.value == pytest.approx(said.stiffness.value / 2.95e-11)
 
 
 def test_errors_in_both_variables_do_not_flatten_a_line():
@@ -232,6 +272,14 @@ def experiments() -> list[Experiment]:
     ]
 
 
+def with_a_moving_start(folder, name, cut):
+    """Adds a recording without its first 0.4 s as one that was already moving, held out."""
+    header, *rows = (folder / name).read_text().splitlines()
+    (folder / cut).write_text("\n".join([header, *rows[200:]]) + "\n")
+    with (folder / "campaign.toml").open("a") as file:
+        file.write(f'\n[[recordings]]\nfile = "{cut}"\nrole = "holdout"\nstart = "unknown"\n')
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A campaign of the virtual rig with a static test, its truth, and the folder that the command wrote."""
@@ -242,6 +290,7 @@ def run(tmp_path_factory):
     rows = force * compliance + 1e-5 * np.array([1, -1, 0, -1, 1])
     table = "\n".join(f"{f},{y:.6f}" for f, y in zip(force, rows, strict=True))
     (root / "rig-7" / "static.csv").write_text(f"tip_force,tip_deflection\n{table}\n")
+    with_a_moving_start(root / "rig-7", "slew.csv", "moving.csv")
     json_file = root / "said.json"
     given = ["--out", str(root / "out"), "--json", str(json_file), "--against", str(root / "rig-7")]
     arguments = ["identify", str(root / "rig-7"), *given]
@@ -272,14 +321,6 @@ def test_each_procedure_holds_the_truth_by_itself(run):
         ("static_friction", "break-away"),
     }
     assert expected <= seen
-def with_a_moving_start(folder, name, cut):
-    """Adds a recording without its first 0.4 s as one that was already moving, held out."""
-    header, *rows = (folder / name).read_text().splitlines()
-    (folder / cut).write_text("\n".join([header, *rows[200:]]) + "\n")
-    with (folder / "campaign.toml").open("a") as file:
-        file.write(f'\n[[recordings]]\nfile = "{cut}"\nrole = "holdout"\nstart = "unknown"\n')
-
-
     for name, method in expected:
         e = said["parameters"][name]["methods"][method]
         assert abs(e["value"] - true[name]) < 3.5 * e["standard_error"], (name, method)
@@ -290,7 +331,6 @@ def test_json_is_what_others_read(run):
     for p in said["parameters"].values():
         assert {"value", "standard_error", "unit", "declared", "methods"} <= set(p)
         assert all(set(e) == {"value", "standard_error"} for e in p["methods"].values())
-    with_a_moving_start(root / "rig-7", "slew.csv", "moving.csv")
     clamped = [m for m in said["modes"] if m["boundary"] == "clamped"]
     assert clamped[0]["kind"] == "bending"
     assert clamped[0]["frequency_hz"] == pytest.approx(1.24, rel=0.05)
@@ -301,6 +341,18 @@ def test_json_is_what_others_read(run):
         errors["hub_angle"]["windowed"] < errors["hub_angle"]["following"] < errors["hub_angle"]["declared"]
     )
     assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
+
+
+def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
+    _, _, said, output = run
+    errors = {e["channel"]: e for e in said["held_out"] if e["recording"] == "moving.csv"}
+    assert all(e["start"] == "estimated" for e in errors.values())
+    assert errors["hub_angle"]["windowed"] < 2 * errors["hub_angle"]["noise"]
+    assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
+    assert {e["start"] for e in said["held_out"] if e["recording"] == "slew.csv"} == {"rest"}
+    table = output[output.index("Held-out recordings") :]
+    assert "moving.csv" in table
+    assert "slew.csv" in table
 
 
 def test_intervals_are_told_with_where_they_come_from(run):
@@ -343,18 +395,6 @@ def test_the_page_shows_what_was_found(run):
     for title in ("Stiffness from a static test", "Damping from free vibration", "Joint estimate"):
         assert title in page
         assert title in output
-def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
-    _, _, said, output = run
-    errors = {e["channel"]: e for e in said["held_out"] if e["recording"] == "moving.csv"}
-    assert all(e["start"] == "estimated" for e in errors.values())
-    assert errors["hub_angle"]["windowed"] < 2 * errors["hub_angle"]["noise"]
-    assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
-    assert {e["start"] for e in said["held_out"] if e["recording"] == "slew.csv"} == {"rest"}
-    table = output[output.index("Held-out recordings") :]
-    assert "moving.csv" in table
-    assert "slew.csv" in table
-
-
     assert page.count("Plotly.newPlot") >= 6
 
 
@@ -415,10 +455,10 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb,
     plan = free_release(rig, Sensors(), np.random.default_rng(seed))
     plan = replace(plan, commands=plan.commands[:1500])
     make_campaign(tmp_path / "released", {}, seed, rig=rig, experiments=[plan])
-    campaign = read_campaign(tmp_path / "released")
-    prepared, _ = fit.prepare(campaign.fit[0], calibration.noises(campaign))
-    believed = campaign.rig.replace("believed", coulomb_friction=0.85 * coulomb)
-    model = Model(believed, campaign.sensors, chain.fit_shape(believed, 12), step=2.5e-4)
+    given = read_campaign(tmp_path / "released")
+    prepared, _ = fit.prepare(given.fit[0], calibration.noises(given))
+    believed = given.rig.replace("believed", coulomb_friction=0.85 * coulomb)
+    model = Model(believed, given.sensors, chain.fit_shape(believed, 12), step=2.5e-4)
     found = friction_map.read(model, [prepared], [prepared.start])
     assert (np.diff(found.damping) > 0).all()
     # Without friction there is the declared damping of the free modes.

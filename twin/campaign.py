@@ -28,9 +28,11 @@ class StaticTest:
 
     Attributes:
       columns: name -> (n) values, in whatever unit the column has; NaN where one is missing.
+      second_moment: I of the link's section [m^4]; None where it was not said.
     """
 
     columns: Mapping[str, np.ndarray] = field(repr=False)
+    second_moment: float | None = None
 
     def __post_init__(self) -> None:
         frozen = {name: _read_only(values) for name, values in self.columns.items()}
@@ -43,7 +45,7 @@ class StaticTest:
         return column in self.columns
 
     def __reduce__(self):
-        return (type(self), (dict(self.columns),))
+        return (type(self), (dict(self.columns), self.second_moment))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
         rig=rig,
         sensors=_sensors(said),
         fit=fit,
-        static=_read_static(root),
+        static=_read_static(root, said.static.second_moment),
         warnings=(*_noise_free(said), *chain.from_iterable(notes for *_, notes in read), *stuck),
         _held_out=held_out,
     )
@@ -413,13 +415,13 @@ def _check_columns(said: schema.CampaignFile, tables: list[Table]) -> None:
             )
 
 
-def _read_static(root: Path) -> StaticTest | None:
+def _read_static(root: Path, second_moment: float | None) -> StaticTest | None:
     if not (root / STATIC).exists():
         return None
     table = read_table(root / STATIC, STATIC)
     if not len(table):
         raise InputError(f"{STATIC} has no rows after its header; expected one per load, or no such file")
-    return StaticTest(table.columns)
+    return StaticTest(table.columns, second_moment)
 
 
 def _read_only(values: np.ndarray) -> np.ndarray:

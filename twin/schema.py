@@ -90,6 +90,12 @@ class RecordingEntry(_Table):
     initial_tip_deflection: Finite | None = None
 
 
+class StaticEntry(_Table):
+    """The `[static]` table, of `static.csv`; `second_moment` is I of the link's section [m^4]."""
+
+    second_moment: Annotated[Finite, Field(gt=0.0)] | None = None
+
+
 class CampaignFile(_Table):
     """The whole of `campaign.toml`."""
 
@@ -100,6 +106,7 @@ class CampaignFile(_Table):
     uncertainty: dict[str, Annotated[Finite, Field(ge=0.0)]] = {}
     channels: Annotated[dict[str, Channel], Field(min_length=1)]
     recordings: Annotated[list[RecordingEntry], Field(min_length=1)]
+    static: StaticEntry = StaticEntry()
 
 
 _NAMES = {
@@ -107,7 +114,11 @@ _NAMES = {
     "uncertainty": ("parameter", tuple(PARAMETERS)),
     "channels": ("channel", (TIME, *CHANNEL_UNITS)),
 }
-_TABLES: Mapping[str, type[_Table]] = {"channels": Channel, "recordings": RecordingEntry}
+_TABLES: Mapping[str, type[_Table]] = {
+    "channels": Channel,
+    "recordings": RecordingEntry,
+    "static": StaticEntry,
+}
 
 
 def parse(text: str) -> CampaignFile:

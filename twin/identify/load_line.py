@@ -109,14 +109,15 @@ def odd_row(line: LoadLine) -> tuple[int, float] | None:
             slope, intercept = np.polyfit(x, y, 1)
             scatter = float(np.std(y - intercept - slope * x, ddof=2))
             away = float(line.y[k] - intercept - slope * line.x[k])
-            found.append((abs(away) / max(3 * scatter, 0.99 * _resolution(line.y)), k, away))
+            found.append((abs(away) / max(3 * scatter, 0.99 * resolution(line.y)), k, away))
     ratio, row, away = max(found, default=(0.0, 0, 0.0))
     return (row, away) if ratio > 1 else None
 
 
-def _resolution(values: np.ndarray) -> float:
-    """The decimal step to which some readings were rounded."""
-    size = float(np.abs(values).max()) or 1.0
+def resolution(values: np.ndarray) -> float:
+    """The decimal step to which some readings were rounded; 0 where none is seen."""
+    values = values[np.isfinite(values)]
+    size = float(np.abs(values).max(initial=0.0)) or 1.0
     steps = (10.0**e for e in range(math.ceil(math.log10(size)), math.floor(math.log10(size)) - 9, -1))
     return next((s for s in steps if np.allclose(values / s, np.round(values / s), rtol=0, atol=1e-6)), 0.0)
 

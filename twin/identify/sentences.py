@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from scipy.constants import g
+
 from twin.identify.against import Comparison, PairedPeak
 from twin.identify.backbone import LEAST_SWEEPS, Backbone
 from twin.identify.balance import Balance
@@ -12,10 +14,9 @@ from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
 from twin.identify.joint import Joint
-from twin.identify.load_line import odd_row
 from twin.identify.results import Estimate, Finding, Mode, disagreement
 from twin.identify.spectra import Response
-from twin.identify.static_test import LOADS, StaticTest
+from twin.identify.static_test import LOADS, OddRow, StaticTest
 
 EXPLAINED = 0.9
 """Share of the torque that the hub's balance has to explain to be believed."""
@@ -50,12 +51,11 @@ def static(load: StaticTest | None, declared: Estimate) -> Finding:
     said = []
     if load.stiffness is not None:
         said.append(
-            f"EI = {shown(load.stiffness, 'N m^2')} by a line with its own zero through {len(load.line.x)} loads."
+            f"{_elastic(load)} by a line with its own zero through {len(load.line.x)} loads, {_line_errors(load)}."
         )
-        tare = load.line.intercept.value / load.line.slope.value
         if abs(load.line.intercept.value) > 2 * load.line.intercept.standard_error:
             said.append(
-                f"The line crosses zero displacement {tare:.3g} N below no load: what else hung there, or the zero "
+                f"The line crosses zero displacement {_tare(load)} below no load: what else hung there, or the zero "
                 "of the ruler."
             )
         if declared.standard_error > 0:
@@ -64,14 +64,10 @@ def static(load: StaticTest | None, declared: Estimate) -> Finding:
         assert load.curvature is not None
         said.append(
             f"No load was recorded, so that no stiffness follows; one unit of {load.column} is a curvature of "
-            f"{shown(load.curvature, '1/m')} at the hub."
+            f"{shown(load.curvature, '1/m')} at the hub, the errors of both alike in parts of their ranges."
         )
-    odd = odd_row(load.line)
-    if odd is not None:
-        row, away = odd
-        said.append(
-            f"Row {row + 1} lies {1e3 * away:+.3g} mm off the line through the others: a slip, or a bent line."
-        )
+    if load.odd is not None:
+        said += _odd_row(load.odd)
     p = load.line.curvature_probability
     if p == p:
         word = "straight" if load.line.straight else "bent"
@@ -79,6 +75,41 @@ def static(load: StaticTest | None, declared: Estimate) -> Finding:
             f"The line is {word}: chance alone makes a parabola this much better with probability {p:.2g}."
         )
     return Finding("static", title, tuple(said))
+
+
+def _elastic(load: StaticTest) -> str:
+    """EI, and E where I was given."""
+    assert load.stiffness is not None
+    said = f"EI = {shown(load.stiffness, 'N m^2')}"
+    if load.modulus is None:
+        return said
+    return f"{said}, E = {shown(load.modulus, 'Pa')} with the I that was given,"
+
+
+def _line_errors(load: StaticTest) -> str:
+    x, y = load.errors
+    if not (x > 0 and y > 0):
+        return "the loads taken as exact"
+    return f"load and displacement as uncertain as their last decimals, {x:.2g} N and {1e3 * y:.2g} mm"
+
+
+def _tare(load: StaticTest) -> str:
+    force = f"{load.tare:.3g} N"
+    return f"{force} ({load.tare / g:.3g} kg)" if load.column == "tip_load_mass" else force
+
+
+def _odd_row(odd: OddRow) -> list[str]:
+    name, others = f"row {odd.row + 1}", odd.others
+    said = [
+        f"{name.capitalize()} lies {1e3 * odd.away:+.3g} mm off the line through the others: a slip, or a bent line."
+    ]
+    if others.stiffness is not None:
+        said.append(f"Without it {_elastic(others).removesuffix(',')}, tare = {_tare(others)}.")
+    elif others.curvature is not None:
+        said.append(f"Without it one unit is {shown(others.curvature, '1/m')}.")
+    if odd.alone is not None:
+        said.append(f"With that tare {name} by itself gives EI = {odd.alone:.4g} N m^2.")
+    return said
 
 
 def decays(found: Sequence[Decay]) -> Finding:
