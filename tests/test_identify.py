@@ -17,7 +17,16 @@ from twin import calibration, campaign, chain, cli, fit
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.errors import InputError
-from twin.identify import break_away, decay, friction_map, load_line, sentences, spectra, static_test
+from twin.identify import (
+    break_away,
+    decay,
+    friction_map,
+    load_line,
+    pictures,
+    sentences,
+    spectra,
+    static_test,
+)
 from twin.identify.backbone import backbone
 from twin.identify.break_away import StaticFriction
 from twin.identify.deliver import FOLDER
@@ -229,6 +238,44 @@ def test_without_noise_the_estimators_are_one_and_with_noise_h1_is_below_h2():
     assert np.abs(clean.h2[near] / clean.h1[near] - 1).max() < 0.02
     off = np.abs(noisy.frequency - 11) < 0.5
     assert np.mean(np.abs(noisy.h1[off])) < np.mean(np.abs(noisy.hv[off])) < np.mean(np.abs(noisy.h2[off]))
+
+
+def fed_back(seed: int = 0) -> Recording:
+    """A closed loop about one mode at 7.27 Hz: u = r - 80 (strain + noise), r a sweep over 3 to 12 Hz."""
+    swept = resonance(7.27, 0.2)
+    reference = swept["torque_command"]
+    omega = 2 * np.pi * 7.27
+    b, a, _ = cont2discrete(([omega**2], [1, 0.4 * omega, omega**2]), 0.002, "zoh")
+    (_, b1, b2), (_, a1, a2) = 1e-2 * b.ravel(), a
+    noise = 1e-3 * np.random.default_rng(seed).standard_normal(len(reference))
+    y, u = np.zeros(len(reference)), np.zeros(len(reference))
+    for k in range(len(reference)):
+        if k > 1:
+            y[k] = b1 * u[k - 1] + b2 * u[k - 2] - a1 * y[k - 1] - a2 * y[k - 2]
+        u[k] = reference[k] - 80 * (y[k] + noise[k])
+    channels = {"torque_command": u, "hub_reference": reference, "strain_base": y + noise}
+    return Recording("loop.csv", swept.time, channels, loop="closed")
+
+
+def test_of_a_closed_loop_the_response_is_by_the_reference_and_h1_is_biased():
+    loops = [fed_back(seed) for seed in range(6)]
+    by_reference, by_torque = (
+        spectra.response(recordings) for recordings in (loops, [r.replace(loop="open") for r in loops])
+    )
+    f = by_reference.frequency
+    s, omega = 2j * np.pi * f, 2 * np.pi * 7.27
+    true = 1e-2 * omega**2 / (s**2 + 0.4 * omega * s + omega**2)
+    near = np.abs(f - 7.5) < 3
+    off = [np.abs(np.mean((found.h1 / true)[near] - 1)) for found in (by_reference, by_torque)]
+    assert off[0] < 0.03
+    assert off[1] > 0.1
+    assert (by_reference.estimator, by_torque.estimator) == ("by the reference", "H1")
+    said = sentences.spectra(by_reference, (), None).sentences
+    assert any("by the reference as instrument" in s for s in said)
+    assert not any("instrument" in s for s in sentences.spectra(by_torque, (), None).sentences)
+    curves = [trace.name for trace in pictures.response(by_reference).data]
+    assert "by the reference" in curves
+    assert "H1" not in curves
 
 
 def test_a_step_is_no_sweep():

@@ -594,7 +594,7 @@ def test_a_softening_link_moves_its_resonance_beyond_the_model(tmp_path):
 
 
 def seen_sweeps():
-    return SimpleNamespace(channel="strain_base", recordings=("sweep-4.csv",))
+    return SimpleNamespace(channel="strain_base", recordings=("sweep-4.csv",), by_reference=False)
 
 
 def test_a_backbone_that_was_not_simulated_is_no_softening():

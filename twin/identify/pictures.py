@@ -134,7 +134,8 @@ def response(found: Response) -> Figure:
 
     figure = make_subplots(rows=2, shared_xaxes=True, row_heights=[0.7, 0.3], vertical_spacing=0.06)
     shown = np.where(found.known, 1.0, np.nan)
-    for name, values, colour in (("H1", found.h1, FITTED), ("H2", found.h2, OTHER), ("Hv", found.hv, SOFT)):
+    curves = ((found.estimator, found.h1, FITTED), ("H2", found.h2, OTHER), ("Hv", found.hv, SOFT))
+    for name, values, colour in curves:
         y = np.abs(values) * shown
         figure.add_scatter(
             x=found.frequency, y=y, name=name, line={"color": colour, "width": 1.6}, row=1, col=1

@@ -238,6 +238,11 @@ def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | Non
     if found is None:
         return Finding("spectra", title, (), "no recording from rest whose torque excites a broad band")
     said = [f"{found.channel} over torque, from {', '.join(found.recordings)}."]
+    if found.by_reference:
+        said.append(
+            "The loop was closed: the response is by the reference as instrument, because noise that the controller "
+            "feeds back is in the torque, and in H1, H2 and Hv."
+        )
     for mode in modes:
         damping = f", damping ratio {shown(mode.damping_ratio)}" if mode.damping_ratio else ""
         what = "a bending mode of this rig" if mode.kind == "bending" else "no bending mode of this rig"

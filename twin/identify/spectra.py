@@ -44,10 +44,11 @@ class Response:
       recordings: names.
       channel: of the response.
       frequency: (n) [Hz].
-      h1, h2, hv: (n) complex, units of the channel per N m; of a closed loop h1 is by the reference.
-      coherence: (n) [1].
+      h1, h2, hv: (n) complex, units of the channel per N m; of a closed loop `h1` is by the reference.
+      coherence: (n) of response and torque [1]; of a closed loop the smaller of theirs with the reference.
       known: (n) where the torque excites and the coherence is good.
       resolution: distance of frequencies that are independent [Hz].
+      by_reference: whether the loop was closed and its reference the instrument.
     """
 
     recordings: tuple[str, ...]
@@ -59,6 +60,12 @@ class Response:
     coherence: np.ndarray
     known: np.ndarray
     resolution: float
+    by_reference: bool = False
+
+    @property
+    def estimator(self) -> str:
+        """What `h1` is called."""
+        return "by the reference" if self.by_reference else "H1"
 
 
 @dataclass(frozen=True)
@@ -107,11 +114,11 @@ def _response(recordings: Sequence[Recording], channel: str) -> Response:
     period = max(r.period for r in recordings)
     size = int(2 ** math.ceil(math.log2(max(r.duration for r in recordings) / period)))
     f = np.fft.rfftfreq(size, period)
-    spectra = {key: np.zeros(len(f), dtype=complex) for key in ("uu", "yy", "yu", "yr", "ur")}
+    spectra = {key: np.zeros(len(f), dtype=complex) for key in ("uu", "yy", "rr", "yu", "yr", "ur")}
     for r in recordings:
         U, Y = (_spectrum(r, name, period, size) for name in ("torque_command", channel))
         R = _spectrum(r, "hub_reference", period, size) if r.loop == "closed" else U
-        pairs = {"uu": (U, U), "yy": (Y, Y), "yu": (Y, U), "yr": (Y, R), "ur": (U, R)}
+        pairs = {"uu": (U, U), "yy": (Y, Y), "rr": (R, R), "yu": (Y, U), "yr": (Y, R), "ur": (U, R)}
         for key, (a, b) in pairs.items():
             spectra[key] += _smooth(a * np.conj(b), f[1])
     inside = (f > 0.3) & (f < min(HIGHEST, 0.4 / period))
@@ -120,11 +127,18 @@ def _response(recordings: Sequence[Recording], channel: str) -> Response:
     uu, yy = s["uu"].real, s["yy"].real
     tiny = 1e-12 * uu.max()
     h1, h2 = s["yr"] / (s["ur"] + tiny), yy / (np.conj(s["yu"]) + 1e-300)
+    closed = any(r.loop == "closed" for r in recordings)
     coherence = np.abs(s["yu"]) ** 2 / (uu * yy + 1e-300)
+    if closed:
+        # Feedback makes torque and response alike without any reference.
+        rr = s["rr"].real
+        coherence = np.minimum(
+            np.abs(s["yr"]) ** 2 / (yy * rr + 1e-300), np.abs(s["ur"]) ** 2 / (uu * rr + 1e-300)
+        )
     hv = s["yu"] / np.abs(s["yu"] + 1e-300) * np.sqrt(yy / (uu + tiny))
     known = (uu > _EXCITED * uu.max()) & (coherence > _COHERENT)
     names = tuple(r.name for r in recordings)
-    return Response(names, channel, f, h1, h2, hv, coherence, known, 2 * SMOOTHING)
+    return Response(names, channel, f, h1, h2, hv, coherence, known, 2 * SMOOTHING, closed)
 
 
 def _uniform(
