@@ -411,6 +411,8 @@ def test_intervals_are_told_with_where_they_come_from(run):
             assert (high - low) / 2 == pytest.approx(1.96 * p["standard_error"], rel=1e-3)
         else:
             assert f"not elliptic in {name}" in output
+    # One sweep has no slews.
+    assert "The total inertia, and the payload by it, are missing" in output
     assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
 
 
@@ -473,7 +475,7 @@ def test_what_recordings_do_not_allow_is_said_in_a_sentence():
         sentences.static(None, Estimate(0.25, 0.005)),
         sentences.decays(()),
         sentences.break_aways(nothing),
-        sentences.inertia(None, None, Estimate(0.03, 0.001)),
+        sentences.inertia(None, None, Estimate(0.03, 0.001), None, None),
         sentences.spectra(None, (), None),
     ]
     assert all(f.missing and not f.sentences for f in found)

@@ -115,6 +115,25 @@ def of_rig(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance |
     return replace(found, inertia=Estimate(found.inertia.value, error))
 
 
+def payload(whole: Estimate, hub: Estimate, link: Mapping[str, Estimate]) -> Estimate:
+    """The tip mass [kg] that the total inertia leaves, m_p = (J - J0 - J_p)/l^2 - rho l/3.
+
+    Args:
+      whole, hub: J and J0 [kg m^2].
+      link: `length` l, `linear_density` rho and `tip_inertia` J_p.
+    """
+    length, density, tip = (link[name] for name in ("length", "linear_density", "tip_inertia"))
+    area = length.value**2
+    carried = (whole.value - hub.value - tip.value) / area
+    slope = 2 * carried / length.value + density.value / 3
+    errors = (
+        *(e.standard_error / area for e in (whole, hub, tip)),
+        slope * length.standard_error,
+        length.value / 3 * density.standard_error,
+    )
+    return Estimate(carried - density.value * length.value / 3, math.hypot(*errors))
+
+
 def _balance(
     data: DrivenData,
     model: Model,
@@ -132,7 +151,11 @@ def _balance(
     X = np.vstack([rows.columns for rows in found])
     y = np.concatenate([rows.right for rows in found])
     size = np.sqrt((X**2).mean(axis=0))
-    if len(np.unique(block)) < _LEAST_BLOCKS or not size.all() or np.linalg.cond(X / size) > 1e4:
+    if (
+        len(np.unique(block)) < max(_LEAST_BLOCKS, X.shape[1] + 1)
+        or not size.all()
+        or np.linalg.cond(X / size) > 1e4
+    ):
         return None
     x, covariance = _clustered(X / size, y, block)
     x, covariance = x / size, covariance / np.outer(size, size)
@@ -154,13 +177,16 @@ def _balance(
 
 
 def _clustered(X: np.ndarray, y: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares (p) and its covariance, residuals of a block taken as one piece of evidence (P. J. Huber, 1967)."""
+    """Least squares (p) and its covariance, residuals of a block taken as one piece of evidence (P. J. Huber, 1967).
+
+    There are more blocks than p unknowns, which take as many of them.
+    """
     inverse = np.linalg.inv(X.T @ X)
     x = inverse @ X.T @ y
     pulls = np.zeros((int(block.max()) + 1, X.shape[1]))
     np.add.at(pulls, block, X * (y - X @ x)[:, None])
     blocks = len(np.unique(block))
-    return x, inverse @ (pulls.T @ pulls) @ inverse * blocks / (blocks - 1)
+    return x, inverse @ (pulls.T @ pulls) @ inverse * blocks / (blocks - X.shape[1])
 
 
 def _usable(prepared: Prepared, view: View, model: Model, band: float) -> bool:

@@ -152,7 +152,8 @@ def identify(
     compared = against.compare(campaign, other, found.fit.model.declared) if other is not None else None
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
-    methods = _methods(campaign.rig, found, decays, friction, hub, load, released)
+    tip_mass = _payload(campaign.rig, found, hub, whole)
+    methods = _methods(campaign.rig, found, decays, friction, hub, load, released, tip_mass)
     parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
     rig = campaign.rig.replace("identified", **{name: p.value for name, p in parameters.items()})
     progress("predicting the held-out recordings")
@@ -169,7 +170,7 @@ def identify(
             sentences.decays(decays),
             sentences.break_aways(friction),
             sentences.coulomb(hub, released, found, friction.level),
-            sentences.inertia(hub, whole, total),
+            sentences.inertia(hub, whole, total, tip_mass, found),
             sentences.spectra(seen, free_modes, moved),
             *([sentences.compared(compared)] if compared is not None else []),
             sentences.joint(found, figures),
@@ -266,6 +267,7 @@ def _methods(
     hub: Balance | None,
     load: StaticTest | None,
     released: FrictionMap | None,
+    tip_mass: Estimate | None,
 ) -> dict[str, dict[str, Estimate]]:
     """Parameter -> procedure -> what it says by itself."""
     if hub is not None and hub.determination < sentences.EXPLAINED:
@@ -279,6 +281,7 @@ def _methods(
         ("coulomb_friction", "hub-balance"): hub.both if hub else None,
         ("coulomb_friction", "decay-map"): released.level if released else None,
         ("hub_inertia", "hub-balance"): _with_link(hub.inertia, found) if hub else None,
+        ("tip_mass", "slews"): tip_mass,
     }
     for (name, method), value in said.items():
         if value is not None and name in own:
@@ -287,6 +290,14 @@ def _methods(
         if name != "static_friction":
             own[name]["joint"] = Estimate(float(v), float(e), found.intervals.get(name))
     return own
+
+
+def _payload(rig: Rig, found: Joint, hub: Balance | None, whole: Balance | None) -> Estimate | None:
+    """The tip mass by the two balances, the link as declared; None where one of them is not believed."""
+    if hub is None or whole is None or min(hub.determination, whole.determination) < sentences.EXPLAINED:
+        return None
+    link = {name: _declared(rig, name) for name in ("length", "linear_density", "tip_inertia")}
+    return balance.payload(whole.inertia, _with_link(hub.inertia, found), link)
 
 
 def _with_link(inertia: Estimate, found: Joint) -> Estimate:

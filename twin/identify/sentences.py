@@ -214,9 +214,15 @@ def _of_balance(hub: Balance, found: Joint) -> list[str]:
     return said
 
 
-def inertia(hub: Balance | None, whole: Balance | None, total: Estimate) -> Finding:
-    """The inertias; a balance that explains too little is left out."""
-    title = "Inertias from slews"
+def inertia(
+    hub: Balance | None,
+    whole: Balance | None,
+    total: Estimate,
+    tip_mass: Estimate | None,
+    found: Joint | None,
+) -> Finding:
+    """The inertias and the payload; a balance that explains too little is left out."""
+    title = "Inertias and payload from slews"
     if hub is None and whole is None:
         return Finding("inertia", title, (), "no recording in which a free hub slides for long enough")
     said = []
@@ -225,6 +231,17 @@ def inertia(hub: Balance | None, whole: Balance | None, total: Estimate) -> Find
     if whole is not None and whole.determination >= EXPLAINED:
         said.append(f"J = {shown(whole.inertia, 'kg m^2')} of the whole rig by its angular momentum.")
         said.append(agreement(whole.inertia, total, ("It", "what the joint estimate adds up to")))
+    elif said:
+        said.append(
+            "The total inertia, and the payload by it, are missing: no recordings in which the hub slides on in one "
+            "direction often enough, one slew there and one back in each of three, say."
+        )
+    if tip_mass is not None:
+        said.append(
+            f"Payload {shown(tip_mass, 'kg')} by (J - J0 - rho l^3/3 - J_p)/l^2, the link and J_p as declared."
+        )
+        if found is not None and "tip_mass" in found.names:
+            said.append(agreement(tip_mass, _joint(found, "tip_mass"), ("It", "the joint estimate")))
     if not said:
         return Finding(
             "inertia", title, (), "a hub whose torque a balance explains: other laws act on this one"
