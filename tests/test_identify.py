@@ -13,13 +13,14 @@ from scipy.constants import g
 from scipy.signal import cont2discrete, lfilter
 from typer.testing import CliRunner
 
-from twin import calibration, campaign, chain, cli, fit
+from twin import beam, calibration, campaign, chain, cli, fit
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.errors import InputError
 from twin.identify import (
     break_away,
     decay,
+    details,
     friction_map,
     load_line,
     pictures,
@@ -27,7 +28,7 @@ from twin.identify import (
     spectra,
     static_test,
 )
-from twin.identify.backbone import backbone
+from twin.identify.backbone import Backbone, backbone
 from twin.identify.break_away import StaticFriction
 from twin.identify.deliver import FOLDER
 from twin.identify.results import Estimate, disagreement, pooled
@@ -388,6 +389,40 @@ def test_json_is_what_others_read(run):
         errors["hub_angle"]["windowed"] < errors["hub_angle"]["following"] < errors["hub_angle"]["declared"]
     )
     assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
+
+
+def test_json_has_the_procedures_as_numbers_too(run):
+    true, _, said, _ = run
+    assert said["total_inertia"]["slews"] is None
+    total = said["total_inertia"]["joint"]
+    inertia = beam.rigid_inertia(preset("bossi2009").replace("true", **true))
+    assert abs(total["value"] - inertia) < 3.5 * total["standard_error"]
+    assert total["unit"] == "kg*m^2"
+    assert said["backbone"] is None
+    assert said["friction_map"] is None
+    [law] = said["loss_laws"]
+    assert (law["recording"], law["law"], len(law["losses"])) == ("decay.csv", "proportional", 3)
+    [level] = said["levels"]["static_friction"].values()
+    assert abs(level["value"] - true["static_friction"]) < 3.5 * level["standard_error"]
+    for level in said["levels"]["coulomb_friction"].values():
+        assert abs(level["value"] - true["coulomb_friction"]) < 3.5 * level["standard_error"]
+    names, matrix = said["correlations"]["parameters"], np.array(said["correlations"]["matrix"])
+    assert matrix.shape == (len(names), len(names))
+    assert np.diag(matrix) == pytest.approx(1.0)
+    assert all(abs(pair["correlation"]) > 0.9 for pair in said["correlations"]["tied"])
+
+
+def test_what_is_no_number_in_one_campaign_is_in_another():
+    ends = Estimate(7.0, 0.1)
+    moved = Backbone(("a", "b", "c"), "strain_base", np.arange(3.0), (ends,) * 3, ends, Estimate(-0.2, 0.01))
+    said = details.backbone(moved)
+    assert said["moves"]
+    assert said["simulated_slope"] is None
+    assert said["frequency_hz"] == [7.0] * 3
+    mapped = friction_map.FrictionMap(
+        "r.csv", np.arange(2.0), np.arange(2.0), Estimate(0.5, 0.1), Estimate(5e-3, 1e-4)
+    )
+    assert details.friction_map(mapped)["level"]["interval"] == pytest.approx([4.804e-3, 5.196e-3])
 
 
 def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):

@@ -22,6 +22,7 @@ from twin.identify import (
     balance,
     break_away,
     decay,
+    details,
     friction_map,
     held_out,
     joint,
@@ -116,6 +117,14 @@ class Identification:
                 for f in self.findings
             ],
             **({} if self.compared is None else {"against": self.compared.to_json()}),
+            "total_inertia": details.total_inertia(
+                self.whole, self.joint.figure(beam.rigid_inertia, self.rig)
+            ),
+            "backbone": None if self.moved is None else details.backbone(self.moved),
+            "friction_map": None if self.released is None else details.friction_map(self.released),
+            "loss_laws": [details.loss_law(d) for d in self.decays],
+            "levels": details.levels(self.static_friction, self.hub),
+            "correlations": details.correlations(self.joint),
             "held_out": [asdict(error) for error in self.held_out],
             "notes": list(self.notes),
             "wall_s": self.wall_s,
