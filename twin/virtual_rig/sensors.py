@@ -1,6 +1,6 @@
 """What the data acquisition makes of a motion: gains, drifts, clipping, noise, quantisation, dirt."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,7 @@ from twin.virtual_rig.rig import Rig
 # vocabulary only says that they see it.
 TORSION_STRAIN = np.array([5.12e-3, 3.58e-3])
 
-DIRT = ("missing-fields", "spikes", "dropped-rows", "jitter")
+DIRT = ("missing-fields", "spikes", "dropped-rows", "jitter", "stuck", "saturated", "bad-segment")
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,54 @@ def soiled(
         gone &= np.append(False, np.diff(table["torque_command"]) == 0.0)
         defects["dropped-rows"] = times[gone].tolist()
         result = {name: column[~gone] for name, column in result.items()}
+    defects |= _broken_channels(result, channels, sensors, kinds, generator)
     return result, defects
+
+
+def _broken_channels(
+    table: dict[str, Array],
+    channels: Sequence[str],
+    sensors: Sensors,
+    kinds: Iterable[str],
+    generator: np.random.Generator,
+) -> dict[str, list[float]]:
+    """Breaks one channel of a table for a while with each of these kinds, and returns the times by kind [s].
+
+    A bad segment has 10 to 20 times the noise for 0.3 to 0.6 s, a saturated bridge stays within 0.5 to 0.8 of its
+    largest reading, a stuck channel repeats a reading for 0.5 to 1 s.
+    """
+    found = {}
+    times = table["time"]
+    if "bad-segment" in kinds:
+        name, inside = _stretch(times, channels, (0.3, 0.6), generator)
+        sigma, step = sensors.hub_noise, sensors.hub_step
+        if name != "hub_angle":
+            sigma, step = sensors.strain_noise, sensors.strain_step
+        more = generator.uniform(10, 20) * sigma * generator.standard_normal(int(inside.sum()))
+        table[name][inside] = quantised(table[name][inside] + more, step)
+        found["bad-segment"] = times[inside].tolist()
+    if "saturated" in kinds:
+        name = ("strain_base", "strain_mid")[int(generator.integers(2))]
+        full_scale = generator.uniform(0.5, 0.8) * np.nanmax(np.abs(table[name]))
+        level = quantised(np.array([full_scale]), sensors.strain_step)[0]
+        found["saturated"] = times[np.abs(table[name]) > level].tolist()
+        table[name] = np.clip(table[name], -level, level)
+    if "stuck" in kinds:
+        name, inside = _stretch(times, channels, (0.5, 1.0), generator)
+        known = inside & np.isfinite(table[name])
+        table[name][known] = table[name][known][0]
+        found["stuck"] = times[known].tolist()
+    return found
+
+
+def _stretch(
+    times: Array, channels: Sequence[str], spans: tuple[float, float], generator: np.random.Generator
+) -> tuple[str, NDArray[np.bool_]]:
+    """Returns a channel and the samples (samples,) of a stretch of this length [s], away from both ends."""
+    name = channels[int(generator.integers(len(channels)))]
+    span = generator.uniform(*spans)
+    first = generator.uniform(0.1, 0.8) * (times[-1] - times[0])
+    return name, (times >= first) & (times < first + span)
 
 
 def _bursts(samples: int, share: float, generator: np.random.Generator) -> NDArray[np.bool_]:
