@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import chain, driven, fit, limit, observe, search, timing
+from twin import chain, defects, driven, fit, limit, observe, search, timing
 from twin.campaign import Campaign
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
@@ -64,14 +64,15 @@ def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress =
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
     model = Model(campaign.rig, campaign.sensors, shape, step=SEARCH_STEP)
     progress("reading the recordings")
-    sound, cuts = sound_stretches(campaign.fit, noise, model)
+    readings, odd = defects.without_defects(campaign.fit, campaign.sensors)
+    sound, cuts = sound_stretches(readings, noise, model)
     clock, prepared, notes = timing.on_best_clock(sound, noise, model, pool)
     data = driven.DrivenData(prepared, model)
     bench = Workbench(data, pool)
     lost = _out_of_reach(data)
     progress("calibrating")
     bench, base = calibrated(bench, model)
-    return Calibration(model, bench, base, clock, (*cuts, *notes, *lost))
+    return Calibration(model, bench, base, clock, (*odd, *cuts, *notes, *lost))
 
 
 def _out_of_reach(data: driven.DrivenData) -> list[str]:

@@ -58,6 +58,7 @@ def conclude(
         notes=(
             *campaign.warnings,
             *found.start.notes,
+            *(note for p in predictions.values() if p.role == "holdout" for note in p.left_out),
             *timing.said(polished.augmented),
             *_assumptions(campaign),
             *_alone(found),

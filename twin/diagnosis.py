@@ -72,7 +72,10 @@ class ChannelError:
 
 @dataclass(frozen=True)
 class Prediction:
-    """One recording beside what the three models make of it (channels at the instants of `measured`)."""
+    """One recording beside what the three models make of it (channels at the instants of `measured`).
+
+    `left_out` says what of it the errors do not count.
+    """
 
     role: Literal["fit", "holdout"]
     measured: Recording
@@ -80,6 +83,7 @@ class Prediction:
     calibrated: Recording
     after: Recording
     errors: Mapping[str, ChannelError]
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

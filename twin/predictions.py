@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, fit, search, timing
+from twin import calibration, defects, fit, search, timing
 from twin.campaign import Campaign
 from twin.diagnosis import ChannelError, Prediction
 from twin.fit import Prepared
@@ -34,11 +34,14 @@ def predict(
     )
     for role, recordings in roles:
         for recording in recordings:
-            prepared, _ = fit.prepare(timing.on_clock(recording, found.start.clock), noise)
+            [clean], odd = defects.without_defects([recording], campaign.sensors)
+            prepared, left_out = fit.prepare(timing.on_clock(clean, found.start.clock), noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
             errors = {c: _error(prepared, c, runs, nearby, noise[c]) for c in prepared.channels}
-            found_all[recording.name] = Prediction(role, recording, before, calibrated, after, errors)
+            found_all[recording.name] = Prediction(
+                role, recording, before, calibrated, after, errors, (*odd, *left_out)
+            )
     return found_all
 
 

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, driven_residual, fit, search, timing
+from twin import calibration, defects, driven_residual, fit, search, timing
 from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Prepared, Workbench
@@ -53,17 +53,22 @@ class HeldOutError:
     start: Literal["rest", "estimated"] = "rest"
 
 
-def errors(campaign: Campaign, found: Joint, rig: Rig, pool: ThreadPoolExecutor) -> tuple[HeldOutError, ...]:
-    """Errors on every held-out recording; `rig` is the identified one."""
+def errors(
+    campaign: Campaign, found: Joint, rig: Rig, pool: ThreadPoolExecutor
+) -> tuple[tuple[HeldOutError, ...], list[str]]:
+    """Errors on every held-out recording, and what they leave out; `rig` is the identified one."""
     noise = calibration.noises(campaign)
     models = [found.fit.model.replace(declared=r) for r in (campaign.rig, rig)]
-    rows = []
+    rows: list[HeldOutError] = []
+    notes: list[str] = []
     for recording in campaign.holdout():
-        prepared, _ = fit.prepare(timing.on_clock(recording, found.clock), noise)
+        [clean], odd = defects.without_defects([recording], campaign.sensors)
+        prepared, left_out = fit.prepare(timing.on_clock(clean, found.clock), noise)
+        notes += [*odd, *left_out]
         if prepared.channels:
             starts = _starts(prepared, models, pool)
             rows += _rows(prepared, [search.fine(m) for m in models], starts, pool)
-    return tuple(rows)
+    return tuple(rows), notes
 
 
 def _starts(prepared: Prepared, models: Sequence[Model], pool: ThreadPoolExecutor) -> list[Start]:

@@ -6,14 +6,14 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import label
 from threadpoolctl import threadpool_limits
 
-from twin import beam, fit, modal, search
+from twin import beam, defects, fit, modal, search
 from twin.campaign import Campaign
 from twin.fit import Prepared
 from twin.identify import (
@@ -146,7 +146,9 @@ def identify(
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
         found = joint.estimate(campaign, pool, progress)
         progress("reading decays and break-aways")
-        decays = ring_downs(campaign) or decays_at_rest(found.prepared)
+        readings, _ = defects.without_defects(campaign.fit, campaign.sensors)
+        sound = replace(campaign, fit=tuple(readings))
+        decays = ring_downs(sound) or decays_at_rest(found.prepared)
         model, starts = found.fit.model, found.fit.starts
         friction = break_away.read(found.data, model, starts)
         progress("balancing torques")
@@ -155,9 +157,9 @@ def identify(
         as_read = _with_static(search.fine(model), friction)
         released = friction_map.read(as_read, found.prepared, starts)
     load = static_test.read(campaign)
-    seen = spectra.response(campaign.fit)
+    seen = spectra.response(sound.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
-    moved = _backbone(campaign, found, as_read)
+    moved = _backbone(sound, found, as_read)
     compared = against.compare(campaign, other, found.fit.model.declared) if other is not None else None
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
@@ -167,7 +169,7 @@ def identify(
     rig = campaign.rig.replace("identified", **{name: p.value for name, p in parameters.items()})
     progress("predicting the held-out recordings")
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
-        predicted = held_out.errors(campaign, found, rig, pool)
+        predicted, left_out = held_out.errors(campaign, found, rig, pool)
     return Identification(
         campaign=campaign.name,
         rig=campaign.rig,
@@ -184,7 +186,7 @@ def identify(
             *([sentences.compared(compared)] if compared is not None else []),
             sentences.joint(found, figures),
         ),
-        notes=(*campaign.warnings, *found.notes),
+        notes=(*campaign.warnings, *found.notes, *left_out),
         compared=compared,
         decays=decays,
         static_friction=friction,
