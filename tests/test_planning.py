@@ -70,12 +70,21 @@ def test_hub_is_never_turned_further_than_its_wires_allow():
 
 def test_torque_file_is_what_was_simulated(tmp_path):
     plans = planned({"cable-torsion": {"stiffness": 0.01, "rest_angle": 0.0}}, {}, ["slews"])
-    write_torque(plans[0], tmp_path / "torque.csv")
+    assert write_torque(plans, tmp_path / "torque.csv") is plans[0]
     with (tmp_path / "torque.csv").open() as file:
         rows = list(csv.DictReader(file))
     torque = np.array([float(r["torque_command"]) for r in rows])
     np.testing.assert_allclose(torque, plans[0].experiment.recording["torque_command"], rtol=1e-5)
     assert to_json(("a", "b"), plans)["experiments"][0]["name"] == "slews"
+
+
+def test_a_decay_that_is_let_go_by_hand_has_no_torque_to_write(tmp_path):
+    softer = {"softening-stiffness": {"softening": 0.3, "curvature": 0.8}}
+    decay, slews = planned(softer, {}, ["large-decay"]), planned(softer, {}, ["slews"])
+    assert write_torque([*decay, *slews], tmp_path / "torque.csv") is slews[0]
+    with pytest.raises(InputError, match="no torque makes"):
+        write_torque(decay, tmp_path / "none.csv")
+    assert not (tmp_path / "none.csv").exists()
 
 
 def test_names_that_are_no_effects_are_refused():

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from twin import diagnose, search
@@ -69,12 +71,17 @@ def _fitted(start: Calibration, names: tuple[str, str], progress: Progress) -> t
     return first, second
 
 
-def write_torque(best: Plan, path: Path) -> None:
-    """Writes time [s] and torque_command [N m] of an experiment, which a rig's card can play.
+def write_torque(plans: Sequence[Plan], path: Path) -> Plan:
+    """Writes time [s] and torque_command [N m] of the best experiment that a rig's card can play, and returns it.
+
+    A decay is let go by hand.
 
     Raises:
-      InputError: the path cannot be written.
+      InputError: a torque makes none of them, or the path cannot be written.
     """
+    best = next((p for p in plans if np.any(p.experiment.recording["torque_command"])), None)
+    if best is None:
+        raise InputError("no torque makes any of these experiments; expected none with --torque")
     recording = best.experiment.recording
     with writing(path), path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -82,6 +89,7 @@ def write_torque(best: Plan, path: Path) -> None:
         writer.writerows(
             [f"{t:.6g}", f"{u:.6g}"] for t, u in zip(recording.time, recording["torque_command"], strict=True)
         )
+    return best
 
 
 def to_json(names: tuple[str, str], plans: list[Plan]) -> dict[str, Any]:

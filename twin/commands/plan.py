@@ -41,11 +41,13 @@ def plan_experiment(
         from twin import planner
 
         names, plans = planner.plan(given, between, report)
-    if torque_file is not None:
-        planner.write_torque(plans[0], torque_file)
+    written = planner.write_torque(plans, torque_file) if torque_file is not None else None
     if json_file is not None:
         write_json(json_file, planner.to_json(names, plans))
     _print(names, plans)
+    if written is not None:
+        text = f"{torque_file} has the torque of {written.experiment.name}: {written.experiment.how}"
+        console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def _print(names: tuple[str, str], plans: list[Plan]) -> None:
