@@ -1,4 +1,4 @@
-"""The paper's experiments on both plants against what it published, and what logging a run costs.
+"""The paper's experiments on both plants against what it published, and what logging a run and 200 rigs cost.
 
 python benchmarks/scenarios.py [--write]     --write: into benchmarks/results/scenarios.md
 """
@@ -23,6 +23,8 @@ from twin.plants.chain import CompiledPlant
 from twin.plants.modal import ModalPlant
 from twin.rigs import preset
 from twin.run_stream import of_run, write_rrd
+from twin.validation import validation
+from twin.validation.requirements import defaults
 
 RESULT = Path(__file__).parent / "results" / "scenarios.md"
 RIG = preset("bossi2009")
@@ -70,7 +72,7 @@ def tables() -> list[str]:
         "| --- | --- | --- | --- | --- | --- |",
     ]
     lines += [_row(name) for name in scenarios.SCENARIOS]
-    lines += ["", *_friction_detection(), "", *_geometry(), "", *_overhead()]
+    lines += ["", *_friction_detection(), "", *_geometry(), "", *_overhead(), "", *_fleet()]
     return lines
 
 
@@ -163,6 +165,14 @@ def _overhead() -> list[str]:
         f"`lq-step-120` on the chain: {seconds:.2f} s for 5 s of motion, built and run "
         f"({math.floor(5 / seconds)} times real time); with its rerun file {ratio:.2f} times that."
     ]
+
+
+def _fleet() -> list[str]:
+    """Times a controller on many rigs."""
+    job, began = validation.Job("lqi", RIG, "lq-step-120"), time.perf_counter()
+    validation.validate(job, {}, {}, defaults(), 200, 0, lambda text: None)
+    seconds = time.perf_counter() - began
+    return [f"`lqi` on 200 rigs, as `twin validate` tries them, a step of 5 s each: {seconds:.0f} s in all."]
 
 
 if __name__ == "__main__":
