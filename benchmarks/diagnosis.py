@@ -187,20 +187,13 @@ def _detection(answers: Sequence[dict]) -> list[str]:
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         inside = [a for a in sized if low <= a["size"] < high]
         if inside:
-            first, alone, other = (
-                sum(test(a) for a in inside)
-                for test in (
-                    lambda a: a["ranking"][:1] == a["missing"],
-                    lambda a: a["adopted"] == a["missing"],
-                    lambda a: bool(set(a["adopted"]) - set(a["missing"])),
-                )
-            )
+            first = sum(a["ranking"][:1] == a["missing"] for a in inside)
+            alone = sum(a["adopted"] == a["missing"] for a in inside)
+            other = sum(bool(set(a["adopted"]) - set(a["missing"])) for a in inside)
             limits = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more"
             lines.append(f"| {limits} | {len(inside)} | {first} | {alone} | {other} |")
-    head = [
-        "| noise levels left by the calibration | campaigns | first in ranking | adopted alone | others adopted |"
-    ]
-    return ["", *head, "| --- | --- | --- | --- | --- |", *lines] if lines else []
+    head = "| noise levels left by the calibration | campaigns | first in ranking | adopted alone | others adopted |"
+    return ["", head, "| --- | --- | --- | --- | --- |", *lines] if lines else []
 
 
 def _together(answers: Sequence[dict]) -> str:

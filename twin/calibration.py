@@ -13,7 +13,7 @@ from twin.campaign import Campaign
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
-from twin.recording import CHANNEL_UNITS, Recording
+from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.search import Progress, silent
 from twin.timing import Clock
 
@@ -93,6 +93,15 @@ def _out_of_reach(data: driven.DrivenData) -> list[str]:
         "moves is far from what is declared."
         for name in lost
     ]
+
+
+def made_ready(
+    recording: Recording, sensors: Mapping[str, Sensor], clock: Clock, noise: Mapping[str, float]
+) -> tuple[Prepared, tuple[str, ...]]:
+    """A whole recording as models are held beside it, and what was left out of it; `noise` as by `noises`."""
+    [clean], odd = defects.without_defects([recording], sensors)
+    prepared, left_out = fit.prepare(timing.on_clock(clean, clock), noise)
+    return prepared, (*odd, *left_out)
 
 
 def noises(campaign: Campaign) -> dict[str, float]:

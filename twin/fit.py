@@ -643,6 +643,13 @@ def _jacobian(
 _FIRST = 1.0  # s at the start of a recording from which its first state is estimated
 
 
+def first_state(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> Start:
+    """State at the first sample as the readings tell it: those of it, or of the first second of a moving rig."""
+    if prepared.recording.start == "unknown":
+        return estimated_start(model, prepared, pool)
+    return reading_start(model, prepared, prepared.start)
+
+
 def estimated_start(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> Start:
     """State at the first sample of a rig that was already moving, from its first second."""
     recording = prepared.recording

@@ -78,7 +78,7 @@ def not_native(plant: Plant) -> tuple[str, ...]:
         "asymmetric friction": coulomb[0] != coulomb[1] or levels[0] != levels[1],
         "stribeck friction": plant.stribeck_velocity != 0,
         "position-dependent friction": plant.friction_amplitude != 0,
-        "periodic disturbance": plant.disturbance_amplitude != 0 or plant.shake_x != 0 or plant.shake_y != 0,
+        "periodic disturbance": plant.disturbance_amplitude != 0 or plant.is_shaken,
         "softening stiffness": plant.softening != 0,
         "quadratic tip drag": plant.tip_drag_quadratic != 0,
         "actuator lag": plant.lag != 0,

@@ -333,8 +333,7 @@ class MujocoChain:
         """Returns a control callback that adds what varies within a step and MJCF cannot say, if anything."""
         p, sliding, locked = self._plant, self._sliding, self._locked
         hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0 or p.gap > 0
-        soft, drag = p.softening != 0, p.tip_drag_quadratic != 0
-        shaken = p.shake_x != 0 or p.shake_y != 0
+        soft, drag, shaken = p.softening != 0, p.tip_drag_quadratic != 0, p.is_shaken
         if not (hub or soft or drag or shaken):
             return None
         joints = sliding.model.nv

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from twin import calibration, defects, fit, patch, search, timing, traces, verdict
+from twin import calibration, fit, patch, search, traces, verdict
 from twin.campaign import Campaign
 from twin.diagnosis import Patched, Prediction
 from twin.found import Found
@@ -41,8 +41,7 @@ def patched(
     noise = calibration.noises(campaign)
 
     def errors(recording: Recording) -> dict[str, tuple[float, float]]:
-        [clean], _ = defects.without_defects([recording], campaign.sensors)
-        prepared, _ = fit.prepare(timing.on_clock(clean, found.start.clock), noise)
+        prepared, _ = calibration.made_ready(recording, campaign.sensors, found.start.clock, noise)
         after = simulate(model, prepared.recording, fit.reading_start(model, prepared, prepared.start))
         before = predictions[recording.name].errors
         return {c: (before[c].after, _rms(prepared.recording[c] - after[c])) for c in prepared.channels}

@@ -98,6 +98,11 @@ class Plant(NamedTuple):
     patch_y: np.ndarray = np.zeros(2)  # (k) N m
 
     @property
+    def is_shaken(self) -> bool:
+        """Whether its base is accelerated."""
+        return self.shake_x != 0 or self.shake_y != 0
+
+    @property
     def curvature_per_angle(self) -> np.ndarray:
         """Curvature that a hinge angle stands for (n) [1/m per rad]: none at a clamp that gives, on the hub's axis."""
         return np.where(self.lengths[: len(self.stiffness)] > 0, self.flexibility * self.stiffness, 0.0)

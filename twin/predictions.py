@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, defects, fit, search, timing
+from twin import calibration, fit, search
 from twin.campaign import Campaign
 from twin.diagnosis import ChannelError, Prediction
 from twin.fit import Prepared
@@ -34,13 +34,12 @@ def predict(
     )
     for role, recordings in roles:
         for recording in recordings:
-            [clean], odd = defects.without_defects([recording], campaign.sensors)
-            prepared, left_out = fit.prepare(timing.on_clock(clean, found.start.clock), noise)
+            prepared, left_out = calibration.made_ready(recording, campaign.sensors, found.start.clock, noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
-            errors = {c: _error(prepared, c, runs, nearby, noise[c]) for c in prepared.channels}
+            errors = {c: _error(prepared, c, runs, nearby) for c in prepared.channels}
             found_all[recording.name] = Prediction(
-                role, recording, before, calibrated, after, errors, (*odd, *left_out)
+                role, recording, before, calibrated, after, errors, left_out
             )
     return found_all
 
@@ -51,9 +50,7 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
     Behind these come two runs of the last model with its break-away torque changed a little.
     """
     exact = [search.fine(m) for m in models]
-    starts = [fit.reading_start(m, prepared, prepared.start) for m in exact]
-    if prepared.recording.start == "unknown":
-        starts = [fit.estimated_start(m, prepared, pool) for m in models]
+    starts = [fit.first_state(m, prepared, pool) for m in models]
     plant = exact[-1].plant
     for share in (1 - _NEARBY, 1 + _NEARBY):
         levels = {name: share * getattr(plant, name) for name in ("static_positive", "static_negative")}
@@ -65,7 +62,7 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
 
 
 def _error(
-    prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording], noise: float
+    prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording]
 ) -> ChannelError:
     measured = prepared.recording[channel]
     known = np.isfinite(measured)
@@ -75,4 +72,4 @@ def _error(
 
     before, calibrated, after = (rms(measured, run[channel]) for run in runs)
     reach = max(rms(runs[-1][channel], run[channel]) for run in nearby)
-    return ChannelError(before, calibrated, after, noise, CHANNEL_UNITS[channel], reach)
+    return ChannelError(before, calibrated, after, prepared.noise[channel], CHANNEL_UNITS[channel], reach)

@@ -30,8 +30,8 @@ _AT_ONCE = 16  # orders of one piece of work
 _MODES = 3
 _FINEST = 0.05  # smallest step of an order
 _ON_LINK = ("reading", "resonance", "shake")  # what strains tell, too
-_HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0, "shake": 30.0}
-_LOWEST = {"torque": 1.0, "friction": 1.0, "reading": 1.0, "time": 0.1, "resonance": 5.0, "shake": 0.1}
+_HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0}
+_LOWEST = {"torque": 1.0, "friction": 1.0, "reading": 1.0, "time": 0.1, "resonance": 5.0}
 
 Columns = dict[int, np.ndarray]
 """Index of a group -> (k, orders, rows) slopes of its residual."""
@@ -63,11 +63,11 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     scan = _Scan.of(bench, base, _wave(effect).acts)
     if scan is None:
         return ()
-    chunks = np.array_split(scan.orders, max(1, len(scan.orders) // _AT_ONCE))
+    orders = _grid(scan.acts, list(scan.motions.values()))
+    chunks = np.array_split(orders, max(1, len(orders) // _AT_ONCE))
     found = [peak for some in bench.pool.map(scan.at, chunks) for peak in some]
     gains = np.array([peak.gain for peak in found])
-    inner = np.r_[-np.inf, gains, -np.inf]
-    tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
+    tops = _tops(gains)
     best = tops[np.argsort(-gains[tops])[:_PEAKS]]
     in_time = scan.acts == "time"
     highest = [
@@ -75,7 +75,7 @@ def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
         for k in best
         if found[k].gain > 0
     ]
-    shaken = _shaken(bench, base, scan.orders) if in_time else []
+    shaken = _shaken(bench, base, orders) if in_time else []
     # By chance a coefficient gains a half.
     return tuple(sorted([*highest, *shaken], key=lambda peak: -peak.gain + 0.5 * len(peak.coefficients)))
 
@@ -86,9 +86,8 @@ def _shaken(bench: Workbench, base: Fit, frequencies: np.ndarray) -> list[Peak]:
     if scan is None:
         return []
     loud = _loudness(scan, frequencies)
-    inner = np.r_[-np.inf, loud, -np.inf]
-    tops = np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
-    about = np.array([np.median(loud[max(k - _ABOUT, 0) : k + _ABOUT + 1]) for k in tops])
+    tops = _tops(loud)
+    about = np.array([_usual(loud, k) for k in tops])
     chosen = np.argsort(-loud[tops] / about)[:_LOUDEST]
     peaks = scan.at(frequencies[tops[chosen]])
     best = int(np.argmax([peak.gain for peak in peaks]))
@@ -109,10 +108,20 @@ def _loudness(scan: _Scan, frequencies: np.ndarray) -> np.ndarray:
     return total / np.median(total)
 
 
+def _tops(spectrum: np.ndarray) -> np.ndarray:
+    """Indices of the peaks of a spectrum (o), its ends among them."""
+    inner = np.r_[-np.inf, spectrum, -np.inf]
+    return np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
+
+
 def _level(gains: np.ndarray, place: int) -> float:
     """Median of a spectrum (o) of sine and cosine about a place, over that of white noise; at least 1."""
-    about = gains[max(place - _ABOUT, 0) : place + _ABOUT + 1]
-    return max(1.0, float(np.median(about) / np.log(2)))
+    return max(1.0, _usual(gains, place) / float(np.log(2)))
+
+
+def _usual(spectrum: np.ndarray, place: int) -> float:
+    """Median of a spectrum (o) about a place."""
+    return float(np.median(spectrum[max(place - _ABOUT, 0) : place + _ABOUT + 1]))
 
 
 def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
@@ -137,7 +146,7 @@ class _Scan:
       information, gradient: of the base's unknowns (p x p), (p).
       acts: see `Peak`.
       groups: indices of those that are told anything.
-      orders: the grid.
+      motions: recording -> motion of those.
       columns: orders (o) to slopes: index of a group -> (k, o, rows).
     """
 
@@ -148,7 +157,7 @@ class _Scan:
     gradient: np.ndarray
     acts: str
     groups: tuple[int, ...]
-    orders: np.ndarray
+    motions: dict[int, Motion]
     columns: Callable[[np.ndarray], Columns]
 
     @staticmethod
@@ -184,8 +193,7 @@ class _Scan:
         weights = fit.row_weights(bench, base.residual)
         information, gradient = fit.normal_equations(bench, base)
         told = tuple(k for k, _ in groups)
-        orders = _grid(acts, list(motions.values()))
-        return _Scan(bench, base, weights, information, gradient, acts, told, orders, columns)
+        return _Scan(bench, base, weights, information, gradient, acts, told, motions, columns)
 
     def at(self, orders: np.ndarray) -> list[Peak]:
         """The regressions at some orders (o)."""
@@ -235,7 +243,7 @@ def _grid(acts: str, motions: Sequence[Motion]) -> np.ndarray:
     """Orders close enough that no peak falls between two."""
     if acts == "resonance":
         return np.arange(_LOWEST[acts], _HIGHEST[acts], 0.25)
-    if acts in ("time", "shake"):
+    if acts == "time":
         step = 0.35 / max(m.time[-1] - m.time[0] for m in motions)
         return np.arange(_LOWEST[acts], _HIGHEST[acts], step)
     widest = max(float(np.ptp(m.angles[:, 0])) for m in motions)

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, defects, driven_residual, fit, search, timing
+from twin import calibration, driven_residual, fit, search
 from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Prepared, Workbench
@@ -62,20 +62,12 @@ def errors(
     rows: list[HeldOutError] = []
     notes: list[str] = []
     for recording in campaign.holdout():
-        [clean], odd = defects.without_defects([recording], campaign.sensors)
-        prepared, left_out = fit.prepare(timing.on_clock(clean, found.clock), noise)
-        notes += [*odd, *left_out]
+        prepared, left_out = calibration.made_ready(recording, campaign.sensors, found.clock, noise)
+        notes += left_out
         if prepared.channels:
-            starts = _starts(prepared, models, pool)
+            starts = [fit.first_state(m, prepared, pool) for m in models]
             rows += _rows(prepared, [search.fine(m) for m in models], starts, pool)
     return tuple(rows), notes
-
-
-def _starts(prepared: Prepared, models: Sequence[Model], pool: ThreadPoolExecutor) -> list[Start]:
-    """The state at the first sample as each model tells it."""
-    if prepared.recording.start == "unknown":
-        return [fit.estimated_start(m, prepared, pool) for m in models]
-    return [fit.reading_start(m, prepared, prepared.start) for m in models]
 
 
 def _rows(
