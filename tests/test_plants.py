@@ -5,7 +5,6 @@ import pytest
 
 from twin import chain
 from twin.beam import rigid_inertia
-from twin.errors import InputError
 from twin.mjcf import GAUGES
 from twin.model import Model
 from twin.plants.base import READINGS
@@ -92,11 +91,6 @@ def test_delayed_command_acts_late_on_every_plant():
         readings, _ = slew(kind(late), 0.15)
         first = np.argmax(readings["motor_torque"] > 0) * 2e-3
         assert first == pytest.approx(0.02, abs=2.1e-3)
-
-
-def test_modal_plant_refuses_what_no_linear_model_has():
-    with pytest.raises(InputError, match="softening-stiffness has no place in the modal plant"):
-        ModalPlant(model({"softening-stiffness": {"softening": 0.3, "curvature": 1.0}}))
 
 
 def test_outline_ends_at_the_tip():

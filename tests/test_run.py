@@ -31,9 +31,9 @@ def chain_run():
     return experiment(plant="chain").run()
 
 
-def rig_file(path: Path, air_drag: bool = False, **values: float) -> None:
+def rig_file(path: Path, backlash: bool = False, **values: float) -> None:
     """Writes a parameter file of the rig with other values."""
-    effect = ["", "[effects.air-drag]", "coefficient = 0.01"] if air_drag else []
+    effect = ["", "[effects.backlash]", "gap = 0.01"] if backlash else []
     lines = chain.from_iterable(parameter_lines(p) for p in RIG.replace(**values).parameters.values())
     path.write_text("\n".join([*header("mine", "for a test"), *lines, *effect]) + "\n", encoding="utf-8")
 
@@ -159,10 +159,10 @@ def test_what_is_sent_while_a_run_goes_on_is_what_the_file_holds(tmp_path, monke
 
 
 def test_where_the_modal_model_has_no_such_effect_it_is_said_that_no_ghost_is_shown(twin, tmp_path):
-    rig_file(tmp_path / "rig.toml", air_drag=True)
+    rig_file(tmp_path / "rig.toml", backlash=True)
     code, out, _ = twin("run", "lq-step-120", "--rig", "rig.toml", "--rrd", "run.rrd")
     assert code == 0
-    assert "No ghost is shown: effect air-drag has no place in the modal plant." in out
+    assert "No ghost is shown: effect backlash has no place in the modal plant." in out
     assert not any("modal" in entity for entity in read(tmp_path / "run.rrd"))
 
 

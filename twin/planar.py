@@ -284,7 +284,7 @@ def _directions(phi, sin, cos):
 
 
 @_inlined
-def _field(plant, t):
+def field(plant, t):
     """Acceleration field on every mass [m/s^2]: gravity, and what a base that is shaken takes away."""
     if plant.shake_x == 0.0 and plant.shake_y == 0.0:
         return plant.gravity_x, plant.gravity_y
@@ -339,7 +339,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
         drag = plant.tip_drag_linear + plant.tip_drag_quadratic * np.sqrt(vx * vx + vy * vy)
         for i in range(m):
             force[i] -= drag * plant.lengths[i] * (cos[i] * vy - sin[i] * vx)
-    field_x, field_y = _field(plant, t)
+    field_x, field_y = field(plant, t)
     if field_x != 0.0 or field_y != 0.0:
         # In the hub's frame.
         s, c = np.sin(phi[0]), np.cos(phi[0])

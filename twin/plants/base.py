@@ -45,6 +45,10 @@ class Plant(Protocol):
         """0 while the hub sticks, else the direction +1 or -1 in which it slides."""
 
     @property
+    def twist(self) -> float:
+        """Angle of a torsional mode against the hub [rad]; 0 where there is none."""
+
+    @property
     def configuration(self) -> np.ndarray:
         """Coordinates (c) from which `outline` draws the link now."""
 

@@ -43,6 +43,14 @@ class _Links(abc.ABC):
             "motor_torque": self._delivered(),
         }
 
+    @property
+    def twist(self) -> float:
+        """Angle of a torsional mode against the hub [rad]."""
+        if self._model.plant.torsion_stiffness <= 0:
+            return 0.0
+        angles = self.configuration
+        return float(angles[self._count] - angles[0])
+
     def outline(self, configurations: np.ndarray) -> np.ndarray:
         """Ends of the segments (m, n + 2, 2) [m], hub axis first."""
         angles = configurations[:, : self._count]

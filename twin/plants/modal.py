@@ -2,15 +2,19 @@
 
 Two linear systems share the motion, one with a hub that slides and one with a hub that rests,
 
-    sliding   q_tt = -W q - D q_t + b (tau - sign(theta_t) tau_c)                       theta = c^T q
-    resting   q_tt = -(1 - b c^T / c^T b) (W q + D q_t)                                  c^T q_tt = 0
+    sliding   q_tt = a + b (tau - sign(theta_t) tau_c)       a = M^-1 (f - K q - D q_t)       theta = c^T q
+    resting   q_tt = (1 - b c^T / c^T b) a                   b = M^-1 c                       c^T q_tt = 0
 
-with q = [alpha, delta_1..n] (section III there). Each is moved by its exact propagator exp(M h): torques are held,
-so that they are states of rate zero. The hub sticks where its rate crosses zero, if the torque that holds it,
+with q = [alpha, delta_1..n] (section III there) and what effects add to it (`modal_rig`). Each is moved by its exact
+propagator exp(A h): torques and loads f are held, so that they are states of rate zero. The hub sticks where its
+rate crosses zero, if the torque that holds it,
 
-    needed = tau - c^T (W q + D q_t) / c^T b
+    needed = tau + c^T a / c^T b
 
 stays below the static level; it breaks away where that rises above it. Both instants are roots on the propagator.
+
+Forces that vary with state or time (`modal_forces`) are held over steps of 1 ms at most as they are in the middle of
+each, where half a step with those of its start leads: of second order, in the instants of stick and slip too.
 """
 
 from __future__ import annotations
@@ -19,25 +23,21 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from twin import mjcf, planar
-from twin.beam import modes as beam_modes
-from twin.effects import REGISTRY
+from twin import planar
 from twin.errors import InputError
-from twin.modal import state_space
 from twin.model import Model
 from twin.plants.base import PERIOD
 from twin.plants.drive import DriveLine
+from twin.plants.modal_forces import Forces
+from twin.plants.modal_rig import ModalRig, modal_rig
 
 DEFAULT_MODES = 3
 _LOOK = 1e-3  # s, longest time without a look for stick and slip: 1/20 of the third mode's period
 _SHORT = 1e-9  # s, so that an event never comes twice
-_LINEAR = {"static_positive", "static_negative", "coulomb_positive", "coulomb_negative", "bias", "lag"}
-_LINEAR |= {"viscous", "cable_stiffness", "cable_rest_angle"}
-_OF_RIG = {"lengths", "inertia", "stiffness", "damping", "first_moment", "flexibility", "hub_inertia"}
 
 
 class ModalPlant:
-    """The modes of a rig with its friction; the state is z = [q, q_t, delivered torque, command, other torques]."""
+    """The modes of a rig with its friction; the state is z = [q, q_t, delivered, command, other torques, loads]."""
 
     name = "modal"
 
@@ -45,46 +45,51 @@ class ModalPlant:
         """Prepares the modes of a model.
 
         Args:
-          model: rig and effects; effects of the link's mechanics that no linear model has are refused.
+          model: rig and effects. A play is refused: its flanks are too stiff for forces that are held.
           period: sample period [s].
           modes: number of bending modes.
 
         Raises:
-          InputError: an effect cannot be part of a modal model.
+          InputError: there is a play between motor and hub.
         """
         _check_effects(model)
         self.period, self.torque_limit = period, float(model.declared["torque_limit"])
-        self._drive, self._levels = DriveLine(model), model.plant
-        gauges = [sensor for sensor in model.sensors.values() if sensor.half_thickness > 0]
-        system = state_space(model.rig, modes, gauges or mjcf.GAUGES)
-        self._size = size = modes + 1
-        self._outputs = dict(zip(system.output_labels, np.asarray(system.C)[:, :size], strict=True))
-        self._hub = self._outputs["hub_angle"]
-        self._push = np.asarray(system.B)[size:, 0]
-        self._sliding, self._resting, self._needed = _systems(system, self._hub, self._push, model.plant)
+        self._drive, self._lags = DriveLine(model), model.plant.lag > 0
+        rig = modal_rig(model, modes)
+        self._forces = Forces(model, rig)
+        self._outputs, self._hub, self._twist = rig.outputs, rig.hub, rig.twist
+        self._size = size = len(rig.mass)
+        self._delivered, self._command, self._other = 2 * size, 2 * size + 1, 2 * size + 2
+        self._push = np.linalg.solve(rig.mass, rig.hub)
+        self._sliding, self._resting, self._needed = _systems(
+            rig, self._push, model.plant, self._forces.loads
+        )
         self._steps: dict[tuple[bool, float], np.ndarray] = {}
+        self._look = min(_LOOK, model.step)
         self._along = np.linspace(0.0, model.rig["length"], 25)
-        shape = beam_modes(model.rig, modes)
-        self._bends = shape.shape(self._along) - np.outer(shape.shape(0.0, 1)[:, 0], self._along)
+        self._bends = rig.link(self._along) - np.outer(self._hub, self._along)
         self.reset()
 
     def reset(self, hub_angle: float = 0.0) -> None:
         """Puts the rig to rest at a hub angle [rad], time 0."""
         self._drive.reset()
-        self._time, self._mode = 0.0, 0
-        self._z = np.zeros(2 * self._size + 3)
-        self._z[0] = hub_angle
-        self._z[-3:-1] = self._drive.torque
+        self._time = self._now = 0.0
+        self._mode = 0
+        self._z = np.zeros(len(self._needed))
+        self._z[: self._size] = self._forces.hanging(hub_angle)
+        self._z[self._delivered : self._other] = self._drive.torque
+        self._hold(self._z, self._now)
 
     def advance(self, torque: float) -> None:
         """Moves on by one period under a commanded torque [N m]."""
         self._drive.command(self._time, torque)
         for piece, span in self._drive.pieces(self._time, self.period):
-            self._z[-2] = piece
-            count = int(np.ceil(span / _LOOK - 1e-9))
+            self._z[self._command] = piece
+            count = int(np.ceil(span / self._look - 1e-9))
             for _ in range(count):
                 self._move(span / count)
         self._time += self.period
+        self._now = self._time
 
     def time(self) -> float:
         """Time since the reset [s]."""
@@ -94,7 +99,12 @@ class ModalPlant:
         """True value of each channel, SI."""
         q = self._z[: self._size]
         values = {name: float(row @ q) for name, row in self._outputs.items()}
-        return {**values, "motor_torque": float(self._z[-3 if self._levels.lag > 0 else -2])}
+        return {**values, "motor_torque": float(self._z[self._delivered if self._lags else self._command])}
+
+    @property
+    def twist(self) -> float:
+        """Angle of a torsional mode against the hub [rad]."""
+        return float(self._twist @ self._z[: self._size])
 
     @property
     def mode(self) -> int:
@@ -103,12 +113,12 @@ class ModalPlant:
 
     @property
     def configuration(self) -> np.ndarray:
-        """alpha [rad] and the amplitudes of the modes [kg^1/2 m]."""
+        """alpha [rad], the amplitudes of the modes [kg^1/2 m], angles that effects add [rad]."""
         return self._z[: self._size].copy()
 
     def outline(self, configurations: np.ndarray) -> np.ndarray:
         """25 points along the link (m, 25, 2) [m], hub axis first."""
-        theta, bend = configurations @ self._hub, configurations[:, 1:] @ self._bends
+        theta, bend = configurations @ self._hub, configurations @ self._bends
         cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]
         return np.stack([cos * self._along - sin * bend, sin * self._along + cos * bend], axis=-1)
 
@@ -120,33 +130,50 @@ class ModalPlant:
             self._break_away()
         left = span
         while left > _SHORT:
-            end = self._propagator(left, keep=left == span) @ self._z
+            end = self._after(left, keep=left == span)
             if self._remains(end) >= 0:
                 self._z = end
+                self._now += left
                 return
             left -= self._to_event(left)
 
     def _to_event(self, span: float) -> float:
         """Moves to the end of the present mode, which is within `span` [s], and into the next; returns when it was."""
-        start = self._z
 
         def remains(h: float) -> float:
-            return self._remains(self._propagator(h) @ start)
+            return self._remains(self._after(h))
 
         when = brentq(remains, _SHORT, span, xtol=1e-12) if remains(_SHORT) > 0 else _SHORT
-        self._z = self._propagator(when) @ start
+        self._z = self._after(when)
+        self._now += when
         if self._mode == 0:
             self._slide(1 if self._to_hold() > 0 else -1)
         else:
             self._halt()
         return when
 
+    def _after(self, h: float, keep: bool = False) -> np.ndarray:
+        """The state after h [s] in the present mode."""
+        if not self._forces.vary:
+            return self._propagator(h, keep) @ self._z
+        half = self._hold(self._propagator(h / 2, keep) @ self._z, self._now + h / 2)
+        middle = np.r_[self._z[: self._other], half[self._other :]]
+        return self._hold(self._propagator(h, keep) @ middle, self._now + h)
+
+    def _hold(self, z: np.ndarray, time: float) -> np.ndarray:
+        """Puts the forces of a state into it, as they are at a time [s] in the present mode."""
+        q, rates = z[: self._size], z[self._size : 2 * self._size]
+        z[self._other] = self._forces.on_hub(time, q, rates, self._mode)
+        if self._forces.loads:
+            z[self._other + 1 :] = self._forces.along_link(time, q, rates)
+        return z
+
     def _remains(self, z: np.ndarray) -> float:
         """What is left in z before the mode ends: rate [rad/s] of a sliding hub, static friction [N m] at rest."""
         if self._mode != 0:
             return self._mode * float(self._hub @ z[self._size : 2 * self._size])
         needed = float(self._needed @ z)
-        return self._static(needed) - abs(needed)
+        return self._static(needed, z) - abs(needed)
 
     def _break_away(self) -> None:
         if self._remains(self._z) < 0:
@@ -154,26 +181,25 @@ class ModalPlant:
 
     def _halt(self) -> None:
         """The hub's rate is zero: it sticks, or slides on to the side where the torque pulls it."""
-        self._z[-1] = 0.0
+        self._mode = 0
+        self._hold(self._z, self._now)
         needed = self._to_hold()
-        if abs(needed) > self._static(needed):
+        if abs(needed) > self._static(needed, self._z):
             self._slide(1 if needed > 0 else -1)
             return
-        self._mode = 0
         rates = self._z[self._size : 2 * self._size]
         # What is left of the hub's rate is taken by an impulse on the hub.
         rates -= self._push * (self._hub @ rates) / (self._hub @ self._push)
 
     def _slide(self, direction: int) -> None:
         self._mode = direction
-        level = self._levels.coulomb_positive if direction > 0 else self._levels.coulomb_negative
-        self._z[-1] = -direction * level
+        self._hold(self._z, self._now)
 
     def _to_hold(self) -> float:
         return float(self._needed @ self._z)
 
-    def _static(self, needed: float) -> float:
-        return self._levels.static_positive if needed > 0 else self._levels.static_negative
+    def _static(self, needed: float, z: np.ndarray) -> float:
+        return self._forces.static(z[: self._size], 1 if needed > 0 else -1)
 
     def _propagator(self, h: float, keep: bool = False) -> np.ndarray:
         resting = self._mode == 0
@@ -186,37 +212,28 @@ class ModalPlant:
 
 
 def _systems(
-    system, hub: np.ndarray, push: np.ndarray, levels: planar.Plant
+    rig: ModalRig, push: np.ndarray, plant: planar.Plant, loads: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M of the sliding and of the resting hub, and the row that gives the torque to hold it (2n + 5)."""
-    n = len(hub)
+    """A of the sliding and of the resting hub, and the row that gives the torque to hold it (2n + 3 + loads)."""
+    n, hub = len(rig.mass), rig.hub
     q, rate, delivered, command, other = slice(0, n), slice(n, 2 * n), 2 * n, 2 * n + 1, 2 * n + 2
-    inner = np.asarray(system.A)[n:]
-    torque = np.zeros(2 * n + 3)
-    torque[q], torque[rate] = -levels.cable_stiffness * hub, -levels.viscous * hub
-    torque[delivered if levels.lag > 0 else command] = 1.0
+    torque = np.zeros(2 * n + 3 + loads)
+    torque[q], torque[rate] = -plant.cable_stiffness * hub, -plant.viscous * hub
+    torque[delivered if plant.lag > 0 else command] = 1.0
     torque[other] = 1.0
-    sliding, resting = np.zeros((2, 2 * n + 3, 2 * n + 3))
-    for M in (sliding, resting):
-        M[q, rate] = np.eye(n)
-        if levels.lag > 0:
-            M[delivered, delivered], M[delivered, command] = -1 / levels.lag, 1 / levels.lag
-    sliding[rate, : 2 * n] = inner
-    sliding[rate] += np.outer(push, torque)
-    resting[rate, : 2 * n] = inner - np.outer(push, hub @ inner) / (hub @ push)
-    needed = torque.copy()
-    needed[: 2 * n] += hub @ inner / (hub @ push)
-    return sliding, resting, needed
+    inner = np.zeros((n, len(torque)))
+    inner[:, : 2 * n] = np.linalg.solve(rig.mass, -np.hstack([rig.stiffness, rig.damping]))
+    inner[:, other + 1 :] = np.linalg.inv(rig.mass)[:, :loads]
+    sliding, resting = np.zeros((2, len(torque), len(torque)))
+    for A in (sliding, resting):
+        A[q, rate] = np.eye(n)
+        if plant.lag > 0:
+            A[delivered, delivered], A[delivered, command] = -1 / plant.lag, 1 / plant.lag
+    sliding[rate] = inner + np.outer(push, torque)
+    resting[rate] = inner - np.outer(push, hub @ inner) / (hub @ push)
+    return sliding, resting, torque + hub @ inner / (hub @ push)
 
 
 def _check_effects(model: Model) -> None:
-    declared = planar.declared_plant(model.rig, model.chain)
-    for name, p in model.effects.items():
-        effect = REGISTRY[name]
-        changed = effect.plant(declared, p)
-        fields = {
-            f for f in planar.Plant._fields if not np.array_equal(getattr(changed, f), getattr(declared, f))
-        }
-        links = effect.links(model.chain, model.rig, p)
-        if fields - _LINEAR - _OF_RIG or links is not model.chain:
-            raise InputError(f"effect {name} has no place in the modal plant; expected --plant chain for it")
+    if model.plant.gap > 0:
+        raise InputError("effect backlash has no place in the modal plant; expected --plant chain for it")

@@ -21,7 +21,7 @@ class Reporting:
 
     def __init__(self, model: Model, plant: Plant) -> None:
         """Takes the model with its effects, and the plant that is read."""
-        self._model, self._plant, self._links = model, plant, len(model.chain.lengths)
+        self._model, self._plant = model, plant
         self._changes = any(type(REGISTRY[name]).sensing is not Effect.sensing for name in model.effects)
         self._past: deque[tuple[float, ...]] = deque(maxlen=math.ceil(_LONGEST_DELAY / plant.period) + _MORE)
 
@@ -33,14 +33,7 @@ class Reporting:
         """Returns what is reported at `time` [s] of true values by channel, SI."""
         if not self._changes:
             return true
-        self._past.append((time, *(true[name] for name in READINGS), self._twist()))
+        self._past.append((time, *(true[name] for name in READINGS), self._plant.twist))
         times, *values = np.array(self._past).T
         said = self._model.report(times, dict(zip((*READINGS, TORSION), values, strict=True)))
         return {name: float(said[name][-1]) for name in READINGS}
-
-    def _twist(self) -> float:
-        """Angle of a torsional mode against the hub [rad]."""
-        if self._model.plant.torsion_stiffness <= 0:
-            return 0.0
-        angles = self._plant.configuration
-        return float(angles[self._links] - angles[0])
