@@ -30,7 +30,9 @@ Scenario = Annotated[
         help="bang-bang-20, -45, -60, -90 or -120; sinus-0.2 or -0.4; filtered-step-120; lq-step-120.",
     ),
 ]
-PlantOption = Annotated[str, typer.Option("--plant", help="chain (MuJoCo) or modal.")]
+PlantOption = Annotated[
+    str, typer.Option("--plant", help="chain (MuJoCo) or modal (all effects but backlash).")
+]
 ControllerOption = Annotated[
     str | None,
     typer.Option(
