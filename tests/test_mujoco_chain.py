@@ -53,6 +53,19 @@ def test_slew_with_sticking_agrees(mechanism):
     assert np.mean(found[2] != modes) < 0.005
 
 
+def test_what_a_lag_remembers_was_commanded_long_before():
+    plant = PLANT._replace(lag=0.05)
+    command = np.array([-1e3, 0.0]), np.array([0.1, -0.1])
+    moving = (np.arange(0.0, 0.1, 2e-3), REST, np.full(SIZE, 1.0), 1, False, STEP)
+    remembered, started = (
+        planar.simulate(plant, *given, *moving)[0] for given in (command, [c[1:] for c in command])
+    )
+    assert remembered[-1, 0] > started[-1, 0] + 0.01
+    np.testing.assert_allclose(
+        MujocoChain(RIG, CHAIN, plant).simulate(*command, *moving)[0], remembered, atol=3e-5
+    )
+
+
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_clamped_free_vibration_agrees(mechanism):
     plant = PLANT._replace(**MECHANISMS[mechanism])

@@ -10,7 +10,7 @@ same state, that torque is
 
     needed = theta_tt / (M^-1)_00          theta_tt: acceleration of a hub without dry friction
 
-What MJCF cannot say natively (`mjcf.not_native`) is added in a control callback at every stage of the step,
+What `mjcf.dynamics_spec` does not have is added in a control callback at every stage of the step,
 so that the order of the integration stays four. The callback is global to the process: it is set for the time
 of a call only, and two simulations with such mechanisms cannot run in two threads of one process.
 """
@@ -159,8 +159,8 @@ class MujocoChain:
         start = float(out_time[0])
         self.reset(phi0, omega0, mode0, start, clamped)
         instants, torques = _from(start, command_time, command)
-        if instants and instants[0] < start - 1e-9:
-            self._u = self._u_before = torques[0]
+        if (settled := int(np.searchsorted(command_time, start - 1e-9)) - 1) >= 0:
+            self._u = self._u_before = float(command[settled])
         angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
         modes = np.empty(len(out_time))
         h_largest = self._largest_step if h_max is None else h_max
@@ -330,7 +330,7 @@ class MujocoChain:
             mujoco.set_mjcb_control(before)
 
     def _extra_force(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
-        """Returns a control callback that adds what varies within a step and MJCF cannot say, if anything."""
+        """Returns a control callback that adds what varies within a step and the models do not have, if anything."""
         p, sliding, locked = self._plant, self._sliding, self._locked
         hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0 or p.gap > 0
         soft, drag, shaken = p.softening != 0, p.tip_drag_quadratic != 0, p.is_shaken
@@ -425,7 +425,7 @@ class _Model:
         self.needed = float(self.data.qacc[0] / self.data.qLDiagInv[0])
         return self.needed
 
-    # Mechanisms that MJCF cannot say, at the state of a stage
+    # Mechanisms that the models do not have, at the state of a stage
 
     def vary_torque(self, time: float, lagging: float) -> None:
         """Adds what the lag keeps back [N m], the disturbance, Stribeck's excess and the contact in a play."""

@@ -576,7 +576,8 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
         pointer += 1
     if pointer >= 0:
         u = command[pointer]
-        u_before = u if command_time[pointer] < t - 1e-9 else 0.0
+        settled = pointer if command_time[pointer] < t - 1e-9 else pointer - 1
+        u_before = command[settled] if settled >= 0 else 0.0
     mode = mode0
     for row in range(out_time.size):
         while t < out_time[row] - 1e-12:
