@@ -1,7 +1,8 @@
 """The augmented rig as MJCF: the fitted chain with the effects that MuJoCo has elements for.
 
-Effects of the mechanics are written by `twin.mjcf`. Those of the drive are read off what it makes of a
-command u that is held from time 0 on: delivered(t) = gain * u(t - delay) + bias, behind a lag.
+Effects of the mechanics are written by `twin.mjcf`, those of the sensors by `twin.mjcf_sensing`. Those of the drive
+are read off what it makes of a command u that is held from time 0 on: delivered(t) = gain * u(t - delay) + bias,
+behind a lag.
 """
 
 from __future__ import annotations
@@ -9,15 +10,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
-from twin import chain, mjcf
+from twin import chain, mjcf, mjcf_sensing
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY, Drive, Effect
-from twin.effects.torsional_mode import SEEN, TorsionalMode
 from twin.model import Effects, Model
 from twin.recording import Sensor
 
@@ -45,14 +45,16 @@ def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjc
     effects = {effect.name: dict(effect.parameters) for effect in diagnosis.effects}
     model = Model(diagnosis.fitted, sensors, chain.fit_shape(diagnosis.fitted), effects)
     drive = _DriveLaw.of(effects)
-    plant = model.plant._replace(bias=model.plant.bias + drive.bias, lag=drive.lag)
-    gauges = [sensor for sensor in sensors.values() if sensor.half_thickness > 0]
+    plant = model.plant._replace(lag=drive.lag)
+    readings = mjcf_sensing.readings(effects)
+    gauges = [_with_gain(s, readings[s.channel].gain) for s in sensors.values() if s.half_thickness > 0]
     spec = mjcf.build_spec(model.rig, model.chain, plant, gauges=gauges)
     spec.modelname = _plain(diagnosis.fitted.name)
     _write_drive(spec, drive)
-    if plant.torsion_stiffness > 0:
-        _write_twist(spec, effects[TorsionalMode.name])
+    mjcf_sensing.write(spec, readings)
     left_out = (*mjcf.not_native(plant), *(name for name in effects if _misreads(name)))
+    if model.curvature_rate_rows:
+        left_out += ("lag of strains behind a clamp that gives",)
     xml = f"{_comment(diagnosis, left_out)}\n{spec.to_xml().rstrip()}\n"
     return AugmentedMjcf(xml, left_out)
 
@@ -82,25 +84,24 @@ def _delivered(effects: Effects, torque: float) -> Drive:
 
 def _write_drive(spec: mujoco.MjSpec, drive: _DriveLaw) -> None:
     motor = spec.actuator("motor")
-    # The command saturates, and what is delivered is a multiple of that.
+    # The command saturates, and what is delivered is a multiple of that and the bias.
     motor.gainprm[0] = drive.gain
-    motor.forcerange = drive.gain * motor.forcerange
+    motor.forcerange = drive.gain * motor.forcerange + drive.bias
+    if drive.bias != 0:
+        motor.biastype, motor.biasprm[0] = mujoco.mjtBias.mjBIAS_AFFINE, drive.bias
     if drive.delay > 0:
         motor.delay = drive.delay
         motor.nsample = math.ceil(drive.delay / spec.option.timestep) + 1
 
 
-def _write_twist(spec: mujoco.MjSpec, p: Mapping[str, float]) -> None:
-    """What the bridges see of a torsional mode: its joint in the tendon that each reads."""
-    for channel, name in SEEN.items():
-        tendon = spec.tendon(channel)
-        if tendon is not None:
-            tendon.wrap_joint("torsion", p[name])
+def _with_gain(gauge: Sensor, gain: float) -> Sensor:
+    """A gauge whose strain is `gain` times as large."""
+    return replace(gauge, half_thickness=gain * gauge.half_thickness)
 
 
 def _misreads(name: str) -> bool:
-    """Whether an effect shapes what sensors report, where those in MJCF read the truth."""
-    return type(REGISTRY[name]).sensing is not Effect.sensing and name != TorsionalMode.name
+    """Whether an effect shapes what sensors report in a way that is not written."""
+    return type(REGISTRY[name]).sensing is not Effect.sensing and not mjcf_sensing.says(name)
 
 
 def _comment(diagnosis: Diagnosis, left_out: tuple[str, ...]) -> str:

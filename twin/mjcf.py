@@ -11,7 +11,11 @@ along x. What the numbers of a `Chain` become:
     backlash    body `rotor` with a joint of its own that the motor turns; the fixed tendon `play`, rotor less hub,
                 is limited to the gap
     friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the
-                break-away level stands in `custom/numeric` and is applied by `twin.mujoco_chain`
+                break-away level stands in `custom/numeric` and is applied by `twin.mujoco_chain`. Coulomb levels
+                that differ by the direction are their mean and a constant torque, actuator `friction_difference`
+    lag         a filter in the motor's actuator
+    air drag    geom `drag`, a sphere in a thin fluid, at the tip
+    disturbance of one frequency on the hub: the cogging of a body `clock` that turns at a constant rate
 
 `python -m twin.mjcf [FOLDER]` writes the files of `models/`.
 """
@@ -41,6 +45,11 @@ TIMESTEP = 5e-4  # s; below the stability limit 2.8 / omega_max of RK4 for up to
 _HALF_THICKNESS, _HALF_HEIGHT = 0.001, 0.022  # m; I = 2.95e-11 m^4 (Table II) and a density near 1000 kg/m^3
 _FLOOR = -0.045  # m, the glass below the link's axis
 
+_SHORTEST_LAG = 1e-5  # s
+_FLUID = 1e-9  # kg/m^3; of the fluid that only the sphere of a quadratic drag feels
+_CLOCK_RATE = 1e5  # rad/s; so fast that a turn of the hub is nothing beside it
+_CLOCK_INERTIA = 1e-6  # kg m^2
+
 _HUB_MASS = 0.6  # kg; on the axis, so that no motion depends on it
 
 
@@ -63,7 +72,14 @@ def build_spec(
     """
     plant = planar.declared_plant(rig, chain) if plant is None else plant
     spec = dynamics_spec(chain, plant, rig)
+    _add_friction_difference(spec, plant)
+    if plant.tip_drag_quadratic != 0:
+        _add_air_drag(spec, plant.tip_drag_quadratic)
+    if plant.disturbance_amplitude != 0:
+        _add_disturbance(spec, plant)
     _add_motor(spec, rig, driven_joint(plant))
+    if plant.lag > 0:
+        _add_lag(spec, plant.lag)
     _add_sensors(spec, rig, chain, gauges)
     _add_looks(spec, rig, chain, gauges)
     return _in_scene(spec) if scene else spec
@@ -71,17 +87,13 @@ def build_spec(
 
 def not_native(plant: Plant) -> tuple[str, ...]:
     """Returns the mechanisms of a plant that its MJCF leaves out; the runner applies them step by step."""
-    levels = (plant.static_positive, plant.static_negative, plant.coulomb_positive, plant.coulomb_negative)
-    coulomb = levels[2:]
+    static = (plant.static_positive, plant.static_negative)
     present = {
-        "break-away friction above Coulomb": levels[:2] != coulomb,
-        "asymmetric friction": coulomb[0] != coulomb[1] or levels[0] != levels[1],
+        "break-away friction above Coulomb": static != (plant.coulomb_positive, plant.coulomb_negative),
         "stribeck friction": plant.stribeck_velocity != 0,
         "position-dependent friction": plant.friction_amplitude != 0,
-        "periodic disturbance": plant.disturbance_amplitude != 0 or plant.is_shaken,
+        "periodic disturbance of the base": plant.is_shaken,
         "softening stiffness": plant.softening != 0,
-        "quadratic tip drag": plant.tip_drag_quadratic != 0,
-        "actuator lag": plant.lag != 0,
     }
     return tuple(name for name, there in present.items() if there)
 
@@ -267,9 +279,21 @@ def _add_hub_mechanisms(spec: mujoco.MjSpec, plant: Plant) -> None:
     spec.add_numeric(name="static_friction", data=[static], size=1)
     spec.add_numeric(name="coulomb_friction", data=[hub.frictionloss], size=1)
     if plant.bias != 0:
-        bias = _actuator(spec, "hub", "bias")
-        bias.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        bias.gainprm[0], bias.biasprm[0] = 0.0, plant.bias
+        _add_constant(spec, "bias", plant.bias)
+
+
+def _add_constant(spec: mujoco.MjSpec, name: str, torque: float, joint: str = "hub") -> None:
+    """A torque [N m] on a joint that no command changes."""
+    constant = _actuator(spec, joint, name)
+    constant.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    constant.gainprm[0], constant.biasprm[0] = 0.0, torque
+
+
+def _add_friction_difference(spec: mujoco.MjSpec, plant: Plant) -> None:
+    """Half of what friction is stronger forwards: with it, a symmetric one has both levels, at rest as well."""
+    if plant.coulomb_positive != plant.coulomb_negative:
+        half = (plant.coulomb_positive - plant.coulomb_negative) / 2
+        _add_constant(spec, "friction_difference", -half)
 
 
 def add_hub_wave(spec: mujoco.MjSpec, name: str, amplitude: float, order: float, phase: float) -> None:
@@ -281,7 +305,11 @@ def _add_wave(
     spec: mujoco.MjSpec, joint: str, name: str, amplitude: float, order: float, phase: float
 ) -> None:
     """A torque that repeats with a joint's angle: the cogging of MuJoCo's motor."""
-    actuator = _actuator(spec, joint, name)
+    set_wave(_actuator(spec, joint, name), amplitude, order, phase)
+
+
+def set_wave(actuator: mujoco.MjsActuator, amplitude: float, order: float, phase: float) -> None:
+    """Makes an actuator pull with amplitude * sin(order * length + phase)."""
     # A motor without a winding to speak of: its torque constant may not be 0.
     actuator.set_to_dcmotor(motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[amplitude, order, phase])
 
@@ -294,6 +322,43 @@ def add_tip_drag(spec: mujoco.MjSpec, drag: float) -> None:
         actuator.refsite, actuator.gear = "axis", direction
         actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         actuator.biasprm[2] = -drag
+
+
+def _add_air_drag(spec: mujoco.MjSpec, drag: float) -> None:
+    """Force -drag |v| v [N] on the payload, v its tip's velocity.
+
+    MuJoCo's blunt drag of a sphere is density * coefficient * area * |v| v. Of so thin a fluid no other body feels
+    anything.
+    """
+    spec.option.density = _FLUID
+    ball = spec.body("payload").add_geom(name="drag", type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=0, group=4)
+    ball.size[0] = _HALF_THICKNESS
+    ball.contype = ball.conaffinity = 0
+    ball.fluid_ellipsoid = 1
+    ball.fluid_coefs = [drag / (_FLUID * math.pi * _HALF_THICKNESS**2), 0, 0, 0, 0]
+
+
+def _add_disturbance(spec: mujoco.MjSpec, plant: Plant) -> None:
+    """Torque amplitude sin(2 pi frequency t + phase) on the hub.
+
+    Half of it is a wave over the angles clock + hub, half over clock - hub: the hub's own angle is left in the sum
+    by the square of its tiny share, and their pulls at the clock cancel. Once started, the clock is one time constant
+    late.
+    """
+    late = spec.option.timestep
+    clock = spec.worldbody.add_body(name="clock")
+    joint = clock.add_joint(name="clock", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    joint.damping[0] = _CLOCK_INERTIA / late
+    _set_inertia(clock, 1e-3, 0.0, _CLOCK_INERTIA)
+    _add_constant(spec, "clock", joint.damping[0] * _CLOCK_RATE, "clock")
+    omega = 2 * math.pi * plant.disturbance_frequency
+    for name, sign in (("disturbance_ahead", 1.0), ("disturbance_behind", -1.0)):
+        tendon = spec.add_tendon(name=name, group=5)
+        tendon.wrap_joint("clock", 1.0)
+        tendon.wrap_joint("hub", sign)
+        half = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
+        amplitude, phase = sign * plant.disturbance_amplitude / 2, plant.disturbance_phase + omega * late
+        set_wave(half, amplitude, omega / _CLOCK_RATE, phase)
 
 
 def _actuator(spec: mujoco.MjSpec, joint: str, name: str) -> mujoco.MjsActuator:
@@ -309,6 +374,17 @@ def _add_motor(spec: mujoco.MjSpec, rig: Mapping[str, float], joint: str) -> Non
     if math.isfinite(limit):
         motor.ctrllimited = motor.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
         motor.ctrlrange = motor.forcerange = [-limit, limit]
+
+
+def _add_lag(spec: mujoco.MjSpec, lag: float) -> None:
+    """The motor's torque follows its command with a time constant [s] that the time step, halved if need be, resolves.
+
+    MuJoCo's "filterexact" is not exact between the stages of RK4; its "filter" is of the fourth order there.
+    """
+    motor = spec.actuator("motor")
+    motor.dyntype, motor.dynprm[0] = mujoco.mjtDyn.mjDYN_FILTER, max(lag, _SHORTEST_LAG)
+    while spec.option.timestep > motor.dynprm[0]:
+        spec.option.timestep /= 2
 
 
 def _add_sensors(

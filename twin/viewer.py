@@ -72,7 +72,7 @@ def watch(
                 self._drawn = frame
                 if not window.is_running():
                     raise _Closed
-                data.qpos[:] = plant.joints
+                data.qpos[: len(plant.joints)] = plant.joints  # behind them, a disturbance has a clock
                 mujoco.mj_forward(compiled, data)
                 window.sync()
                 sleep(max(0.0, self._began + measured["time"] - clock()))

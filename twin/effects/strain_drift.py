@@ -2,7 +2,8 @@
 
 from twin.effects.base import Effect, EffectParameter
 
-_RATES = {"strain_base": "rate_base", "strain_mid": "rate_mid"}
+RATES = {"strain_base": "rate_base", "strain_mid": "rate_mid"}
+"""Channel -> parameter with the rate of its drift."""
 
 
 class StrainDrift(Effect):
@@ -10,9 +11,9 @@ class StrainDrift(Effect):
 
     name = "strain-drift"
     parameters = tuple(
-        EffectParameter(rate, "1/s", 0.0, (-1e-2, 1e-2), 1e-6, ch) for ch, rate in _RATES.items()
+        EffectParameter(rate, "1/s", 0.0, (-1e-2, 1e-2), 1e-6, ch) for ch, rate in RATES.items()
     )
 
     def sensing(self, time, channels, p):
-        drifted = {ch: channels[ch] + p[rate] * time for ch, rate in _RATES.items() if ch in channels}
+        drifted = {ch: channels[ch] + p[rate] * time for ch, rate in RATES.items() if ch in channels}
         return {**channels, **drifted}
