@@ -362,7 +362,7 @@ def test_recordings_that_disagree_say_nothing_of_the_declaration():
 def test_a_parameter_at_the_end_of_its_range_is_named():
     fitted = replace(Bench([np.ones(1000)], wave).start(0.0, 0.0), values=np.array([2999.0, -3000.0]))
     found = joint.Joint(
-        fitted, None, None, ("a", "b"), fitted.values, np.eye(2), (), (), np.ones((2, 2)), {}, ()
+        fitted, (), None, None, ("a", "b"), fitted.values, np.eye(2), (), (), np.ones((2, 2)), {}, ()
     )
     assert found.at_an_end() == ["b"]
     assert any(s.startswith("b stands at the end of its range") for s in sentences.joint(found, ()).sentences)

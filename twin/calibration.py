@@ -28,13 +28,15 @@ class Calibration:
 
     Attributes:
       declared: the model as declared.
-      bench: the fit recordings, without what is odd in them.
+      readings: the fit recordings, without readings that are no measurements.
+      bench: of these what can be followed, made ready.
       base: the fit.
       clock: when commands act.
       notes: what was left out of the recordings or assumed of them.
     """
 
     declared: Model
+    readings: tuple[Recording, ...]
     bench: Workbench
     base: Fit
     clock: Clock
@@ -72,7 +74,7 @@ def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress =
     lost = _out_of_reach(data)
     progress("calibrating")
     bench, base = calibrated(bench, model)
-    return Calibration(model, bench, base, clock, (*odd, *cuts, *notes, *lost))
+    return Calibration(model, tuple(readings), bench, base, clock, (*odd, *cuts, *notes, *lost))
 
 
 def _out_of_reach(data: driven.DrivenData) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import label
 from threadpoolctl import threadpool_limits
 
-from twin import beam, defects, fit, modal, search
+from twin import beam, fit, modal, search
 from twin.campaign import Campaign
 from twin.fit import Prepared
 from twin.identify import (
@@ -146,8 +146,7 @@ def identify(
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
         found = joint.estimate(campaign, pool, progress)
         progress("reading decays and break-aways")
-        readings, _ = defects.without_defects(campaign.fit, campaign.sensors)
-        sound = replace(campaign, fit=tuple(readings))
+        sound = replace(campaign, fit=found.readings)
         decays = ring_downs(sound) or decays_at_rest(found.prepared)
         model, starts = found.fit.model, found.fit.starts
         friction = break_away.read(found.data, model, starts)

@@ -24,6 +24,7 @@ from twin.identify.profile import Profile
 from twin.identify.results import Estimate, positive
 from twin.low_pass import MOTION_BANDS
 from twin.parameters import Rig
+from twin.recording import Recording
 from twin.scatter import Evidence
 from twin.search import Progress, silent
 from twin.timing import Clock
@@ -43,6 +44,7 @@ class Joint:
 
     Attributes:
       fit: the last fit.
+      readings: the fit recordings, without readings that are no measurements.
       bench: what it was fitted on.
       clock: when commands act.
       names: (p) parameters of the rig that were free.
@@ -57,6 +59,7 @@ class Joint:
     """
 
     fit: Fit
+    readings: tuple[Recording, ...]
     bench: Workbench
     clock: Clock
     names: tuple[str, ...]
@@ -145,6 +148,7 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     names = tuple(base.unknowns[i].name for i in mine)
     return Joint(
         base,
+        start.readings,
         bench,
         start.clock,
         names,
