@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import mjcf, planar
+from twin import mjcf, planar, play
 from twin.chain import build
 from twin.low_pass import low_passed
 from twin.mujoco_chain import MujocoChain
@@ -83,7 +83,7 @@ def test_play_passes_on_what_the_hub_takes():
     angles, rates, _ = planar.simulate(plant, time, command, time, phi, 0 * phi, 1, False, period)
     acceleration = np.gradient(rates[:, 0], period)
     held = np.append(command[0], (command[1:] + command[:-1]) / 2)
-    passed = planar.transmitted(plant, time, acceleration, angles[:, 0], held)
+    passed = play.transmitted(plant, period, acceleration, angles[:, 0], held)
     behind = planar.without_motor(plant)
     hub = (angles[:, 0], rates[:, 0], acceleration)
     _, _, taken = planar.driven(behind, time, *hub, REST, REST, 2.5e-4)

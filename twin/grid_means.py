@@ -6,25 +6,62 @@ that a motion takes at an instant, at 18 Hz and h = 2 ms by 0.2 %. So both are a
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from twin.model import Model
 from twin.recording import Recording
 
-_CELLS = 9  # parts of a grid step, an odd number
+CELLS = 9
+"""Parts of a grid step, an odd number."""
+_TAPS = 8  # instants between which a signal is interpolated
 
 
 def mean_torque(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
-    """Torque (m) of the drive about each instant of a uniform grid, averaged over a step twice [N m].
+    """Torque (m) of the drive about each instant of a uniform grid, averaged over a step twice [N m]."""
+    return of_cells(torque_in_cells(model, recording, time))
+
+
+def cell(time: np.ndarray) -> float:
+    """Length of a cell of a uniform grid (m) [s]."""
+    return float(time[1] - time[0]) / CELLS
+
+
+def in_cells(values: np.ndarray) -> np.ndarray:
+    """A smooth signal in the middle of each such cell (c), from its instants on the grid (m).
+
+    By the polynomial through the instants beside it (J. L. Lagrange).
+    """
+    extended = np.pad(values, (_TAPS // 2, _TAPS // 2 + 1), "edge")
+    return (sliding_window_view(extended, _TAPS) @ _between()).ravel()
+
+
+@functools.cache
+def _between() -> np.ndarray:
+    """Weights (taps x cells) of the instants about a step for a signal at its cells."""
+    taps, x = np.arange(_TAPS), _TAPS // 2 - 1 + np.arange(CELLS) / CELLS
+    others = [np.delete(taps, k) for k in taps]
+    return np.array(
+        [np.prod((x - o[:, None]) / (k - o[:, None]), axis=0) for k, o in zip(taps, others, strict=True)]
+    )
+
+
+def torque_in_cells(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
+    """Mean torque (c) of the drive in each cell of a uniform grid (m), from a step before it to one behind it [N m]."""
+    edges = np.arange(-CELLS, (len(time) + 1) * CELLS + 1) - 0.5
+    return np.diff(model.drive(recording).impulse(time[0] + edges * cell(time))) / cell(time)
+
+
+def of_cells(values: np.ndarray) -> np.ndarray:
+    """Means over a step (m) about the instants of a grid, averaged over a step again, of means over its cells (c).
 
     A command that is held makes a staircase. Its mean over one step still sees the stairs (by (omega h)^2/24), the
-    mean of that mean no longer.
+    mean of that mean no longer: it keeps the instant at which a short push acts.
     """
-    cell = float(time[1] - time[0]) / _CELLS
-    edges = np.arange(-_CELLS, (len(time) + 1) * _CELLS + 1)
-    mean = np.diff(model.drive(recording).impulse(time[0] + (edges - 0.5) * cell)) / cell
-    window = np.convolve(np.ones(_CELLS), np.ones(_CELLS)) / _CELLS**2
-    return np.convolve(mean, window, "same")[_CELLS::_CELLS][: len(time)]
+    window = np.convolve(np.ones(CELLS), np.ones(CELLS)) / CELLS**2
+    return np.convolve(values, window, "same")[CELLS:-CELLS:CELLS]
 
 
 def twice_averaged(values: np.ndarray) -> np.ndarray:
@@ -32,6 +69,11 @@ def twice_averaged(values: np.ndarray) -> np.ndarray:
     means = values.copy()
     means[1:-1] += (values[:-2] - 2 * values[1:-1] + values[2:]) / 12
     return means
+
+
+def at_instants(means: np.ndarray) -> np.ndarray:
+    """What a smooth signal is at the instants of a grid (m), from its means over a step, averaged over a step again."""
+    return 2 * means - twice_averaged(means)
 
 
 def one_way(rate: np.ndarray, acceleration: np.ndarray, step: float) -> np.ndarray:

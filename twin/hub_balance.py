@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin import planar
+from twin import planar, play
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, twice_averaged
 from twin.low_pass import BAND, GRID, low_passed
 from twin.model import Model, Motion
-from twin.view import View, hub_motion
+from twin.view import View
 
 _ROUNDS = 4  # in which friction that falls with the speed is found along with the motion that it makes
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
@@ -108,10 +108,10 @@ def well_defined(
 
 def delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
     """Torque (m) that reaches the hub, on the grid, filtered [N m]: what the drive delivers, or a play passes on."""
-    torque = mean_torque(model, prepared.recording, view.time)
     if model.plant.gap > 0:
-        hub = hub_motion(view, model)
-        torque = planar.transmitted(model.plant, view.time, hub.acceleration, hub.angle, torque)
+        torque = play.passed_on(view, prepared, model)
+    else:
+        torque = mean_torque(model, prepared.recording, view.time)
     # The measured motion has passed one low-pass more than the torque.
     return low_passed(low_passed(torque, GRID, view.band), GRID)
 

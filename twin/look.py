@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import binary_dilation
 
-from twin import departures, on_grid, ringing
+from twin import departures, on_grid, play, ringing
 from twin.fit import Prepared
 from twin.hub_balance import well_defined
 from twin.low_pass import BAND, GRID, MOTION_BANDS, low_passed, smooth
@@ -70,6 +70,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
         )
     density = prepared.noise["hub_angle"] ** 2 * recording.period
     swings = ringing.swings(model, time, direction != 0, density, BAND)
+    view = replace(view, sliding=view.sliding & ~play.unsettled(view, prepared, model, float(np.std(torque))))
     even, swing = evened(view, swings, torque)
     ringing_of = {"hub_torque": swing, **swinging_strains(view, model, swings)}
     view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)

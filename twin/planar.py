@@ -29,7 +29,7 @@ from numba import njit
 from twin.chain import Chain
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
-_compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
+compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
 # A `Plant` is some 70 words, passed by value: what is called at every stage is inlined.
 _inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
 
@@ -194,7 +194,7 @@ def _friction_raise(plant, theta):
     return 0.5 * plant.friction_amplitude * (1 + np.sin(plant.friction_order * theta + plant.friction_phase))
 
 
-@_compiled
+@compiled
 def static_level(plant, theta, direction):
     """Torque [N m] that a resting hub withstands in `direction` (+1 or -1)."""
     level = plant.static_positive if direction > 0 else plant.static_negative
@@ -214,7 +214,7 @@ def sliding_level(plant, theta, omega, direction):
 
 
 @_inlined
-def _cogging(plant, angle):
+def cogging(plant, angle):
     """Torque [N m] of the motor's magnets at its angle."""
     return plant.cogging_amplitude * np.sin(plant.cogging_order * angle + plant.cogging_phase)
 
@@ -235,7 +235,7 @@ def contact_torque(plant, play, rate):
     return side * max(CONTACT_STIFFNESS * beyond + contact_damping(plant) * side * rate, 0.0)
 
 
-@_compiled
+@compiled
 def _looked_up(plant, value):
     """Torque [N m] of the patch: linear between its points, constant beyond them."""
     x, y = plant.patch_x, plant.patch_y
@@ -255,7 +255,7 @@ def hub_torque(plant, t, theta, omega):
     """
     torque = plant.bias - plant.viscous * omega - plant.cable_stiffness * (theta - plant.cable_rest_angle)
     if plant.cogging_amplitude != 0.0 and plant.gap == 0.0:
-        torque += _cogging(plant, theta)
+        torque += cogging(plant, theta)
     if plant.disturbance_amplitude != 0.0:
         angle = 2 * np.pi * plant.disturbance_frequency * t + plant.disturbance_phase
         torque += plant.disturbance_amplitude * np.sin(angle)
@@ -264,7 +264,7 @@ def hub_torque(plant, t, theta, omega):
     return torque
 
 
-@_compiled
+@compiled
 def _directions(phi, sin, cos):
     """Fills sin and cos of the angles (n + 1) relative to the hub, which is all that the inertia depends on.
 
@@ -349,7 +349,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
             force[i] += plant.first_moment[i] * (gy * cos[i] - gx * sin[i])
 
 
-@_compiled
+@compiled
 def _solve(mass, force, first):
     """Solves mass x = force in place for rows and columns from `first` on (Cholesky, LDL'); x in `force`."""
     m = force.size
@@ -376,14 +376,14 @@ def _solve(mass, force, first):
         force[i] = s
 
 
-@_compiled
+@compiled
 def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch):
     """Fills `acc` (n + 1); returns the torque [N m] that friction must bear to hold a locked hub."""
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
     if plant.gap > 0.0:
-        acc[m - 1] += drive + _cogging(plant, phi[m - 1])
+        acc[m - 1] += drive + cogging(plant, phi[m - 1])
         drive = 0.0
     torque = drive + hub_torque(plant, t, phi[0], omega[0])
     if locked:
@@ -402,7 +402,7 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch)
     return 0.0
 
 
-@_compiled
+@compiled
 def _drive(u, u_before, age, lag):
     """Delivered torque [N m] `age` seconds after the command stepped to u from a delivered u_before."""
     if lag <= 0.0:
@@ -410,7 +410,7 @@ def _drive(u, u_before, age, lag):
     return u + (u_before - u) * np.exp(-age / lag)
 
 
-@_compiled
+@compiled
 def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, omega1, work, scratch):
     """One classical Runge-Kutta step of length h; the result goes to phi1, omega1."""
     m = phi.size
@@ -440,18 +440,18 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
         omega1[0] = 0.0
 
 
-@_compiled
+@compiled
 def _needed(plant, t, phi, omega, drive, acc, scratch):
     """Torque [N m] that friction must bear to keep the hub at rest."""
     return _accelerations(plant, t, phi, omega, drive, 0, True, acc, scratch)
 
 
-@_compiled
+@compiled
 def _holds(plant, theta, needed):
     return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
 
 
-@_compiled
+@compiled
 def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, work, scratch):
     """Integrates phi, omega (n + 1) in place over `span` [s] under a held command u.
 
@@ -561,7 +561,7 @@ def simulate(
     )
 
 
-@_compiled
+@compiled
 def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped, h_max, observed, anchor):
     size = phi.size
     work = np.empty((8, size))
@@ -631,7 +631,7 @@ def holding_torque(
     return _holding_torque(plant, time, angles, rates, np.ascontiguousarray(drive))
 
 
-@_compiled
+@compiled
 def _holding_torque(plant, time, angles, rates, drive):
     size = angles.shape[1]
     acc, scratch = np.empty(size), np.empty((size + 3, size))
@@ -669,7 +669,7 @@ def driven(
     return _driven(plant, time, angle, rate, acceleration, phi, omega, h_max)
 
 
-@_compiled
+@compiled
 def _driven_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     """Fills acc (n + 1) under a hub acceleration alpha; returns the hub torque that it takes."""
     mass, row = scratch[3:], scratch[2]
@@ -687,7 +687,7 @@ def _driven_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     return torque
 
 
-@_compiled
+@compiled
 def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
     m = phi.size
     k1v, k2v, k3v, k4v = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
@@ -746,7 +746,7 @@ def hub_laws(
     return _hub_laws(plant, time, angle, rate, direction)
 
 
-@_compiled
+@compiled
 def _hub_laws(plant, time, angle, rate, direction):
     torque = np.empty(time.size)
     for k in range(time.size):
@@ -768,7 +768,7 @@ def mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray, change: np.
     return _mean_friction(plant, angle, rate, change)
 
 
-@_compiled
+@compiled
 def _mean_friction(plant, angle, rate, change):
     torque = np.empty(angle.size)
     for k in range(angle.size):
@@ -793,57 +793,3 @@ def _to_rate(plant, theta, omega):
         fallen = math.erf(abs(omega) / plant.stribeck_velocity) * plant.stribeck_velocity
         fallen *= (static - coulomb) * 0.5 * math.sqrt(math.pi)
     return (coulomb + _friction_raise(plant, theta)) * abs(omega) + fallen
-
-
-def transmitted(
-    plant: Plant, time: np.ndarray, acceleration: np.ndarray, angle: np.ndarray, drive: np.ndarray
-) -> np.ndarray:
-    """Torque [N m] through the play on a hub that moves as prescribed, its mean over a grid step about each instant.
-
-    The motor starts in the middle of the play, at rest against the hub.
-
-    Args:
-      plant: the `Plant`, with a play.
-      time: (m) instants [s], evenly spaced.
-      acceleration, angle: (m) of the hub [rad/s^2], [rad].
-      drive: (m) delivered torque [N m], each held from half a step before its instant to half a step behind it.
-    """
-    acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
-    return _transmitted(plant, float(time[1] - time[0]), acceleration, angle, drive)
-
-
-@_inlined
-def _play_acceleration(plant, play, rate, drive, angle, alpha):
-    """Relative acceleration [rad/s^2] of the motor against the hub, and the torque between them [N m]."""
-    torque = contact_torque(plant, play, rate)
-    return (drive + _cogging(plant, angle + play) - torque) / plant.motor_inertia - alpha, torque
-
-
-@_compiled
-def _transmitted(plant, span, acceleration, angle, drive):
-    count = int(np.ceil(span / CONTACT_STEP))
-    h = span / count
-    play = rate = 0.0
-    torque = np.empty(drive.size)
-    last = drive.size - 1
-    for k in range(drive.size):
-        total = 0.0
-        for step in range(count):
-            # The hub's motion, linear between its instants, in the middle of this step.
-            x = k - 0.5 + (step + 0.5) / count
-            i = min(max(int(np.floor(x)), 0), max(last - 1, 0))
-            part = min(max(x - i, 0.0), 1.0)
-            alpha = acceleration[i] + part * (acceleration[min(i + 1, last)] - acceleration[i])
-            theta = angle[i] + part * (angle[min(i + 1, last)] - angle[i])
-            a1, t1 = _play_acceleration(plant, play, rate, drive[k], theta, alpha)
-            v2 = rate + 0.5 * h * a1
-            a2, t2 = _play_acceleration(plant, play + 0.5 * h * rate, v2, drive[k], theta, alpha)
-            v3 = rate + 0.5 * h * a2
-            a3, t3 = _play_acceleration(plant, play + 0.5 * h * v2, v3, drive[k], theta, alpha)
-            v4 = rate + h * a3
-            a4, t4 = _play_acceleration(plant, play + h * v3, v4, drive[k], theta, alpha)
-            play += h / 6 * (rate + 2 * v2 + 2 * v3 + v4)
-            rate += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-            total += (t1 + 2 * t2 + 2 * t3 + t4) / 6
-        torque[k] = total / count
-    return torque

@@ -1,4 +1,4 @@
-"""The last fit: static friction, which whole runs hang on, and a play.
+"""The last fit: static friction, which whole runs hang on.
 
 The link under the measured hub, on which the search works, says all else better than whole runs do: no stick or slip
 of a simulation enters there, nor the error of a chain that is short enough to be run so often. A run that nothing
@@ -16,11 +16,10 @@ import numpy as np
 
 from twin import breakaway, chain, fit, releases
 from twin.driven import DrivenData
-from twin.fit import Fit, GuidedData, Workbench
+from twin.fit import Fit, Workbench
 from twin.model import Model
 
 _SEGMENTS, _STEP = 6, 1e-3
-_GAPS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)  # parts of a play that whole runs are tried with
 _LIKELY = 2.0  # log likelihood below the best up to which a value is within two standard errors
 _STATIC = {"static_friction": (1, -1), "static_positive": (1,), "static_negative": (-1,)}
 """Static levels, and the directions that each is one of."""
@@ -49,13 +48,10 @@ def polish(
     """Reads the static friction of the model that the search came to, and what else whole recordings tell.
 
     Without `whole`, nothing is told by whole runs: those of a model that does not follow the recordings tell nothing.
-    Of one with a play they tell its gap only: its impacts take ten times as many steps, and whole runs hang on each of
-    them as on a stick.
+    Nor do those of one with a play: its impacts take ten times as many steps, and whole runs hang on each of them.
     """
-    if best.model.plant.gap > 0 and whole:
-        best = _between_gaps(Workbench(GuidedData(data.prepared), pool), best)
-        whole = False
-    augmented = with_static_levels(data, best, pool if whole else None)
+    told = whole and best.model.plant.gap <= 0
+    augmented = with_static_levels(data, best, pool if told else None)
     calibrated = augmented if best is base else with_static_levels(data, base)
     return Polished(declared, calibrated, augmented)
 
@@ -118,21 +114,3 @@ def _best_of_grid(
     likely = values[cost < cost.min() + _LIKELY]
     error = max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
     return points[int(np.argmin(cost))], error, float(cost.min())
-
-
-def _between_gaps(bench: Workbench, best: Fit) -> Fit:
-    """The fit with its play between those that two views prefer, half their distance added to its error.
-
-    A hub that follows its filtered reading gives way to an impact too slowly, which makes the play look wide; a whole
-    run has the impacts of its own motion, not always those of the rig.
-    """
-    index = next(j for j, u in enumerate(best.unknowns) if u.name == "gap")
-    model = best.model.replace(shape=chain.fit_shape(best.model.rig, _SEGMENTS), step=_STEP)
-    gaps = best.values[index] * np.array(_GAPS)
-    points = [np.r_[best.values[:index], gap, best.values[index + 1 :]] for gap in gaps]
-    cost = fit.costs(bench, model, best.starts, best.unknowns, points)
-    apart = (gaps[int(np.argmin(cost))] - best.values[index]) / 2
-    x, covariance = best.values.copy(), best.covariance.copy()
-    x[index] += apart
-    covariance[index, index] += apart**2
-    return replace(best, model=fit.placed(best.model, best.unknowns, x), values=x, covariance=covariance)

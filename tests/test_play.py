@@ -1,0 +1,67 @@
+"""A play between motor and hub, seen from a hub whose motion is measured."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from twin import chain, fit, limit, play
+from twin.driven import DrivenData
+from twin.model import Model, Start, simulate
+from twin.recording import Recording, Sensor
+from twin.rigs import preset
+from twin.search import fine
+
+_RATE = 500.0
+_NOISE = {"hub_angle": 2e-4}
+_SHARE = 0.4
+
+
+def _model(gap: float) -> Model:
+    rig = preset("bossi2009")
+    effects = {"backlash": {"gap": gap, "motor_inertia_share": _SHARE}} if gap else {}
+    sensors = {"hub_angle": Sensor("hub_angle", noise=_NOISE["hub_angle"])}
+    return Model(rig, sensors, chain.fit_shape(rig, 5), effects, step=2e-3)
+
+
+def _sweep(first: float, last: float, peak: float, seconds: float) -> np.ndarray:
+    t = np.arange(round(seconds * _RATE)) / _RATE
+    return peak * np.sin(2 * np.pi * (first * t + (last - first) * t**2 / (2 * seconds)))
+
+
+def _data(gap: float, torque: np.ndarray) -> DrivenData:
+    """A recording of a hub with a play, as the search looks at it."""
+    time = np.arange(len(torque)) / _RATE
+    asked = Recording("", time, {"torque_command": torque, "hub_angle": 0 * time}, loop="open")
+    hub = simulate(fine(_model(gap)), asked, Start())["hub_angle"]
+    noise = np.random.default_rng(5).normal(0, _NOISE["hub_angle"], len(time))
+    prepared, _ = fit.prepare(
+        asked.replace(channels={"torque_command": torque, "hub_angle": hub + noise}), _NOISE
+    )
+    return DrivenData([prepared], _model(0.0))
+
+
+@pytest.mark.parametrize("gap", [0.012, 0.015])
+def test_width_is_where_what_is_left_is_least(gap):
+    data = _data(gap, _sweep(3.0, 17.0, 0.13, 8.0))
+    with ThreadPoolExecutor(2) as pool:
+        bench = fit.Workbench(data, pool)
+        starts = [p.start for p in data.prepared]
+        limit.move(bench, _model(0.0), starts, limit.CLOSE)
+        widths = gap * np.array([0.0, 0.9, 0.95, 1.0, 1.05, 1.1])
+        costs = [bench.cost(r) for r in bench.residuals([(_model(w), starts, None) for w in widths])]
+    assert widths[np.argmin(costs)] == gap
+    assert costs[0] - costs[3] > 500
+
+
+def test_motor_that_rattles_is_not_asked_what_it_did():
+    data = _data(0.015, _sweep(3.0, 25.0, 0.13, 8.0))
+    view, prepared = data.views[0], data.prepared[0]
+    noise = view.noise["hub_torque"]
+    found = play.unsettled(view, prepared, _model(0.015), noise)
+    # Up to 14 Hz the motor comes to rest on a flank in every half of a period.
+    assert not found[view.time < 4.0].any()
+    assert found[view.time > 4.0].mean() > 0.3
+    assert not play.unsettled(view, prepared, _model(0.0), noise).any()

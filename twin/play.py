@@ -1,0 +1,164 @@
+"""What a play between motor and hub passes on, seen from a hub whose motion is measured.
+
+The motor is followed alone, from the middle of the play. An impact is over before the filtered motion of the hub shows
+any of it: what the filter has taken from the hub's acceleration is put back, and the hub gives way as its inertia
+lets it,
+
+    alpha = alpha_measured + (T - F T) / J            T: torque through the play, F: the filter, J: hub without motor
+
+in which T is found in a few rounds.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from twin import planar
+from twin.fit import Prepared
+from twin.grid_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
+from twin.low_pass import GRID, low_passed
+from twin.model import Model
+from twin.planar import CONTACT_STIFFNESS, Plant
+from twin.view import View, hub_motion
+
+_ROUNDS = 6
+_EVERY, _FORGOTTEN = (
+    0.1,
+    0.5,
+)  # s between other first states of the motor, and after which they should not be seen
+_REACH = 0.07  # s, of the filter
+
+
+class _Hub(NamedTuple):
+    """The hub and the drive in each cell (c): what the motor is followed by."""
+
+    acceleration: np.ndarray
+    angle: np.ndarray
+    drive: np.ndarray
+    mobility: float
+
+    def push(self, plant: Plant, period: float, part: slice = slice(None)) -> np.ndarray:
+        """Mean torque (c) on the hub in each cell of a part [N m]."""
+        motion = self.acceleration[part], self.angle[part]
+        return transmitted(plant, period, *motion, self.drive[part], self.mobility)
+
+
+def passed_on(view: View, prepared: Prepared, model: Model) -> np.ndarray:
+    """Torque (m) through the play on the hub about each instant, averaged over a step twice [N m]."""
+    return of_cells(_followed(view, prepared, model)[1])
+
+
+def unsettled(view: View, prepared: Prepared, model: Model, noise: float) -> np.ndarray:
+    """Instants (m) at which what a play passes on hangs on how the motor moved half a second before.
+
+    A motor that rattles fast has several ways to do so, and jumps from one to another: that tells more of its past than
+    of the play. Begun anew time and again in the middle of the play, it should soon do what it did anyway, to within
+    the `noise` of the torque on the hub [N m].
+    """
+    if model.plant.gap <= 0:
+        return np.zeros(len(view.time), dtype=bool)
+    hub, pushed = _followed(view, prepared, model)
+    found = np.zeros(len(view.time), dtype=bool)
+    half = round(_FORGOTTEN / GRID)
+    for first in range(0, len(view.time) - half, round(_EVERY / GRID)):
+        part = slice(CELLS * (first + 1), CELLS * min(first + 1 + 2 * half, len(view.time) + 1))
+        anew = hub.push(model.plant, cell(view.time), part)
+        off = low_passed((anew - pushed[part]).reshape(-1, CELLS).mean(axis=1)[half:], GRID)
+        found[first + half : first + 2 * half] |= np.abs(off) > noise
+    return binary_dilation(found, iterations=round(_REACH / GRID))
+
+
+def _followed(view: View, prepared: Prepared, model: Model) -> tuple[_Hub, np.ndarray]:
+    """The hub as it moves when it is pushed, and the mean torque (c) that pushes it in each cell [N m]."""
+    motion, plant, period = hub_motion(view, model), model.plant, cell(view.time)
+    measured = in_cells(motion.acceleration)
+    drive = torque_in_cells(model, prepared.recording, view.time)
+    hub = _Hub(measured, in_cells(motion.angle), drive, 0.0)
+    pushed = hub.push(plant, period)
+    mobility = 1 / (plant.hub_inertia - plant.motor_inertia)
+    for _ in range(_ROUNDS):
+        seen = low_passed(at_instants(of_cells(pushed)), GRID, view.band)
+        hub = hub._replace(acceleration=measured - mobility * in_cells(seen), mobility=mobility)
+        pushed = hub.push(plant, period)
+    return hub, pushed
+
+
+def transmitted(
+    plant: Plant,
+    period: float,
+    acceleration: np.ndarray,
+    angle: np.ndarray,
+    drive: np.ndarray,
+    mobility: float = 0.0,
+) -> np.ndarray:
+    """Mean torque [N m] in each of some short cells (c) through the play on a hub that moves as prescribed.
+
+    The motor starts in the middle of the play, at rest against the hub.
+
+    Args:
+      plant: the `Plant`, with a play.
+      period: length of a cell [s].
+      acceleration, angle: (c) of the hub in the middle of each cell [rad/s^2], [rad].
+      drive: (c) delivered torque, its mean over each cell [N m].
+      mobility: acceleration of the hub per torque through the play, beside the one prescribed [1/(kg m^2)].
+    """
+    acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
+    return _transmitted(plant, period, acceleration, angle, drive, mobility)
+
+
+@planar.compiled
+def _transmitted(plant, period, acceleration, angle, drive, mobility):
+    half, inverse = 0.5 * plant.gap, 1 / plant.motor_inertia + mobility
+    damping = planar.contact_damping(plant)
+    # On a flank: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
+    square, delta = CONTACT_STIFFNESS * inverse, 0.5 * damping * inverse
+    omega = np.sqrt(max(square - delta * delta, 1e-12))
+    kept = np.exp(-delta * period)
+    cosine, sine = kept * np.cos(omega * period), kept * np.sin(omega * period) / omega
+    place = rate = 0.0
+    torque = np.zeros(drive.size)
+    for k in range(drive.size):
+        pushed = (drive[k] + planar.cogging(plant, angle[k] + place)) / plant.motor_inertia - acceleration[k]
+        if abs(place) < half:
+            ahead = place + period * (rate + 0.5 * period * pushed)
+            if abs(ahead) < half:
+                place, rate = ahead, rate + period * pushed
+                continue
+        elif planar.contact_torque(plant, place, rate) != 0.0:
+            side = 1.0 if place > 0.0 else -1.0
+            rest = side * half + pushed / square
+            away = place - rest
+            ahead = rest + away * (cosine + delta * sine) + rate * sine
+            faster = rate * (cosine - delta * sine) - away * square * sine
+            if (
+                side * ahead > half
+                and CONTACT_STIFFNESS * (side * ahead - half) + damping * side * faster > 0.0
+            ):
+                torque[k] = (pushed - (faster - rate) / period) / inverse
+                place, rate = ahead, faster
+                continue
+        place, rate, torque[k] = _at_edge(plant, period, place, rate, pushed, inverse)
+    return torque
+
+
+@planar.compiled
+def _at_edge(plant, period, place, rate, pushed, inverse):
+    """A cell in which a contact begins or ends: place and rate behind it, mean torque; by Runge-Kutta steps."""
+    count = int(np.ceil(period / planar.CONTACT_STEP))
+    h, total = period / count, 0.0
+    for _ in range(count):
+        t1 = planar.contact_torque(plant, place, rate)
+        v2 = rate + 0.5 * h * (pushed - inverse * t1)
+        t2 = planar.contact_torque(plant, place + 0.5 * h * rate, v2)
+        v3 = rate + 0.5 * h * (pushed - inverse * t2)
+        t3 = planar.contact_torque(plant, place + 0.5 * h * v2, v3)
+        v4 = rate + h * (pushed - inverse * t3)
+        t4 = planar.contact_torque(plant, place + h * v3, v4)
+        place += h / 6 * (rate + 2 * v2 + 2 * v3 + v4)
+        mean = (t1 + 2 * t2 + 2 * t3 + t4) / 6
+        rate += h * (pushed - inverse * mean)
+        total += mean
+    return place, rate, total / count
