@@ -95,6 +95,18 @@ def test_a_model_that_never_comes_free_is_a_hub_at_rest(plain):
     assert 10 < misfit(data, wild) < np.inf
 
 
+def test_a_missing_reading_about_a_break_away_is_not_compared(plain):
+    data, twin = plain
+    [prepared], [view] = data.prepared, data.views
+    onset, _ = view.departures[0]
+    hub = prepared.recording["hub_angle"].copy()
+    hub[[onset - 20, onset + 10]] = np.nan
+    holed = prepared.recording.replace(channels={**prepared.recording.channels, "hub_angle": hub})
+    again = DrivenData([fit.prepare(holed, prepared.noise)[0]], twin)
+    assert again.views[0].departing.sum() == view.departing.sum() - 2
+    assert misfit(again, twin) < 1.2
+
+
 def test_a_jump_of_the_command_is_no_slow_torque(plain):
     data, twin = plain
     [prepared], [view] = data.prepared, data.views

@@ -66,7 +66,8 @@ class RestRun:
             return None
         row = int(np.searchsorted(motion.time, end - _BEFORE))
         again = np.flatnonzero((time > end) & (time < end + _BEHIND) & (hub.observed == STUCK))
-        rows = np.flatnonzero((time > motion.time[row]) & (time < end + _BEHIND))
+        known = np.isfinite(recording["hub_angle"])
+        rows = np.flatnonzero((time > motion.time[row]) & (time < end + _BEHIND) & known)
         rows = rows[rows < again[0]] if len(again) else rows
         if (rows > last).sum() < _FEWEST:
             return None
