@@ -39,10 +39,12 @@ def settled(
 def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
     """The candidates by score, but of those that are about as good as the best the one of fewest parameters first.
 
-    What a model gets wrong itself grows with what there is to explain, and any parameter more can follow it.
+    What a model gets wrong itself grows with what there is to explain, and every parameter more can follow it.
     """
     ranked = sorted(candidates, key=lambda c: -c.score)
-    alike = [c for c in ranked if c.score > ranked[0].score - _close(ranked[0].score)]
+    best, near = ranked[0], _close(ranked[0].score)
+    more = [max(1, len(best.fit.unknowns) - len(c.fit.unknowns)) for c in ranked]
+    alike = [c for c, count in zip(ranked, more, strict=True) if c.score > best.score - count * near]
     simplest = min(alike, key=lambda c: len(c.fit.unknowns))
     return [simplest, *(c for c in ranked if c is not simplest)]
 
