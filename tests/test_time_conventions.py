@@ -1,14 +1,20 @@
 """When a command acts and when a sensor reads, against the exact response of the linear chain."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
 from twin import chain
+from twin.calibration import calibrate
+from twin.campaign import read_campaign
 from twin.modal import held_response
 from twin.model import Model, Start, simulate
 from twin.mujoco_chain import MujocoChain
 from twin.recording import Recording
 from twin.rigs import preset
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
 
 RIG = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)
 SHAPE = chain.fit_shape(RIG, 6)
@@ -77,3 +83,12 @@ def test_a_delay_is_seen_as_a_delay():
     angle = simulate(late, recording, Start())["hub_angle"]
     exact = held_response(LinearChain(), time, commanded(time))[:, 0]
     assert delay_of(angle, exact, time) == pytest.approx(5e-4, rel=0.05)
+
+
+@pytest.mark.parametrize(("slew", "seed"), [("bang-bang-60", 3), ("bang-bang-90", 4)])
+def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_were_held(tmp_path, slew, seed):
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(30044))
+    slews = [e for e in plan if e.name == slew]
+    make_campaign(tmp_path, {}, seed, experiments=slews, perturb=1.5, dirty=["jitter"], force=True)
+    with ThreadPoolExecutor(2) as pool:
+        assert calibrate(read_campaign(tmp_path), pool).clock == "stamped"

@@ -2,50 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
-from twin import driven, fit, observe
-from twin.fit import Fit, Prepared, Workbench
-from twin.model import Model
+from twin import observe
+from twin.fit import Fit
 from twin.recording import Recording
 
 Clock = Literal["stamped", "mean", "earliest"]
 """When commands are held: at their time stamps, or on the uniform clock about which these scatter."""
 
-_UNIFORM: tuple[Clock, ...] = ("mean", "earliest")
 _SURE = 3.0  # standard errors from which commands are said to act late
 
 
-def on_best_clock(
-    recordings: Sequence[Recording], noise: Mapping[str, float], model: Model, pool: ThreadPoolExecutor
-) -> tuple[Clock, tuple[Prepared, ...], list[str]]:
-    """Decides on which clock a jittered card put out its commands, by which one the declared model fits best."""
-    options: dict[Clock, list[Recording]] = {"stamped": [r.replace() for r in recordings]}
-    if any(observe.clock(r.time) is not None for r in recordings):
-        options |= {name: [on_clock(r, name) for r in recordings] for name in _UNIFORM}
-    best, cost = next(iter(options)), np.inf
-    kept: tuple[Prepared, ...] = ()
-    notes: list[str] = []
-    for name, candidates in options.items():
-        pairs = [fit.prepare(r, noise) for r in candidates]
-        prepared = tuple(p for p, _ in pairs)
-        value = 0.0
-        if len(options) > 1:
-            bench = Workbench(driven.DrivenData(prepared, model), pool)
-            [r] = bench.residuals([(model, [p.start for p in prepared], None)])
-            value = bench.cost(r)
-        if value < cost:
-            best, cost, kept = name, value, prepared
-            notes = [note for _, said in pairs for note in said]
-    if best != "stamped":
-        notes.append(
-            "Time stamps scatter about a uniform clock; commands are taken to be held on that clock."
-        )
-    return best, kept, notes
+def clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
+    """Clocks on which the card may have put out its commands: their time stamps, unless these scatter about another."""
+    jittered = any(observe.clock(r.time) is not None for r in recordings)
+    return ("stamped", "mean", "earliest") if jittered else ("stamped",)
 
 
 def on_clock(recording: Recording, clock: Clock) -> Recording:
@@ -55,6 +30,13 @@ def on_clock(recording: Recording, clock: Clock) -> Recording:
         return recording
     early = float(np.min(recording.time - ticks)) if clock == "earliest" else 0.0
     return recording.replace(command_time=ticks + early)
+
+
+def told(clock: Clock) -> list[str]:
+    """What is said of a clock other than the time stamps."""
+    if clock == "stamped":
+        return []
+    return ["Time stamps scatter about a uniform clock; commands are taken to be held on that clock."]
 
 
 def said(found: Fit) -> list[str]:
