@@ -86,8 +86,8 @@ def _searched(campaign: Campaign) -> dict:
         "adopted": [c.effects[-1] for c in found.adopted],
         "ranking": [c.effects[-1] for c in found.rounds[0]],
         "probabilities": {
-            c.effects[-1]: probabilities(ranked)[c.effects[-1]]
-            for c, ranked in zip(found.adopted, found.rounds, strict=False)
+            c.effects[-1]: probabilities(ranked, draws)[c.effects[-1]]
+            for c, ranked, draws in zip(found.adopted, found.rounds, found.draws, strict=False)
         },
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: errors_of(fit, name) for name in fit.model.effects},

@@ -79,6 +79,29 @@ def threshold(ascending: Sequence[float] | np.ndarray, rate: float) -> float:
     return float(values[min(len(values) - 1, int(np.ceil((1 - rate) * len(values))))])
 
 
+def exceeded(ascending: np.ndarray, score: float) -> float:
+    """Probability that chance gives a score as large: beyond the upper tenth of the draws it falls exponentially.
+
+    By as much as the draws there do, but no faster than the log likelihood ratio of one more parameter.
+    """
+    begin = len(ascending) - max(1, len(ascending) // 10)
+    tail = ascending[begin:]
+    if score <= tail[0]:
+        return float(np.mean(ascending >= score))
+    scale = max(1.0, float(np.mean(tail - tail[0])))
+    return len(tail) / len(ascending) * float(np.exp(-(score - tail[0]) / scale))
+
+
+def real(p: float) -> float:
+    """Largest probability that what chance exceeds with probability p is not chance, at even odds before.
+
+    1/(1 - e p log p) below 1/e; T. Sellke, M. J. Bayarri, J. O. Berger, The American Statistician 55 (2001).
+    """
+    if p <= 0:
+        return 1.0
+    return 1 / (1 - np.e * p * np.log(p)) if p < 1 / np.e else 0.5
+
+
 def _signs(bench: Workbench, draws: int, random: np.random.Generator) -> np.ndarray:
     """Random signs (draws x g) of the groups; stretches of one recording at one time share theirs."""
     place: dict[tuple[int, str], int] = {}

@@ -86,12 +86,12 @@ def said(found: Found) -> Verdict:
 
 def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
     adopted = []
-    for candidate, ranked in zip(found.adopted, found.rounds, strict=False):
+    for candidate, ranked, draws in zip(found.adopted, found.rounds, found.draws, strict=False):
         name = candidate.effects[-1]
         values = dict(polished.augmented.model.effects[name])
         units = REGISTRY[name].units(values)
         errors = errors_of(polished.augmented, name)
-        share = verdict.probabilities(ranked).get(name, 0.0)
+        share = verdict.probabilities(ranked, draws).get(name, 0.0)
         adopted.append(AdoptedEffect(name, share, values, errors, {n: units[n] for n in values}))
     return tuple(adopted)
 

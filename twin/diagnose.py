@@ -116,7 +116,8 @@ def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple
     bench, current = found.bench, found.best
     explored = search.explore(bench, current, search.candidates(current.model, bench.channels()), progress)
     progress("scoring what chance gives")
-    by_chance = chance.threshold(chance.scores(bench, current, explored.slopes), false_alarm_rate)
+    draws = chance.scores(bench, current, explored.slopes)
+    by_chance = chance.threshold(draws, false_alarm_rate)
     least = max(by_chance, verdict.OWN_ERROR * sum(c.score for c in found.adopted))
     ranked = explored.ranked
     # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
@@ -128,6 +129,7 @@ def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple
         rounds=(*found.rounds, tuple(ranked)),
         thresholds=(*found.thresholds, max(least, verdict.LEAST_SCORE)),
         by_chance=(*found.by_chance, by_chance),
+        draws=(*found.draws, draws),
     )
     if choice is None:
         return found, False

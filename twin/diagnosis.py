@@ -26,7 +26,7 @@ class AdoptedEffect:
 
     Attributes:
       name: its name in the vocabulary.
-      probability: that it is this one, among the candidates tried [1].
+      probability: that it is this one, among the candidates tried and chance [1].
       parameters, standard_errors: by parameter name, SI units.
       units: unit of each parameter.
     """

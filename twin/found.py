@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from twin.calibration import Calibration
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
@@ -21,6 +23,7 @@ class Found:
       thresholds: score that each round asked for.
       benches: the data as the calibrated model sees them, and then each that was adopted.
       by_chance: score that chance exceeds at the false-alarm rate, of each round.
+      draws: scores that chance gives, of each round, see `twin.chance`.
     """
 
     start: Calibration
@@ -29,6 +32,7 @@ class Found:
     thresholds: tuple[float, ...]
     benches: tuple[Workbench, ...]
     by_chance: tuple[float, ...] = ()
+    draws: tuple[np.ndarray, ...] = ()
 
     @property
     def bench(self) -> Workbench:

@@ -117,5 +117,6 @@ def _rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
         rounds=tuple(rounds),
         thresholds=found.thresholds[: len(names)],
         by_chance=found.by_chance[: len(names)],
+        draws=found.draws[: len(names)],
         benches=(*earlier, bench),
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin import driven, evidence, hub_balance
+from twin import chance, driven, evidence, hub_balance
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.patch import HUB
@@ -159,9 +159,13 @@ def decisive(score: float) -> float:
     return max(5.0, (1 - ALIKE) * 0.25 * score)
 
 
-def probabilities(ranked: Sequence[Candidate]) -> dict[str, float]:
-    """Of each candidate of one round, that it is the missing one: odds tempered by the model's own error."""
+def probabilities(ranked: Sequence[Candidate], draws: np.ndarray) -> dict[str, float]:
+    """Of each candidate of one round, that it is the missing one: odds tempered by the model's own error.
+
+    That it is chance and nothing is missing takes its part; `draws` are scores that chance gives.
+    """
     scores = np.array([c.score for c in ranked])
     scale = max(1.0, 0.02 * max(scores.max(), 0.0))
     weights = np.exp((scores - scores.max()) / scale)
-    return {c.effects[-1]: float(w) for c, w in zip(ranked, weights / weights.sum(), strict=True)}
+    weights *= chance.real(chance.exceeded(draws, scores.max())) / weights.sum()
+    return {c.effects[-1]: float(w) for c, w in zip(ranked, weights, strict=True)}
