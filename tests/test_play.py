@@ -60,8 +60,21 @@ def test_motor_that_rattles_is_not_asked_what_it_did():
     data = _data(0.015, _sweep(3.0, 25.0, 0.13, 8.0))
     view, prepared = data.views[0], data.prepared[0]
     noise = view.noise["hub_torque"]
-    found = play.unsettled(view, prepared, _model(0.015), noise)
+    found = play.doubtful(view, prepared, _model(0.015), noise, 0.0)
     # Up to 14 Hz the motor comes to rest on a flank in every half of a period.
     assert not found[view.time < 4.0].any()
     assert found[view.time > 4.0].mean() > 0.3
-    assert not play.unsettled(view, prepared, _model(0.0), noise).any()
+    assert not play.doubtful(view, prepared, _model(0.0), noise, 1.0).any()
+
+
+def test_hub_that_friction_may_hold_between_impacts_is_not_told():
+    data = _data(0.0063, _sweep(15.0, 25.0, 0.13, 6.0))
+    view, prepared, model = data.views[0], data.prepared[0], _model(0.0063)
+    noise = view.noise["hub_torque"]
+    held = play.doubtful(view, prepared, model, noise, 0.1) & ~play.doubtful(
+        view, prepared, model, noise, 0.0
+    )
+    assert held[view.sliding].any()
+    assert held[view.sliding].mean() < 0.2
+    slack = model.with_plant(static_positive=0.0, static_negative=0.0)
+    assert not (play.doubtful(view, prepared, slack, noise, 0.1) & held).any()

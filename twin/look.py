@@ -51,11 +51,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     rate, acceleration = spline(time, 1), spline(time, 2)
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
     direction = np.where(stuck, 0.0, np.sign(rate))
-    doubtful = (
-        stuck
-        | ~read
-        | _may_stick(rate, acceleration, prepared.noise["hub_angle"], recording.period, band, _grip(model))
-    )
+    doubtful = stuck | ~read | _may_stick(rate, acceleration, _unsure(prepared, band), _grip(model))
     sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = well_defined(ends, stuck, model.drive(recording).at(time))
@@ -70,7 +66,8 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
         )
     density = prepared.noise["hub_angle"] ** 2 * recording.period
     swings = ringing.swings(model, time, direction != 0, density, BAND)
-    view = replace(view, sliding=view.sliding & ~play.unsettled(view, prepared, model, float(np.std(torque))))
+    told = ~play.doubtful(view, prepared, model, float(np.std(torque)), _unsure(prepared, band)[0])
+    view = replace(view, sliding=view.sliding & told)
     even, swing = evened(view, swings, torque)
     ringing_of = {"hub_torque": swing, **swinging_strains(view, model, swings)}
     view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
@@ -109,13 +106,19 @@ def _grip(model: Model) -> float:
     return _FIRM * model.declared["static_friction"] / model.chain.free_hub_inertia()
 
 
+def _unsure(prepared: Prepared, band: float) -> tuple[float, float]:
+    """Rate [rad/s] and acceleration [rad/s^2] that the noise of a hub may seem to be."""
+    noise, period = prepared.noise["hub_angle"], prepared.recording.period
+    return 3 * noise * _gain(band, period, 1), _SURE * noise * _gain(band, period, 2)
+
+
 def _may_stick(
-    rate: np.ndarray, acceleration: np.ndarray, noise: float, period: float, band: float, grip: float
+    rate: np.ndarray, acceleration: np.ndarray, unsure: tuple[float, float], grip: float
 ) -> np.ndarray:
     """Samples (m) about reversals and slow stretches at which the hub may have stuck for a moment.
 
     A stick has neither rate nor acceleration, but a short one is lost between the motion before it and behind it: there
     was none where the acceleration stands out of its noise and is more than friction can hold.
     """
-    slow = np.abs(rate) < 3 * noise * _gain(band, period, 1)
-    return slow & (np.abs(acceleration) < max(_SURE * noise * _gain(band, period, 2), grip))
+    slow, weak = unsure
+    return (np.abs(rate) < slow) & (np.abs(acceleration) < max(weak, grip))

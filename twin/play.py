@@ -30,6 +30,7 @@ _EVERY, _FORGOTTEN = (
     0.5,
 )  # s between other first states of the motor, and after which they should not be seen
 _REACH = 0.07  # s, of the filter
+_FIRM = 1.2  # parts of its static friction that a rig may have
 
 
 class _Hub(NamedTuple):
@@ -51,16 +52,39 @@ def passed_on(view: View, prepared: Prepared, model: Model) -> np.ndarray:
     return of_cells(_followed(view, prepared, model)[1])
 
 
-def unsettled(view: View, prepared: Prepared, model: Model, noise: float) -> np.ndarray:
-    """Instants (m) at which what a play passes on hangs on how the motor moved half a second before.
+def doubtful(view: View, prepared: Prepared, model: Model, noise: float, slow: float) -> np.ndarray:
+    """Instants (m) at which what a play passes on is not told by the motion of the hub, with the filter's reach.
 
-    A motor that rattles fast has several ways to do so, and jumps from one to another: that tells more of its past than
-    of the play. Begun anew time and again in the middle of the play, it should soon do what it did anyway, to within
-    the `noise` of the torque on the hub [N m].
+    Args:
+      view: the recording.
+      prepared: the same.
+      model: with or without a play.
+      noise: of the torque on the hub [N m].
+      slow: rate of the hub that its noise may seem to be [rad/s].
     """
     if model.plant.gap <= 0:
         return np.zeros(len(view.time), dtype=bool)
     hub, pushed = _followed(view, prepared, model)
+    found = _unsettled(view, model, hub, pushed, noise) | _between_impacts(view, model, hub, pushed, slow)
+    return binary_dilation(found, iterations=round(_REACH / GRID))
+
+
+def _between_impacts(view: View, model: Model, hub: _Hub, pushed: np.ndarray, slow: float) -> np.ndarray:
+    """Instants (m) at which friction may hold the hub between two impacts: the filter hides how slow it was."""
+    plant, torque = model.plant, of_cells(pushed)
+    taken = torque - low_passed(at_instants(torque), GRID, view.band)
+    rate = in_cells(view.rate + hub.mobility * GRID * np.cumsum(taken))
+    grip = _FIRM * max(plant.static_positive, plant.static_negative) * hub.mobility
+    held = (np.abs(rate) < slow) & (np.abs(hub.acceleration + hub.mobility * pushed) < grip)
+    return held[CELLS:-CELLS].reshape(-1, CELLS).any(axis=1) & (view.direction != 0)
+
+
+def _unsettled(view: View, model: Model, hub: _Hub, pushed: np.ndarray, noise: float) -> np.ndarray:
+    """Instants (m) at which what a play passes on hangs on how the motor moved half a second before.
+
+    A motor that rattles fast has several ways to do so, and jumps from one to another: that tells more of its past than
+    of the play. Begun anew time and again in the middle of the play, it should soon do what it did anyway.
+    """
     found = np.zeros(len(view.time), dtype=bool)
     half = round(_FORGOTTEN / GRID)
     for first in range(0, len(view.time) - half, round(_EVERY / GRID)):
@@ -68,7 +92,7 @@ def unsettled(view: View, prepared: Prepared, model: Model, noise: float) -> np.
         anew = hub.push(model.plant, cell(view.time), part)
         off = low_passed((anew - pushed[part]).reshape(-1, CELLS).mean(axis=1)[half:], GRID)
         found[first + half : first + 2 * half] |= np.abs(off) > noise
-    return binary_dilation(found, iterations=round(_REACH / GRID))
+    return found
 
 
 def _followed(view: View, prepared: Prepared, model: Model) -> tuple[_Hub, np.ndarray]:
