@@ -120,6 +120,18 @@ def test_errors_in_both_variables_do_not_flatten_a_line():
     assert both.slope.standard_error == pytest.approx(np.std(off["both"]), rel=0.35)
 
 
+@pytest.mark.parametrize(("rows", "decimals"), [(4, 3), (4, 5), (6, 5)])
+def test_interval_of_few_rows_holds_the_truth(rows, decimals):
+    rng = np.random.default_rng(8)
+    force, held = np.linspace(0.2, 2.0, rows), 0
+    for _ in range(400):
+        y = 0.002 + 0.42**3 / (3 * 0.25) * force + rng.normal(0, 3e-4, rows)
+        line = load_line.fit_line(force, np.round(y, decimals), steps=(0.0, 10.0**-decimals))
+        low, high = load_line.stiffness(line, Estimate(0.42, 0.0)).interval
+        held += low <= 0.25 <= high
+    assert held / 400 > 0.93
+
+
 def test_a_bent_load_line_is_seen():
     x = np.linspace(0, 1, 12)
     noise = np.random.default_rng(0).normal(0, 0.003, 12)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from twin.errors import InputError
-from twin.identify.results import Estimate
+from twin.identify.results import Estimate, student
 
 LEAST_ROWS = 3
 _DOUBTFUL = 0.05  # probability below which a straight line is doubted
@@ -26,6 +26,7 @@ class LoadLine:
     Attributes:
       x, y: (n) what was measured.
       slope, intercept: with standard errors.
+      free: rows beyond those that the line takes.
       scatter: standard deviation of y about the line, in units of y.
       curvature_probability: that a straight line scatters this much less under a parabola [1]; NaN below four rows.
     """
@@ -34,6 +35,7 @@ class LoadLine:
     y: np.ndarray
     slope: Estimate
     intercept: Estimate
+    free: int
     scatter: float
     curvature_probability: float
 
@@ -43,7 +45,13 @@ class LoadLine:
         return not self.curvature_probability < _DOUBTFUL
 
 
-def fit_line(x: np.ndarray, y: np.ndarray, ratio: float = 0.0, through_origin: bool = False) -> LoadLine:
+def fit_line(
+    x: np.ndarray,
+    y: np.ndarray,
+    ratio: float = 0.0,
+    through_origin: bool = False,
+    steps: tuple[float, float] = (0.0, 0.0),
+) -> LoadLine:
     """Fits a line with errors in both variables, their sizes known as a ratio (W. E. Deming, 1943).
 
     Minimises sum (y - a - b x)^2/(1 + ratio^2 b^2).
@@ -52,6 +60,7 @@ def fit_line(x: np.ndarray, y: np.ndarray, ratio: float = 0.0, through_origin: b
       x, y: (n) values; rows with a missing one are left out.
       ratio: standard deviation of x over that of y [x/y]; 0 for a least-squares line.
       through_origin: without an intercept.
+      steps: to which x and y were rounded: few readings may lie on a line by luck.
 
     Raises:
       InputError: fewer than `LEAST_ROWS` rows, or all x alike.
@@ -68,12 +77,14 @@ def fit_line(x: np.ndarray, y: np.ndarray, ratio: float = 0.0, through_origin: b
     intercept = y0 - slope * x0
     r = y - intercept - slope * x
     free = len(x) - (1 if through_origin else 2)
-    scatter = math.sqrt(r @ r / free)
+    rounded = math.hypot(steps[1], slope * steps[0]) / math.sqrt(12)
+    scatter = max(math.sqrt(r @ r / free), rounded)
     # The noise of x shows in the scatter about the line too: scatter^2 = sigma_y^2 (1 + ratio^2 slope^2).
     spread = scatter / math.sqrt(u @ u)
     at_zero = 0.0 if through_origin else math.hypot(scatter / math.sqrt(len(x)), spread * x0)
     bent = math.nan if through_origin else _curvature_probability(x, y, float(r @ r))
-    return LoadLine(x, y, Estimate(slope, spread), Estimate(intercept, at_zero), scatter, bent)
+    told = student(slope, spread, free), student(intercept, at_zero, free)
+    return LoadLine(x, y, *told, free, scatter, bent)
 
 
 def _slope(xx: float, yy: float, xy: float, ratio: float) -> float:
@@ -135,5 +146,5 @@ def stiffness(line: LoadLine, length: Estimate) -> Estimate:
             "in the direction of the load"
         )
     value = length.value**3 / (3 * slope)
-    relative = math.hypot(line.slope.standard_error / slope, 3 * length.standard_error / length.value)
-    return Estimate(value, value * relative)
+    of_length = 3 * value * length.standard_error / length.value
+    return student(value, value * line.slope.standard_error / slope, line.free, of_length)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from scipy.stats import t as students_t
 
 Boundary = Literal["clamped", "free"]
 Kind = Literal["bending", "not bending", "unknown"]
@@ -37,11 +38,29 @@ class Estimate:
         half = TWO_SIDED_95 * self.standard_error
         return self.value - half, self.value + half
 
+    def scaled(self, factor: float) -> Estimate:
+        """The number in another unit, `factor` of which make one of its own; above zero."""
+        profile = None if self.profile is None else (factor * self.profile[0], factor * self.profile[1])
+        return Estimate(factor * self.value, factor * self.standard_error, profile)
+
 
 def positive(value: float, standard_error: float) -> Estimate:
     """A number above zero with its standard error: an interval of its logarithm, which does not reach below zero."""
     factor = math.exp(TWO_SIDED_95 * standard_error / value)
     return Estimate(value, standard_error, (value / factor, value * factor))
+
+
+def student(value: float, scatter: float, free: int, known: float = 0.0) -> Estimate:
+    """A number whose error was read off the scatter of few readings: an interval of Student's distribution.
+
+    Args:
+      value: the number.
+      scatter: its standard error as the readings scatter.
+      free: readings beyond those that the number and its companions take.
+      known: another standard error, from elsewhere.
+    """
+    half = math.hypot(float(students_t.ppf(0.975, free)) * scatter, TWO_SIDED_95 * known)
+    return Estimate(value, math.hypot(scatter, known), (value - half, value + half))
 
 
 def disagreement(a: Estimate, b: Estimate) -> float:

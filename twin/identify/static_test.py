@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -12,7 +11,7 @@ from scipy.constants import g
 from twin.campaign import Campaign
 from twin.identify.joint import prior_deviation
 from twin.identify.load_line import LoadLine, fit_line, odd_row, resolution, stiffness
-from twin.identify.results import Estimate
+from twin.identify.results import Estimate, student
 
 DISPLACEMENT = "tip_deflection"
 LOADS = {"tip_force": 1.0, "tip_load_mass": g}
@@ -80,14 +79,12 @@ def read(campaign: Campaign) -> StaticTest | None:
     if column is None:
         return None
     x, y = LOADS.get(column, 1.0) * table[column], table[DISPLACEMENT]
-    if column in LOADS:
-        errors = LOADS[column] * resolution(table[column]), resolution(y)
-    else:
-        errors = float(np.nanstd(x)), float(np.nanstd(y))
+    steps = LOADS.get(column, 1.0) * resolution(table[column]), resolution(y)
+    errors = steps if column in LOADS else (float(np.nanstd(x)), float(np.nanstd(y)))
 
     def said(x: np.ndarray, y: np.ndarray) -> StaticTest:
         ratio = errors[0] / errors[1] if errors[1] > 0 else 0.0
-        line = fit_line(x, y, ratio)
+        line = fit_line(x, y, ratio, steps=steps)
         if column not in LOADS:
             return StaticTest(line, column, errors, curvature=_curvature(line, length))
         found = stiffness(line, length)
@@ -115,13 +112,12 @@ def _with_odd_row(
 def _modulus(stiffness: Estimate, second_moment: float | None) -> Estimate | None:
     if second_moment is None:
         return None
-    return Estimate(stiffness.value / second_moment, stiffness.standard_error / second_moment)
+    return stiffness.scaled(1 / second_moment)
 
 
 def _curvature(line: LoadLine, length: Estimate) -> Estimate:
     """w'' at the hub [1/m] for one unit of the gauge: a force at the tip bends the link by w''(0) = 3 y/l^2."""
     bend = 3 / length.value**2
-    relative = math.hypot(
-        line.slope.standard_error / line.slope.value, 2 * length.standard_error / length.value
-    )
-    return Estimate(bend * line.slope.value, abs(bend * line.slope.value) * relative)
+    value = bend * line.slope.value
+    of_length = 2 * abs(value) * length.standard_error / length.value
+    return student(value, bend * line.slope.standard_error, line.free, of_length)
