@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation
 from twin import departures, on_grid, play, ringing
 from twin.fit import Prepared
 from twin.hub_balance import well_defined
-from twin.low_pass import BAND, GRID, MOTION_BANDS, low_passed, smooth
+from twin.low_pass import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth
 from twin.model import Model
 from twin.observe import HubMotion
 from twin.planar import STUCK
@@ -21,9 +21,7 @@ from twin.view import View, move
 from twin.view_noise import evened, propagated, sensor_noise, swell, swinging_strains, whitening
 
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
-_MARGIN = 0.07  # s, reach of the filter about a stick
 _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
-_FIRM = 1.2  # parts of its static friction that a rig may have
 
 
 def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS) -> View:
@@ -52,7 +50,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
     direction = np.where(stuck, 0.0, np.sign(rate))
     doubtful = stuck | ~read | _may_stick(rate, acceleration, _unsure(prepared, band), _grip(model))
-    sliding = ~binary_dilation(doubtful, iterations=int(_MARGIN / GRID))
+    sliding = ~binary_dilation(doubtful, iterations=round(REACH / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = well_defined(ends, stuck, model.drive(recording).at(time))
     motion = reading, rate, acceleration, direction, sliding
@@ -103,7 +101,7 @@ def _gain(band: float, period: float, order: int) -> float:
 
 def _grip(model: Model) -> float:
     """Acceleration at a reversal up to which friction can hold the hub [rad/s^2], with a margin."""
-    return _FIRM * model.declared["static_friction"] / model.chain.free_hub_inertia()
+    return play.FIRMER * model.declared["static_friction"] / model.chain.free_hub_inertia()
 
 
 def _unsure(prepared: Prepared, band: float) -> tuple[float, float]:

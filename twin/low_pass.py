@@ -11,6 +11,8 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
 BAND = 25.0
 """Corner of the low-pass [Hz]: above the second free mode of a rig like this, below the noise of its rates."""
 GRID = 0.002  # s, uniform grid on which the signals are filtered
+REACH = 0.07
+"""Reach of the filter about an instant [s]."""
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 """Corners of the low-pass on the motion that drives the link [Hz]: large bends make harmonics of it, but a poor
 sensor cannot tell them; the widest is taken in which strong accelerations stand out of their noise."""

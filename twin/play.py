@@ -19,32 +19,32 @@ from scipy.ndimage import binary_dilation
 from twin import planar
 from twin.fit import Prepared
 from twin.grid_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
-from twin.low_pass import GRID, low_passed
+from twin.low_pass import GRID, REACH, low_passed
 from twin.model import Model
 from twin.planar import CONTACT_STIFFNESS, Plant
 from twin.view import View, hub_motion
 
 _ROUNDS = 6
-_EVERY, _FORGOTTEN = (
-    0.1,
-    0.5,
-)  # s between other first states of the motor, and after which they should not be seen
-_REACH = 0.07  # s, of the filter
-_FIRM = 1.2  # parts of its static friction that a rig may have
+_EVERY = 0.1  # s between other first states of the motor
+_FORGOTTEN = 0.5  # s after which they should not be seen
+FIRMER = 1.2
+"""Parts of its static friction that a rig may have."""
 
 
 class _Hub(NamedTuple):
     """The hub and the drive in each cell (c): what the motor is followed by."""
 
+    plant: Plant
+    period: float
     acceleration: np.ndarray
     angle: np.ndarray
     drive: np.ndarray
     mobility: float
 
-    def push(self, plant: Plant, period: float, part: slice = slice(None)) -> np.ndarray:
+    def push(self, part: slice = slice(None)) -> np.ndarray:
         """Mean torque (c) on the hub in each cell of a part [N m]."""
         motion = self.acceleration[part], self.angle[part]
-        return transmitted(plant, period, *motion, self.drive[part], self.mobility)
+        return transmitted(self.plant, self.period, *motion, self.drive[part], self.mobility)
 
 
 def passed_on(view: View, prepared: Prepared, model: Model) -> np.ndarray:
@@ -65,21 +65,20 @@ def doubtful(view: View, prepared: Prepared, model: Model, noise: float, slow: f
     if model.plant.gap <= 0:
         return np.zeros(len(view.time), dtype=bool)
     hub, pushed = _followed(view, prepared, model)
-    found = _unsettled(view, model, hub, pushed, noise) | _between_impacts(view, model, hub, pushed, slow)
-    return binary_dilation(found, iterations=round(_REACH / GRID))
+    found = _unsettled(view, hub, pushed, noise) | _between_impacts(view, hub, pushed, slow)
+    return binary_dilation(found, iterations=round(REACH / GRID))
 
 
-def _between_impacts(view: View, model: Model, hub: _Hub, pushed: np.ndarray, slow: float) -> np.ndarray:
+def _between_impacts(view: View, hub: _Hub, pushed: np.ndarray, slow: float) -> np.ndarray:
     """Instants (m) at which friction may hold the hub between two impacts: the filter hides how slow it was."""
-    plant, torque = model.plant, of_cells(pushed)
-    taken = torque - low_passed(at_instants(torque), GRID, view.band)
+    taken = of_cells(pushed) - _seen(view, pushed)
     rate = in_cells(view.rate + hub.mobility * GRID * np.cumsum(taken))
-    grip = _FIRM * max(plant.static_positive, plant.static_negative) * hub.mobility
+    grip = FIRMER * max(hub.plant.static_positive, hub.plant.static_negative) * hub.mobility
     held = (np.abs(rate) < slow) & (np.abs(hub.acceleration + hub.mobility * pushed) < grip)
     return held[CELLS:-CELLS].reshape(-1, CELLS).any(axis=1) & (view.direction != 0)
 
 
-def _unsettled(view: View, model: Model, hub: _Hub, pushed: np.ndarray, noise: float) -> np.ndarray:
+def _unsettled(view: View, hub: _Hub, pushed: np.ndarray, noise: float) -> np.ndarray:
     """Instants (m) at which what a play passes on hangs on how the motor moved half a second before.
 
     A motor that rattles fast has several ways to do so, and jumps from one to another: that tells more of its past than
@@ -89,25 +88,29 @@ def _unsettled(view: View, model: Model, hub: _Hub, pushed: np.ndarray, noise: f
     half = round(_FORGOTTEN / GRID)
     for first in range(0, len(view.time) - half, round(_EVERY / GRID)):
         part = slice(CELLS * (first + 1), CELLS * min(first + 1 + 2 * half, len(view.time) + 1))
-        anew = hub.push(model.plant, cell(view.time), part)
-        off = low_passed((anew - pushed[part]).reshape(-1, CELLS).mean(axis=1)[half:], GRID)
+        off = low_passed((hub.push(part) - pushed[part]).reshape(-1, CELLS).mean(axis=1)[half:], GRID)
         found[first + half : first + 2 * half] |= np.abs(off) > noise
     return found
 
 
 def _followed(view: View, prepared: Prepared, model: Model) -> tuple[_Hub, np.ndarray]:
     """The hub as it moves when it is pushed, and the mean torque (c) that pushes it in each cell [N m]."""
-    motion, plant, period = hub_motion(view, model), model.plant, cell(view.time)
+    motion, plant = hub_motion(view, model), model.plant
     measured = in_cells(motion.acceleration)
     drive = torque_in_cells(model, prepared.recording, view.time)
-    hub = _Hub(measured, in_cells(motion.angle), drive, 0.0)
-    pushed = hub.push(plant, period)
+    hub = _Hub(plant, cell(view.time), measured, in_cells(motion.angle), drive, 0.0)
+    pushed = hub.push()
     mobility = 1 / (plant.hub_inertia - plant.motor_inertia)
     for _ in range(_ROUNDS):
-        seen = low_passed(at_instants(of_cells(pushed)), GRID, view.band)
-        hub = hub._replace(acceleration=measured - mobility * in_cells(seen), mobility=mobility)
-        pushed = hub.push(plant, period)
+        slow = in_cells(_seen(view, pushed))
+        hub = hub._replace(acceleration=measured - mobility * slow, mobility=mobility)
+        pushed = hub.push()
     return hub, pushed
+
+
+def _seen(view: View, pushed: np.ndarray) -> np.ndarray:
+    """What the filter of the motion leaves of a torque (c), at the instants of the grid (m) [N m]."""
+    return low_passed(at_instants(of_cells(pushed)), GRID, view.band)
 
 
 def transmitted(

@@ -23,7 +23,8 @@ class Estimate:
 
     Attributes:
       value, standard_error: as they are called.
-      profile: 95 % interval by the profile of the likelihood, where errors are not normal.
+      profile: 95 % interval where errors are not normal: by the profile of the likelihood, or Student's where readings
+        are few.
     """
 
     value: float
