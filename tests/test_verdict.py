@@ -35,7 +35,9 @@ def seen(sizes, before=None, independent=INDEPENDENT):
         plant = SimpleNamespace(stribeck_velocity=0.0)
         return SimpleNamespace(residual=residual, model=SimpleNamespace(plant=plant))
 
-    return SimpleNamespace(benches=(bench,), bench=bench, base=fit(before or sizes), best=fit(sizes))
+    return SimpleNamespace(
+        benches=(bench,), bench=bench, base=fit(before or sizes), best=fit(sizes), adopted=(), nameless=()
+    )
 
 
 @pytest.mark.parametrize(

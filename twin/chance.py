@@ -56,7 +56,7 @@ def scores(
       draws: number of random sign patterns.
       seed: of the signs: the same campaign gets the same threshold.
     """
-    signs = _signs(bench, draws, np.random.default_rng(seed))
+    signs = random_signs(bench, draws, np.random.default_rng(seed))
     weights = fit.row_weights(bench, base.residual)
     largest = np.zeros(draws)
     alone = {}
@@ -102,7 +102,7 @@ def real(p: float) -> float:
     return 1 / (1 - np.e * p * np.log(p)) if p < 1 / np.e else 0.5
 
 
-def _signs(bench: Workbench, draws: int, random: np.random.Generator) -> np.ndarray:
+def random_signs(bench: Workbench, draws: int, random: np.random.Generator) -> np.ndarray:
     """Random signs (draws x g) of the groups; stretches of one recording at one time share theirs."""
     place: dict[tuple[int, str], int] = {}
     stretch = []

@@ -62,6 +62,7 @@ def conclude(
             *timing.said(polished.augmented),
             *_assumptions(campaign),
             *_alone(found),
+            *_nameless(found),
             *_unpredictable(predictions),
         ),
         declared=campaign.rig,
@@ -70,7 +71,7 @@ def conclude(
         by_chance=found.by_chance[0] if found.by_chance else None,
         least_score=verdict.LEAST_SCORE,
         patched=patched,
-        no_patch=patches.why_none({c: behind[c] for c in left}, depends)
+        no_patch=patches.why_none({c: behind[c] for c in left}, depends, verdict.nameless(found))
         if left and patched is None
         else None,
         correlations=_correlations(polished.augmented),
@@ -123,8 +124,10 @@ def _correlations(fit: Fit) -> Correlations:
 
 def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
-    told = [channel for channel in verdict.unexplained(found) if len(behind[channel].values) > 50]
-    return traces.strongest({channel: traces.dependence(behind[channel]) for channel in told})
+    told = [channel for channel in verdict.too_large(found) if len(behind[channel].values) > 50]
+    depends = traces.strongest({channel: traces.dependence(behind[channel]) for channel in told})
+    smooth = verdict.nameless(found)
+    return depends if smooth is None else tuple(dict.fromkeys((*depends, *smooth.law.variables)))
 
 
 def _assumptions(campaign: Campaign) -> list[str]:
@@ -145,6 +148,19 @@ def _alone(found: Found) -> list[str]:
         f"{files[i]} alone leaves {size:.2g} noise levels of {channel} unexplained, no other recording does: "
         "a fault that only this experiment provokes, or a bad recording. Repeat it."
         for i, channel, size in verdict.alone(found)
+    ]
+
+
+def _nameless(found: Found) -> list[str]:
+    """How sure a function is that no effect explains."""
+    smooth = verdict.nameless(found)
+    if smooth is None:
+        return []
+    sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
+    return [
+        f"A torque on the hub that is a smooth function of {smooth.law.variable}{sided} makes the recordings "
+        f"e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
+        f"e^{max(smooth.by_chance, 0):.0f} times."
     ]
 
 

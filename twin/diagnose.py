@@ -16,6 +16,7 @@ from twin import (
     contenders,
     disagreement,
     fit,
+    nameless,
     patches,
     planning,
     polish,
@@ -108,7 +109,9 @@ def find(
             break
     progress("telling how sure it is")
     found, sound = on_sound_channels(found)
-    return with_errors(found, sound)
+    found = with_errors(found, sound)
+    progress("asking what has no name")
+    return replace(found, nameless=nameless.sought(sound, found.best, false_alarm_rate))
 
 
 def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple[Found, bool]:

@@ -19,16 +19,23 @@ def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict
 
 
 def white(left: dict[str, np.ndarray], view: View) -> dict[str, np.ndarray]:
-    """What is `missing` (m) in noise units, noise as large at every frequency and everywhere.
+    """What is `missing` (m) in noise units, noise as large at every frequency and everywhere."""
+    return {name: white_of(values, view, name) for name, values in left.items()}
+
+
+def white_of(values: np.ndarray, view: View, name: str) -> np.ndarray:
+    """What is `missing` (..., m) under one name in noise units.
 
     Strains pass the filter of `whitened`, both strains and torque their `ringing`, and stretches in which the noise
     swells become as quiet as the others.
     """
-    parts = left | {channel: whitened(left[channel], view, channel) for channel in view.measured}
-    if "hub_torque" in left:
-        parts["hub_torque"] = left["hub_torque"] / view.noise["hub_torque"]
-    parts |= {name: r.whitened(parts[name]) for name, r in view.ringing.items()}
-    return parts | {name: parts[name] / swell for name, swell in view.swell.items()}
+    if name in view.measured:
+        values = whitened(values, view, name)
+    elif name in view.noise:
+        values = values / view.noise[name]
+    if name in view.ringing:
+        values = view.ringing[name].whitened(values)
+    return values / view.swell[name] if name in view.swell else values
 
 
 def missing(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:

@@ -9,6 +9,7 @@ import numpy as np
 from twin.calibration import Calibration
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
+from twin.nameless import Nameless
 from twin.search import Candidate
 
 
@@ -24,6 +25,7 @@ class Found:
       benches: the data as the calibrated model sees them, and then each that was adopted.
       by_chance: score that chance exceeds at the false-alarm rate, of each round.
       draws: scores that chance gives, of each round, see `twin.chance`.
+      nameless: functions of one variable that may be behind what is left at the end, the likeliest first.
     """
 
     start: Calibration
@@ -33,6 +35,7 @@ class Found:
     benches: tuple[Workbench, ...]
     by_chance: tuple[float, ...] = ()
     draws: tuple[np.ndarray, ...] = ()
+    nameless: tuple[Nameless, ...] = ()
 
     @property
     def bench(self) -> Workbench:

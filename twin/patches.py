@@ -12,6 +12,7 @@ from twin.campaign import Campaign
 from twin.diagnosis import Patched, Prediction
 from twin.found import Found
 from twin.model import simulate
+from twin.nameless import Nameless
 from twin.patch import Patch
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS, Recording
@@ -55,7 +56,7 @@ def patched(
 
 def of_worst(found: Found, left: Mapping[str, Unexplained]) -> Patch | None:
     """The lookup of the first unexplained channel that is a function of one variable."""
-    for channel in verdict.unexplained(found):
+    for channel in verdict.too_large(found):
         odd = left[channel]
         for variable, share in sorted(traces.steps(odd).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
@@ -63,15 +64,17 @@ def of_worst(found: Found, left: Mapping[str, Unexplained]) -> Patch | None:
             lookup = patch.smooth(odd.values, odd.variables[variable], odd.recording, channel, variable)
             if lookup is not None and lookup.acts:
                 return lookup
-    return None
+    smooth = verdict.nameless(found)
+    return None if smooth is None else smooth.lookup
 
 
-def why_none(left: Mapping[str, Unexplained], depends: Sequence[str]) -> str:
+def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Nameless | None = None) -> str:
     """Why there is no lookup, in one sentence.
 
     Args:
       left: channel -> what is left of it, of those that are not explained.
       depends: variables on which that depends, the first most.
+      smooth: the torque on the hub that is behind it, if there is one.
     """
     if not depends:
         return "There is no lookup, because what is left depends on none of the variables that were asked."
@@ -80,6 +83,12 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str]) -> str:
         return (
             "There is no lookup, because what is left depends on how far the hub has turned since it turned round: "
             "no function that a simulation knows."
+        )
+    if smooth is not None and smooth.law.sided and first in smooth.law.variables:
+        name = smooth.law.variable.replace("_", " ")
+        return (
+            f"There is no lookup, because what is left depends on the {name} and turns its sign with the direction of "
+            "the hub: no function that a simulation knows."
         )
     told = [channel for channel, odd in left.items() if traces.steps(odd).get(first, 0.0) >= _LEAST_SHARE]
     if not told and first == "time":

@@ -58,14 +58,20 @@ def _exchanged(found: Found) -> Found:
             tried = {name if n == pick else n: p for n, p in effects.items()}
             tried[name] = other.fit.model.effects[name]
             result = _fitted(found, tried, _QUICK, found.best)
-            if result.cost < fitted.cost - verdict.decisive(ranked[0].score):
+            fewer = len(fitted.unknowns) - len(result.unknowns)
+            gained = fitted.cost - result.cost + search.price(fewer, found.bench)
+            if gained > verdict.decisive(ranked[0].score):
                 best, fitted = list(tried), result
     return found if best is None else _rebuilt(found, best, fitted)
 
 
 def _alike(ranked: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates of a round that were fitted, and explained about as much as the one that was picked."""
-    least = ranked[0].score - verdict.decisive(ranked[0].score)
+    """Candidates of a round that were fitted, and explained nearly as much as the one that was picked.
+
+    What is missing beside them then may have helped either of them.
+    """
+    best = ranked[0].score
+    least = min(verdict.ALIKE * best, best - verdict.decisive(best))
     return [
         c
         for c in ranked[1 : contenders.CONTENDERS]

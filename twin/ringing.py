@@ -80,8 +80,8 @@ class Ringing:
     shares: np.ndarray
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
-        """The residual (m) with the noise in every direction as large as in those without a swing."""
-        return residual - self.directions @ (self.shares * (self.directions.T @ residual))
+        """The residual (..., m) with the noise in every direction as large as in those without a swing."""
+        return residual - (residual @ self.directions * self.shares) @ self.directions.T
 
 
 def of_columns(swing: np.ndarray) -> Ringing:

@@ -9,14 +9,13 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 
-from twin import driven, driven_residual, search
+from twin import driven, driven_residual, regressors, search
 from twin.diagnosis import Trace
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.low_pass import BAND, GRID
 from twin.patch import HUB
 from twin.verdict import SOUND
-from twin.view import move
 
 _BINS = (16, 100)  # of a variable, each with as many samples
 _COARSE = 8  # bins of each of two variables
@@ -86,7 +85,7 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, i: int) -
     view = data.views[i]
     left = driven_residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
     white = driven_residual.white(left, view)
-    variables = _variables(data, fit, i, left)
+    seen = regressors.in_recording(data, fit, i, left)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     found = {}
     for group in data.groups:
@@ -95,31 +94,12 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, i: int) -
         keep = bench.weight[group.rows] > 0
         found[group.channel] = Unexplained(
             left[group.channel][keep],
-            {name: variable[keep] for name, variable in variables.items()},
+            {name: variable[keep] for name, variable in seen.items()},
             np.full(keep.sum(), i),
             before + view.time[keep] - view.time[0],
             white[group.channel][keep],
         )
     return found
-
-
-def _variables(
-    data: driven.DrivenData, fit: Fit, i: int, left: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """What a fault may depend on; strains as the model has them: a reading holds the fault itself."""
-    view, prepared = data.views[i], data.prepared[i]
-    motion, _ = move(view, prepared, fit.model, fit.starts[i])
-    command = fit.model.drive(prepared.recording).at(view.time)
-    found = {
-        "hub_angle": motion.angles[:, 0],
-        "hub_rate": motion.rates[:, 0],
-        "torque_command": command,
-        "time": view.time - view.time[0],
-        "tip_rate": np.sum(
-            np.cos(motion.angles - motion.angles[:, :1]) * motion.rates * fit.model.chain.lengths, 1
-        ),
-    }
-    return found | {c: v - left[c] for c, v in view.measured.items() if c.startswith("strain")}
 
 
 def dependence(found: Unexplained) -> list[tuple[str, float]]:

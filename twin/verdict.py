@@ -9,6 +9,7 @@ import numpy as np
 from twin import chance, driven, evidence, hub_balance
 from twin.fit import Fit, Workbench
 from twin.found import Found
+from twin.nameless import Nameless
 from twin.patch import HUB
 from twin.search import Candidate
 
@@ -22,6 +23,8 @@ OWN_ERROR = 2e-3
 """Share of what effects have gained so far that the model's own error, which grows with it, may gain once more."""
 LEAST_ELSEWHERE = 10.0
 """Gain in log likelihood without the recording that gains most: odds of 20 000 that it is not that one alone."""
+LEAST_EVIDENCE = 5.0
+"""Log of the odds by which a smooth function has to make the recordings likelier: 150 to 1."""
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
 SOUND = 1.4
 """Noise levels up to which residuals of a right model lie, on dirty recordings too."""
@@ -70,6 +73,24 @@ def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
 
 
 def unexplained(found: Found) -> tuple[str, ...]:
+    """Channels that are not explained: those that are `too_large`, and the hub where something is `nameless`."""
+    large = too_large(found)
+    return large if HUB in large or nameless(found) is None else (*large, HUB)
+
+
+def nameless(found: Found) -> Nameless | None:
+    """The torque on the hub that is surely a function of one variable, though no effect explains it, if there is one.
+
+    Its evidence has to exceed what chance gives, and what a model gets wrong itself.
+    """
+    own_error = OWN_ERROR * sum(c.score for c in found.adopted)
+    for best in found.nameless[:1]:
+        if best.evidence > max(LEAST_EVIDENCE, own_error, best.by_chance):
+            return best
+    return None
+
+
+def too_large(found: Found) -> tuple[str, ...]:
     """Channels whose residual exceeds what noise and a right model leave, in several recordings; the worst first."""
     odd = _odd(found)
     needed = min(REPEATED, len(found.bench.prepared))
@@ -83,7 +104,7 @@ def unexplained(found: Found) -> tuple[str, ...]:
 
 def alone(found: Found) -> list[tuple[int, str, float]]:
     """Recordings that leave such a residual in a channel that no other recording finds odd, with its size."""
-    repeated = unexplained(found)
+    repeated = too_large(found)
     return [(i, c, s) for c, sizes in _odd(found).items() if c not in repeated for i, s in sizes.items()]
 
 

@@ -1,0 +1,70 @@
+"""A torque on the hub without a name: how much likelier a smooth function makes what is left."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from twin import nameless
+from twin.calibration import calibrate
+from twin.campaign import read_campaign
+from twin.gaussian_process import SIZES, SMOOTH, likeliest
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
+
+
+def test_evidence_is_that_of_a_gaussian_process():
+    random = np.random.default_rng(1)
+    columns = random.normal(size=(60, 12))
+    planted = np.sin(np.linspace(0, 3, 12))
+    data = columns @ planted + random.normal(size=60)
+    information = columns.T @ columns
+    found = likeliest(information, -columns.T @ data, np.zeros((0, 12)))
+    place = np.linspace(0, 1, 12)
+    alone = np.median(np.diag(information)) ** -0.5
+    nothing = multivariate_normal(cov=np.eye(60)).logpdf(data)
+    best = -np.inf
+    for length in SMOOTH:
+        likeness = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2) + 1e-6 * np.eye(12)
+        for size in alone * SIZES:
+            covariance = np.eye(60) + size**2 * columns @ likeness @ columns.T
+            best = max(best, multivariate_normal(cov=covariance).logpdf(data) - nothing)
+    assert found.value == pytest.approx(best, rel=1e-6)
+    np.testing.assert_allclose(found.curve, planted, atol=0.5)
+    assert np.corrcoef(found.curve, planted)[0, 1] > 0.95
+
+
+def test_noise_asks_for_no_function():
+    random = np.random.default_rng(2)
+    columns = random.normal(size=(200, 12))
+    draws = random.normal(size=(500, 200)) @ columns
+    found = likeliest(columns.T @ columns, draws[0], draws[1:])
+    # A function that is nearly zero costs nearly nothing; chance seldom does better.
+    assert np.median(found.by_draw) < 0.5
+    assert np.mean(found.by_draw > 5.0) < 0.01
+
+
+def asked(folder, effects):
+    """The functions sought in what calibration leaves of a sweep and some steps, without a torque sensor."""
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(5))
+    seen = [e for e in plan if e.name in ("torque-sweep", "random-steps")]
+    make_campaign(folder, effects, 5, experiments=seen, perturb=0.5, motor_torque=False)
+    with ThreadPoolExecutor(2) as pool:
+        start = calibrate(read_campaign(folder), pool)
+        return nameless.sought(start.bench, start.base, 0.01)
+
+
+def test_a_dead_zone_is_a_function_of_the_command(tmp_path):
+    [best, *others] = asked(tmp_path / "rig", {"dead-zone": {"width": 0.025}})
+    assert best.law.variables == ("torque_command",)
+    assert best.evidence > max(5.0, best.by_chance)
+    assert all(other.evidence < 5.0 for other in others)
+    # Within the zone the command is taken away; how much of it, the filter and the rig's own parameters leave open.
+    lookup = best.lookup
+    assert lookup.at(np.array([0.015])) < -5e-4
+    assert lookup.at(np.array([-0.015])) > 5e-4
+
+
+def test_nothing_is_asked_for_where_nothing_is_missing(tmp_path):
+    assert asked(tmp_path / "rig", {})[0].evidence < 1.0

@@ -1,0 +1,209 @@
+"""What no effect of the library explains, sought as a torque on the hub that is a smooth function of one variable.
+
+A fault without a name may leave a residual that is small everywhere, and still the same function of the command, of
+the hub's angle or of time wherever that comes back. Such a function is a Gaussian process here, as large and as smooth
+as the recordings like it best, with declared parameters and adopted effects free to give way; what counts is its
+evidence, see `twin.gaussian_process`. What chance gives comes from random signs, as in `twin.chance`.
+
+Only the hub is asked: where readings of the link differ a little from the model's, so do sound links on other engines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin import chance, driven_residual, fit, regressors
+from twin.driven import DrivenData
+from twin.fit import Fit, Workbench
+from twin.gaussian_process import Evidence, likeliest
+from twin.low_pass import GRID, low_passed
+from twin.patch import HUB, Patch
+from twin.view import View
+
+_KNOTS = 32
+_RANGE = (0.002, 0.998)  # quantiles of the variable between which the knots lie
+_LEAST = 1e-9  # part of a variance that keeps a matrix regular
+
+
+@dataclass(frozen=True)
+class Law:
+    """A torque on the hub that is a function of one variable.
+
+    Attributes:
+      variable: on which it depends.
+      sided: whether it turns its sign with the hub's direction, as friction does.
+    """
+
+    variable: str
+    sided: bool = False
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """On which it depends, its own first."""
+        return (self.variable, "hub_rate") if self.sided else (self.variable,)
+
+
+@dataclass(frozen=True, eq=False)
+class Nameless:
+    """A function, and how much it explains of what a model leaves.
+
+    Attributes:
+      law: what it is a function of.
+      evidence: how much more likely it makes the data, as a natural logarithm.
+      by_chance: evidence that chance exceeds at the false-alarm rate, by any of the functions asked for.
+      x: (k) values of the variable, SI, ascending.
+      y: (k) the function there [N m].
+      samples: (k) about each of them.
+    """
+
+    law: Law
+    evidence: float
+    by_chance: float
+    x: np.ndarray = field(repr=False)
+    y: np.ndarray = field(repr=False)
+    samples: np.ndarray = field(repr=False)
+
+    @property
+    def lookup(self) -> Patch | None:
+        """The function as a correction; None of one that a simulation cannot look up."""
+        return None if self.law.sided else Patch(HUB, self.law.variable, self.x, self.y, self.samples)
+
+
+def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:
+    """The functions of one variable that may be behind what a model leaves on the hub, the likeliest first.
+
+    Args:
+      bench: the data.
+      best: the fit of the model, with its slopes there.
+      rate: how often chance may give the evidence that it is held against.
+    """
+    data = bench.data
+    assert isinstance(data, DrivenData)
+    known = [_variables(data, best, i) for i in range(len(data.prepared))]
+    signs = chance.random_signs(bench, chance.DRAWS, np.random.default_rng(0))
+    given = _Given.of(bench, best)
+    asked = []
+    for law in _LAWS:
+        basis = _basis(bench, data, known, law)
+        if basis is not None:
+            asked.append((law, basis, _evidences(given, basis, signs)))
+    largest = np.max([e.by_draw for _, _, e in asked], axis=0, initial=0.0)
+    by_chance = chance.threshold(np.sort(largest), rate)
+    named = [Nameless(law, e.value, by_chance, b.x, e.curve, b.samples) for law, b, e in asked]
+    return tuple(sorted(named, key=lambda n: -n.evidence))
+
+
+def _variables(data: DrivenData, best: Fit, i: int) -> dict[str, np.ndarray]:
+    left = driven_residual.missing(data.views[i], data.prepared[i], best.model, best.starts[i])
+    return regressors.in_recording(data, best, i, left)
+
+
+_LAWS = (
+    *(Law(variable) for variable in ("torque_command", "hub_angle", "hub_rate", "time")),
+    *(Law(variable, sided=True) for variable in ("hub_angle", "time")),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Basis:
+    """Change of the residual with each knot's value.
+
+    Attributes:
+      x: (k) the knots.
+      columns: (r x k).
+      rows: (r) of the residual, ascending.
+      samples: (k) about each knot.
+    """
+
+    x: np.ndarray
+    columns: np.ndarray
+    rows: np.ndarray
+    samples: np.ndarray
+
+
+def _basis(
+    bench: Workbench, data: DrivenData, known: Sequence[Mapping[str, np.ndarray]], law: Law
+) -> _Basis | None:
+    """The columns of a function; None where its variable does not change."""
+    groups = [g for g in data.groups if g.channel == HUB]
+    if not groups:
+        return None
+    seen = np.concatenate([known[g.recording][law.variable][bench.weight[g.rows] > 0] for g in groups])
+    low, high = np.quantile(seen, _RANGE)
+    if not high > low:
+        return None
+    x = np.linspace(low, high, _KNOTS)
+    parts = [_columns(data.views[g.recording], known[g.recording], law, x).T for g in groups]
+    rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
+    nearest = np.round((np.clip(seen, low, high) - low) / (x[1] - x[0])).astype(int)
+    samples = np.bincount(nearest, minlength=_KNOTS)
+    return _Basis(x, np.concatenate(parts) * bench.weight[rows, None], rows, samples)
+
+
+def _columns(view: View, known: Mapping[str, np.ndarray], law: Law, x: np.ndarray) -> np.ndarray:
+    """Change of one recording's residual (k x m) with the value at each knot, straight lines between them."""
+    place = np.clip((known[law.variable] - x[0]) / (x[1] - x[0]), 0, len(x) - 1)
+    added = np.maximum(1 - np.abs(place - np.arange(len(x))[:, None]), 0.0)
+    if law.sided:
+        added *= np.sign(known["hub_rate"])
+    if law.sided or law.variable == "torque_command":
+        # As friction and the drive's torque, which pass the filter of the motion, too.
+        added = low_passed(added, GRID, view.band)
+    return -driven_residual.white_of(view.sliding * low_passed(added, GRID), view, HUB)
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What a fit's own unknowns can do about a residual.
+
+    Attributes:
+      residual: (n) in noise units.
+      weights: (n) of its rows.
+      slopes: (n x p) of the unknowns, each of size one.
+      information: (p x p) of the unknowns.
+      pulled: (p) by how much their priors pull at them.
+      block: (n) index of the stretch of each row.
+    """
+
+    residual: np.ndarray
+    weights: np.ndarray
+    slopes: np.ndarray
+    information: np.ndarray
+    pulled: np.ndarray
+    block: np.ndarray
+
+    @classmethod
+    def of(cls, bench: Workbench, base: Fit) -> _Given:
+        weights = fit.row_weights(bench, base.residual)
+        scale = np.sqrt(np.maximum(base.jacobian.T**2 @ weights, 1e-300))
+        slopes = base.jacobian / scale
+        prior = fit.prior_precision(base.unknowns)
+        away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])
+        information = slopes.T @ (weights[:, None] * slopes) + np.diag(prior / scale**2 + _LEAST)
+        lengths = [g.rows.stop - g.rows.start for g in bench.groups]
+        block = np.repeat(np.arange(len(bench.groups)), lengths)
+        return cls(base.residual, weights, slopes, information, prior * away / scale, block)
+
+
+def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> Evidence:
+    weights, columns = given.weights[basis.rows], basis.columns
+    shared = given.slopes[basis.rows].T @ (weights[:, None] * columns)
+    beside = np.linalg.solve(given.information, shared)
+    information = columns.T @ (weights[:, None] * columns) - shared.T @ beside
+    pulls = given.residual * given.weights
+    own = _by_block(columns * pulls[basis.rows, None], given.block[basis.rows], signs.shape[1])
+    others = _by_block(given.slopes * pulls[:, None], given.block, signs.shape[1])
+    gradients = signs @ (own - others @ beside)
+    gradient = own.sum(0) - (others.sum(0) + given.pulled) @ beside
+    return likeliest(information, gradient, gradients)
+
+
+def _by_block(values: np.ndarray, block: np.ndarray, count: int) -> np.ndarray:
+    """Sums of rows (r x k) over each stretch (g x k); rows of one stretch follow one another."""
+    found = np.zeros((count, values.shape[1]))
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    found[block[first]] = np.add.reduceat(values, first)
+    return found
