@@ -13,8 +13,10 @@ from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Patched, Predic
 from twin.effects import REGISTRY
 from twin.fit import ASSUMED_UNCERTAINTY, Fit
 from twin.found import Found
+from twin.patch import HUB
 from twin.planning import Plan
 from twin.polish import Polished
+from twin.report import display
 from twin.traces import Unexplained
 
 _TELLING = {
@@ -145,8 +147,8 @@ def _alone(found: Found) -> list[str]:
     """What one recording says against the model, and no other."""
     files = [prepared.recording.name for prepared in found.bench.prepared]
     return [
-        f"{files[i]} alone leaves {size:.2g} noise levels of {channel} unexplained, no other recording does: "
-        "a fault that only this experiment provokes, or a bad recording. Repeat it."
+        f"{files[i]} alone leaves {size:.2g} noise levels of {_named(channel)} unexplained, no other recording "
+        "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
         for i, channel, size in verdict.alone(found)
     ]
 
@@ -158,7 +160,7 @@ def _nameless(found: Found) -> list[str]:
         return []
     sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
     return [
-        f"A torque on the hub that is a smooth function of {smooth.law.variable}{sided} makes the recordings "
+        f"A torque on the hub that is a smooth function of {_named(smooth.law.variable)}{sided} makes the recordings "
         f"e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
         f"e^{max(smooth.by_chance, 0):.0f} times."
     ]
@@ -192,7 +194,7 @@ def _summary(
     if answer == "explained":
         return held
     where = " and ".join(_place(channel) for channel in left)
-    known = f" It depends on {', '.join(depends[:3])}." if depends else ""
+    known = f" It depends on {', '.join(_named(name) for name in depends[:3])}." if depends else ""
     part = "explain a part" if len(effects) > 1 else "explains a part"
     partly = f" {names.capitalize()} {part} of it." if effects else ""
     return f"Something outside the library is missing: {where} is not explained.{known}{partly} {held}"
@@ -214,9 +216,15 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
 
 
 def _place(channel: str) -> str:
-    return {"hub_torque": "the balance of the hub (drive, friction, hub)"}.get(
-        channel, f"{channel} (link or sensor)"
-    )
+    if channel == HUB:
+        return "the balance of the hub (drive, friction, hub)"
+    return f"{display.channel(channel).label} (link or sensor)"
+
+
+def _named(name: str) -> str:
+    """A channel or variable in a sentence."""
+    label = display.variable(name).label
+    return label if name == "time" else f"the {label}"
 
 
 def _next(
@@ -226,6 +234,7 @@ def _next(
         return planning.said(plans, alike[0][:2])
     if answer == "outside-library" and depends:
         return _TELLING.get(
-            depends[0], f"Repeat a run with {depends[0]} varied on purpose and everything else kept."
+            depends[0],
+            f"Repeat a run with {_named(depends[0])} varied on purpose and everything else kept.",
         )
     return None

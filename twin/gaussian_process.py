@@ -25,12 +25,13 @@ class Evidence:
     Attributes:
       value: of the data.
       by_draw: (d) of what chance draws instead.
-      curve: (k) the function that the data ask for.
+      length, size: of the function, that make the data likeliest.
     """
 
     value: float
     by_draw: np.ndarray
-    curve: np.ndarray
+    length: float
+    size: float
 
 
 def likeliest(information: np.ndarray, gradient: np.ndarray, gradients: np.ndarray) -> Evidence:
@@ -41,19 +42,30 @@ def likeliest(information: np.ndarray, gradient: np.ndarray, gradients: np.ndarr
       gradient: (k) of the data's log likelihood, its sign turned.
       gradients: (d x k) of the draws'.
     """
-    place = np.linspace(0, 1, len(gradient))
     alone = np.median(np.maximum(np.diag(information), _LEAST * information.trace())) ** -0.5
     both = np.vstack([gradient, gradients])
-    best, curve = np.full(len(both), -np.inf), gradient
-    for length in SMOOTH:
-        likeness = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2)
-        root = np.linalg.cholesky(likeness + 1e-6 * np.eye(len(place)))
+    best, length, size = np.full(len(both), -np.inf), SMOOTH[0], alone
+    for smooth in SMOOTH:
+        root = _root(len(gradient), smooth)
         strengths, axes = np.linalg.eigh(root.T @ information @ root)
         strengths, along = np.maximum(strengths, 0.0), both @ root @ axes
-        for size in alone * SIZES:
-            shrunk = size**2 / (1 + size**2 * strengths)
-            evidence = 0.5 * along**2 @ shrunk - 0.5 * np.log1p(size**2 * strengths).sum()
+        for large in alone * SIZES:
+            shrunk = large**2 / (1 + large**2 * strengths)
+            evidence = 0.5 * along**2 @ shrunk - 0.5 * np.log1p(large**2 * strengths).sum()
             if evidence[0] > best[0]:
-                curve = -root @ axes @ (shrunk * along[0])
+                length, size = smooth, large
             best = np.maximum(best, evidence)
-    return Evidence(float(best[0]), best[1:], curve)
+    return Evidence(float(best[0]), best[1:], length, float(size))
+
+
+def likely(information: np.ndarray, gradient: np.ndarray, length: float, size: float) -> np.ndarray:
+    """The function (k) that data with this information (k x k) and gradient (k) ask for."""
+    root = size * _root(len(gradient), length)
+    return -root @ np.linalg.solve(np.eye(len(gradient)) + root.T @ information @ root, root.T @ gradient)
+
+
+def _root(count: int, length: float) -> np.ndarray:
+    """Root (k x k) of the covariance of the function's values at the knots, of size one."""
+    place = np.linspace(0, 1, count)
+    likeness = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2)
+    return np.linalg.cholesky(likeness + 1e-6 * np.eye(count))

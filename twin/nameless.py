@@ -18,7 +18,7 @@ import numpy as np
 from twin import chance, driven_residual, fit, regressors
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
-from twin.gaussian_process import Evidence, likeliest
+from twin.gaussian_process import Evidence, likeliest, likely
 from twin.low_pass import GRID, low_passed
 from twin.patch import HUB, Patch
 from twin.view import View
@@ -55,7 +55,7 @@ class Nameless:
       evidence: how much more likely it makes the data, as a natural logarithm.
       by_chance: evidence that chance exceeds at the false-alarm rate, by any of the functions asked for.
       x: (k) values of the variable, SI, ascending.
-      y: (k) the function there [N m].
+      y: (k) the function there that corrects the model as it is fitted [N m].
       samples: (k) about each of them.
     """
 
@@ -90,9 +90,9 @@ def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:
         basis = _basis(bench, data, known, law)
         if basis is not None:
             asked.append((law, basis, _evidences(given, basis, signs)))
-    largest = np.max([e.by_draw for _, _, e in asked], axis=0, initial=0.0)
+    largest = np.max([e.by_draw for _, _, (e, _) in asked], axis=0, initial=0.0)
     by_chance = chance.threshold(np.sort(largest), rate)
-    named = [Nameless(law, e.value, by_chance, b.x, e.curve, b.samples) for law, b, e in asked]
+    named = [Nameless(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in asked]
     return tuple(sorted(named, key=lambda n: -n.evidence))
 
 
@@ -188,17 +188,18 @@ class _Given:
         return cls(base.residual, weights, slopes, information, prior * away / scale, block)
 
 
-def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> Evidence:
+def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> tuple[Evidence, np.ndarray]:
+    """Evidence of a function with the fit's own unknowns free, and the function (k) that corrects the fit as it is."""
     weights, columns = given.weights[basis.rows], basis.columns
     shared = given.slopes[basis.rows].T @ (weights[:, None] * columns)
     beside = np.linalg.solve(given.information, shared)
-    information = columns.T @ (weights[:, None] * columns) - shared.T @ beside
+    alone = columns.T @ (weights[:, None] * columns)
     pulls = given.residual * given.weights
     own = _by_block(columns * pulls[basis.rows, None], given.block[basis.rows], signs.shape[1])
     others = _by_block(given.slopes * pulls[:, None], given.block, signs.shape[1])
-    gradients = signs @ (own - others @ beside)
     gradient = own.sum(0) - (others.sum(0) + given.pulled) @ beside
-    return likeliest(information, gradient, gradients)
+    found = likeliest(alone - shared.T @ beside, gradient, signs @ (own - others @ beside))
+    return found, likely(alone, own.sum(0), found.length, found.size)
 
 
 def _by_block(values: np.ndarray, block: np.ndarray, count: int) -> np.ndarray:
