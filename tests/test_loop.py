@@ -71,6 +71,8 @@ def test_what_is_missing_is_named_and_recovered(tmp_path, name):
     assert [c.effects[-1] for c in found.adopted] == [name]
     assert found.rounds[0][0].effects == (name,)
     fit = found.best
+    if "order" in PLANTED[name]:
+        assert fit.model.effects[name]["order"] == PLANTED[name]["order"]
     for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
         if u.owner == name and u.name in EFFECTS[name]:
             # Four standard errors, and what the coarse chain of a search may be off: a twentieth of the effect.

@@ -65,6 +65,7 @@ def conclude(
             *_assumptions(campaign),
             *_alone(found),
             *_nameless(found),
+            *_taken_back(found),
             *_unpredictable(predictions),
         ),
         declared=campaign.rig,
@@ -129,7 +130,12 @@ def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...
     told = [channel for channel in verdict.too_large(found) if len(behind[channel].values) > 50]
     depends = traces.strongest({channel: traces.dependence(behind[channel]) for channel in told})
     smooth = verdict.nameless(found)
-    return depends if smooth is None else tuple(dict.fromkeys((*depends, *smooth.law.variables)))
+    if smooth is None:
+        return depends
+    # Where a function of the same variables was asked for, its evidence tells best which one it is.
+    known = not depends or depends[0] in {n.law.variable for n in found.nameless}
+    first, then = (smooth.law.variables, depends) if known else (depends, smooth.law.variables)
+    return tuple(dict.fromkeys((*first, *then)))
 
 
 def _assumptions(campaign: Campaign) -> list[str]:
@@ -163,6 +169,16 @@ def _nameless(found: Found) -> list[str]:
         f"A torque on the hub that is a smooth function of {_named(smooth.law.variable)}{sided} makes the recordings "
         f"e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
         f"e^{max(smooth.by_chance, 0):.0f} times."
+    ]
+
+
+def _taken_back(found: Found) -> list[str]:
+    if not found.taken_back:
+        return []
+    *first, last = found.taken_back
+    return [
+        f"{', '.join(first)} and {last} together follow what was measured, but how large either is cannot be told: "
+        "each takes away what the other adds. They stand for something else and are not taken for its cause."
     ]
 
 

@@ -24,8 +24,10 @@ from twin import (
     reconsider,
     ridge,
     search,
+    stand_ins,
     traces,
     verdict,
+    whole_orders,
 )
 from twin.campaign import Campaign
 from twin.conclude import conclude
@@ -111,7 +113,23 @@ def find(
     found, sound = on_sound_channels(found)
     found = with_errors(found, sound)
     progress("asking what has no name")
+    other = stand_ins.without(found)
+    if other is not None:
+        other = asked(with_errors(other, other.bench), other.bench, false_alarm_rate)
+        if verdict.unexplained(other):
+            return other
+    return asked(with_whole_orders(found, sound), sound, false_alarm_rate)
+
+
+def asked(found: Found, sound: Workbench, false_alarm_rate: float) -> Found:
+    """The same with what has no name, on these data."""
     return replace(found, nameless=nameless.sought(sound, found.best, false_alarm_rate))
+
+
+def with_whole_orders(found: Found, sound: Workbench) -> Found:
+    """The same with orders at whole numbers where these data do not say otherwise."""
+    best = whole_orders.taken(sound, found.best)
+    return found if best is found.best else with_errors(with_best(found, best), sound)
 
 
 def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple[Found, bool]:

@@ -26,6 +26,7 @@ class Found:
       by_chance: score that chance exceeds at the false-alarm rate, of each round.
       draws: scores that chance gives, of each round, see `twin.chance`.
       nameless: functions of one variable that may be behind what is left at the end, the likeliest first.
+      taken_back: effects that were adopted, but only stand for something else together.
     """
 
     start: Calibration
@@ -36,6 +37,7 @@ class Found:
     by_chance: tuple[float, ...] = ()
     draws: tuple[np.ndarray, ...] = ()
     nameless: tuple[Nameless, ...] = ()
+    taken_back: tuple[str, ...] = ()
 
     @property
     def bench(self) -> Workbench:

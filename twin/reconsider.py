@@ -34,22 +34,22 @@ def _without_needless(found: Found) -> Found:
     needless = min(scores, key=lambda name: scores[name])
     if scores[needless] >= least:
         return found
-    return _rebuilt(found, [n for n in names if n != needless], without[needless])
+    return rebuilt(found, [n for n in names if n != needless], without[needless])
 
 
 def _without(found: Found, name: str, least: float) -> Fit:
     """The fit of all effects but one; to the end where that one is in doubt."""
     effects = {n: p for n, p in found.best.model.effects.items() if n != name}
-    quick = _fitted(found, effects, _QUICK, found.best)
+    quick = fitted(found, effects, _QUICK, found.best)
     if search.gain(found.bench, quick, found.best) > _FAR * least:
         return quick
-    return _fitted(found, effects, contenders.LONG, quick)
+    return fitted(found, effects, contenders.LONG, quick)
 
 
 def _exchanged(found: Found) -> Found:
     """The same with another pick of an earlier round where that was close and the other explains more by now."""
     effects = found.best.model.effects
-    best, fitted = None, found.best
+    best, closest = None, found.best
     for pick, ranked in zip(list(effects)[:-1], found.rounds, strict=False):
         for other in _alike(ranked):
             name = other.effects[-1]
@@ -57,12 +57,12 @@ def _exchanged(found: Found) -> Found:
                 continue
             tried = {name if n == pick else n: p for n, p in effects.items()}
             tried[name] = other.fit.model.effects[name]
-            result = _fitted(found, tried, _QUICK, found.best)
-            fewer = len(fitted.unknowns) - len(result.unknowns)
-            gained = fitted.cost - result.cost + search.price(fewer, found.bench)
+            result = fitted(found, tried, _QUICK, found.best)
+            fewer = len(closest.unknowns) - len(result.unknowns)
+            gained = closest.cost - result.cost + search.price(fewer, found.bench)
             if gained > verdict.decisive(ranked[0].score):
-                best, fitted = list(tried), result
-    return found if best is None else _rebuilt(found, best, fitted)
+                best, closest = list(tried), result
+    return found if best is None else rebuilt(found, best, closest)
 
 
 def _alike(ranked: Sequence[Candidate]) -> list[Candidate]:
@@ -79,7 +79,7 @@ def _alike(ranked: Sequence[Candidate]) -> list[Candidate]:
     ]
 
 
-def _fitted(
+def fitted(
     found: Found,
     effects: Mapping[str, Mapping[str, float]],
     iterations: int,
@@ -98,7 +98,7 @@ def _fitted(
     return fit.minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 
-def _rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
+def rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
     """What was found, as if these effects had been adopted one after the other, the last fit that of them all."""
     bench = copy(found.bench)
     fine = contenders.on_fine_chain(bench, result)
@@ -109,7 +109,7 @@ def _rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
     for k, name in enumerate(names):
         last = k == len(names) - 1
         effects = {n: fine.model.effects[n] for n in names[: k + 1]}
-        here = fine if last else _fitted(found, effects, contenders.LONG, fine, found.benches[0])
+        here = fine if last else fitted(found, effects, contenders.LONG, fine, found.benches[0])
         picked = Candidate(
             tuple(effects), here, search.gain(bench if last else found.benches[0], before, here)
         )

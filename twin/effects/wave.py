@@ -19,3 +19,8 @@ class Wave:
 
     acts: Literal["torque", "friction", "time", "reading", "resonance"]
     order: str
+
+    @property
+    def by_angle(self) -> bool:
+        """Whether it repeats with the angle of the hub."""
+        return self.acts in ("torque", "friction", "reading")

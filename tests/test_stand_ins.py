@@ -1,0 +1,71 @@
+"""Two effects that add up to something else, and orders that are whole numbers."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from twin import search, stand_ins, whole_orders
+from twin.calibration import calibrate
+from twin.campaign import read_campaign
+from twin.conclude import said, variables
+from twin.diagnose import asked, with_errors, with_whole_orders
+from twin.found import Found
+from twin.traces import unexplained
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
+
+SPRING = {"cable-torsion": {"stiffness": 0.01, "rest_angle": 0.3}}
+COGGING = {"cogging": {"amplitude": 0.01, "order": 5.0, "phase": 0.9}}
+
+
+@pytest.fixture(scope="module")
+def picked(tmp_path_factory):
+    """A function of what is missing: what a search comes to that adopts a cable and then a cogging."""
+    pool = ThreadPoolExecutor(2)
+
+    def of(effects):
+        plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(12))
+        slews = [e for e in plan if e.role == "fit" and e.name.startswith(("bang-bang", "random-steps"))]
+        folder = tmp_path_factory.mktemp("rig") / "rig"
+        make_campaign(folder, effects, 12, experiments=slews)
+        start = calibrate(read_campaign(folder), pool)
+        cable = search.tried(start.bench, start.base, "cable-torsion")
+        both = search.tried(start.bench, cable.fit, "cogging")
+        adopted = (cable, both)
+        draws = (np.zeros(400),) * 2
+        found = Found(start, adopted, ((cable,), (both,)), (30.0,) * 2, (start.bench,) * 3, (0.0,) * 2, draws)
+        return with_errors(found, start.bench)
+
+    yield of
+    pool.shutdown()
+
+
+def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
+    found = picked({"hardening-cable": {"stiffness": 0.1}})
+    assert said(found) == "explained"
+    other = stand_ins.without(found)
+    assert other is not None
+    assert not other.adopted
+    assert other.taken_back == ("cable-torsion", "cogging")
+    other = asked(other, other.bench, 0.01)
+    assert said(other) == "outside-library"
+    assert variables(other, unexplained(other.bench, other.data, other.best))[0] == "hub_angle"
+
+
+def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
+    found = picked(SPRING | COGGING)
+    assert stand_ins.without(found) is None
+    whole = with_whole_orders(found, found.bench)
+    assert whole.best.model.effects["cogging"]["order"] == 5.0
+    assert not any(u.name == "order" for u in whole.best.unknowns)
+    for name, effect in (SPRING | COGGING).items():
+        for u, value, error in zip(whole.best.unknowns, whole.best.values, whole.best.errors, strict=True):
+            if u.owner == name:
+                assert value == pytest.approx(effect[u.name], abs=4 * error + 0.02 * abs(effect[u.name]))
+
+
+def test_an_order_between_two_whole_numbers_stays(picked):
+    found = picked(SPRING | {"cogging": {"amplitude": 0.03, "order": 5.4, "phase": 0.9}})
+    assert whole_orders.taken(found.bench, found.best) is found.best
+    assert found.best.model.effects["cogging"]["order"] == pytest.approx(5.4, abs=0.15)

@@ -1,0 +1,59 @@
+"""Orders of what repeats with the hub's angle: whole numbers, unless the recordings say otherwise.
+
+A motor's magnets, a bearing or an encoder's disc are the same again after a turn. Where they turn at another rate than
+the hub, behind a belt or a gear, an order may be any number: then the recordings have to say so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twin import fit, search
+from twin.effects import REGISTRY
+from twin.fit import Fit, Unknown, Workbench
+
+_ITERATIONS = 5
+
+
+def taken(bench: Workbench, best: Fit) -> Fit:
+    """The fit with every order at the nearest whole number that costs no more than the parameter it saves."""
+    for u in best.unknowns:
+        if _is_order(u):
+            whole = _at_whole(bench, best, u)
+            if whole.cost < best.cost + search.price(1, bench):
+                best = whole
+    return best
+
+
+def _is_order(u: Unknown) -> bool:
+    effect = REGISTRY.get(u.owner)
+    return (
+        effect is not None
+        and effect.wave is not None
+        and effect.wave.by_angle
+        and u.name == effect.wave.order
+    )
+
+
+def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
+    """The fit with an order at the nearest whole number, no longer among the unknowns."""
+    index = best.unknowns.index(order)
+    kept = [k for k in range(len(best.unknowns)) if k != index]
+    unknowns = [best.unknowns[k] for k in kept]
+    whole = float(np.round(best.values[index]))
+    values = best.values[kept] + _moved_along(best, index)[kept] * (whole - best.values[index])
+    effects = {name: dict(p) for name, p in best.model.effects.items()}
+    effects[order.owner][order.name] = whole
+    model = best.model.replace(effects=effects)
+    slopes = {
+        (u.owner, u.name): best.jacobian[:, k]
+        for k, u in enumerate(best.unknowns)
+        if k != index and u.owner != "start"
+    }
+    return fit.minimise(bench, model, best.starts, unknowns, values, slopes, _ITERATIONS)
+
+
+def _moved_along(best: Fit, index: int) -> np.ndarray:
+    """How the likeliest values of all unknowns (p) move with that of one."""
+    variance = best.covariance[index, index]
+    return best.covariance[:, index] / variance if variance > 0 else np.zeros(len(best.unknowns))
