@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin import chance, driven_residual, fit, regressors
+from twin import chance, driven_residual, fit, regressors, timed
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
 from twin.gaussian_process import Evidence, likeliest, likely
@@ -177,7 +177,7 @@ class _Given:
 
     @classmethod
     def of(cls, bench: Workbench, base: Fit) -> _Given:
-        weights = fit.row_weights(bench, base.residual)
+        weights = fit.row_weights(bench, base.residual) * timed.known(bench, base)
         scale = np.sqrt(np.maximum(base.jacobian.T**2 @ weights, 1e-300))
         slopes = base.jacobian / scale
         prior = fit.prior_precision(base.unknowns)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin import chance, driven, evidence, hub_balance
+from twin import chance, driven, evidence, timed
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.nameless import Nameless
@@ -129,7 +129,7 @@ def _odd(found: Found) -> dict[str, dict[int, float]]:
 
 def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> size of the residual in noise levels."""
-    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * _timed(bench, fit))
+    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * timed.known(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 
@@ -139,21 +139,6 @@ def _independent(bench: Workbench) -> dict[tuple[int, str], float]:
     for group, count in zip(bench.groups, bench.count, strict=True):
         found[group.recording, group.channel] += float(count)
     return found
-
-
-def _timed(bench: Workbench, fit: Fit) -> np.ndarray:
-    """1 where a torque can be told in time, 0 about fast reversals under a sliding friction that falls with speed (n).
-
-    There it jumps by twice the break-away torque within milliseconds: when the measured hub turns round is not known
-    so well, and the filter spreads the jump.
-    """
-    known = np.ones(len(fit.residual))
-    if not fit.model.plant.stribeck_velocity > 0:
-        return known
-    for group in bench.data.groups:
-        if group.channel == HUB and isinstance(bench.data, driven.DrivenData):
-            known[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
-    return known
 
 
 def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]:
