@@ -1,6 +1,7 @@
 """A torque on the hub without a name: how much likelier a smooth function makes what is left."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,8 +52,12 @@ def asked(folder, effects):
     plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(5))
     seen = [e for e in plan if e.name in ("torque-sweep", "random-steps")]
     make_campaign(folder, effects, 5, experiments=seen, perturb=0.5, motor_torque=False)
+    return asked_of(read_campaign(folder))
+
+
+def asked_of(campaign):
     with ThreadPoolExecutor(2) as pool:
-        start = calibrate(read_campaign(folder), pool)
+        start = calibrate(campaign, pool)
         return nameless.sought(start.bench, start.base, 0.01)
 
 
@@ -69,3 +74,13 @@ def test_a_dead_zone_is_a_function_of_the_command(tmp_path):
 
 def test_nothing_is_asked_for_where_nothing_is_missing(tmp_path):
     assert asked(tmp_path / "rig", {})[0].evidence < 1.0
+
+
+def test_of_a_hub_that_is_clamped_nothing_is_asked(tmp_path):
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(5))
+    seen = [e for e in plan if e.name in ("free-vibration", "random-steps")]
+    make_campaign(tmp_path / "rig", {}, 5, experiments=seen)
+    campaign = read_campaign(tmp_path / "rig")
+    clamped = tuple(r for r in campaign.fit if r.clamped)
+    assert len(clamped) == 1
+    assert asked_of(replace(campaign, fit=clamped)) == ()

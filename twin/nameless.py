@@ -90,6 +90,8 @@ def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:
         basis = _basis(bench, data, known, law)
         if basis is not None:
             asked.append((law, basis, _evidences(given, basis, signs)))
+    if not asked:
+        return ()
     largest = np.max([e.by_draw for _, _, (e, _) in asked], axis=0, initial=0.0)
     by_chance = chance.threshold(np.sort(largest), rate)
     named = [Nameless(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in asked]
@@ -178,9 +180,10 @@ class _Given:
     @classmethod
     def of(cls, bench: Workbench, base: Fit) -> _Given:
         weights = fit.row_weights(bench, base.residual) * timed.known(bench, base)
-        scale = np.sqrt(np.maximum(base.jacobian.T**2 @ weights, 1e-300))
-        slopes = base.jacobian / scale
         prior = fit.prior_precision(base.unknowns)
+        known = base.jacobian.T**2 @ weights + prior
+        scale = np.sqrt(np.where(known > 0, known, 1.0))
+        slopes = base.jacobian / scale
         away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])
         information = slopes.T @ (weights[:, None] * slopes) + np.diag(prior / scale**2 + _LEAST)
         lengths = [g.rows.stop - g.rows.start for g in bench.groups]
