@@ -129,7 +129,7 @@ def asked(found: Found, sound: Workbench, false_alarm_rate: float) -> Found:
 def with_whole_orders(found: Found, sound: Workbench) -> Found:
     """The same with orders at whole numbers where these data do not say otherwise."""
     best = whole_orders.taken(sound, found.best)
-    return found if best is found.best else with_errors(with_best(found, best), sound)
+    return found if best is found.best else with_best(found, _sure(sound, best))
 
 
 def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple[Found, bool]:
@@ -193,11 +193,16 @@ def with_best(found: Found, best: Fit) -> Found:
 
 def with_errors(found: Found, sound: Workbench) -> Found:
     """The same with honest errors of what was fitted last, on these data, and of the calibration."""
-    best = disagreement.sure(sound, ridge.with_slopes(sound, found.best))
+    best = _sure(sound, found.best)
     if found.adopted:
         calibrated = disagreement.sure(found.start.bench, found.base)
         found = replace(found, start=replace(found.start, base=calibrated))
     return with_best(found, best)
+
+
+def _sure(bench: Workbench, best: Fit) -> Fit:
+    """The fit with its slopes where it stands, and honest errors."""
+    return disagreement.sure(bench, ridge.with_slopes(bench, best))
 
 
 def _parameters(names: Iterable[str]) -> list[EffectParameter]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from twin import chance, driven_residual, fit, regressors, timed
 from twin.driven import DrivenData
+from twin.evidence import Group
 from twin.fit import Fit, Workbench
 from twin.gaussian_process import Evidence, likeliest, likely
 from twin.low_pass import GRID, low_passed
@@ -44,6 +45,12 @@ class Law:
     def variables(self) -> tuple[str, ...]:
         """On which it depends, its own first."""
         return (self.variable, "hub_rate") if self.sided else (self.variable,)
+
+
+_LAWS = (
+    *(Law(variable) for variable in ("torque_command", "hub_angle", "hub_rate", "time")),
+    *(Law(variable, sided=True) for variable in ("hub_angle", "time")),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,31 +89,20 @@ def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:
     """
     data = bench.data
     assert isinstance(data, DrivenData)
-    known = [_variables(data, best, i) for i in range(len(data.prepared))]
+    groups = [g for g in data.groups if g.channel == HUB]
+    if not groups:
+        return ()
+    known = [regressors.of_motion(data, best, g.recording) for g in groups]
     signs = chance.random_signs(bench, chance.DRAWS, np.random.default_rng(0))
     given = _Given.of(bench, best)
-    asked = []
-    for law in _LAWS:
-        basis = _basis(bench, data, known, law)
-        if basis is not None:
-            asked.append((law, basis, _evidences(given, basis, signs)))
+    bases = [(law, _basis(bench, data, groups, known, law)) for law in _LAWS]
+    asked = [(law, b, _evidences(given, b, signs)) for law, b in bases if b is not None]
     if not asked:
         return ()
     largest = np.max([e.by_draw for _, _, (e, _) in asked], axis=0, initial=0.0)
     by_chance = chance.threshold(np.sort(largest), rate)
     named = [Nameless(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in asked]
     return tuple(sorted(named, key=lambda n: -n.evidence))
-
-
-def _variables(data: DrivenData, best: Fit, i: int) -> dict[str, np.ndarray]:
-    left = driven_residual.missing(data.views[i], data.prepared[i], best.model, best.starts[i])
-    return regressors.in_recording(data, best, i, left)
-
-
-_LAWS = (
-    *(Law(variable) for variable in ("torque_command", "hub_angle", "hub_rate", "time")),
-    *(Law(variable, sided=True) for variable in ("hub_angle", "time")),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,22 +123,24 @@ class _Basis:
 
 
 def _basis(
-    bench: Workbench, data: DrivenData, known: Sequence[Mapping[str, np.ndarray]], law: Law
+    bench: Workbench,
+    data: DrivenData,
+    groups: Sequence[Group],
+    known: Sequence[Mapping[str, np.ndarray]],
+    law: Law,
 ) -> _Basis | None:
-    """The columns of a function; None where its variable does not change."""
-    groups = [g for g in data.groups if g.channel == HUB]
-    if not groups:
-        return None
-    seen = np.concatenate([known[g.recording][law.variable][bench.weight[g.rows] > 0] for g in groups])
+    """The columns of a function on the hub's groups, `known` of each; None where its variable does not change."""
+    weights = [bench.weight[g.rows] for g in groups]
+    seen = np.concatenate([k[law.variable][w > 0] for k, w in zip(known, weights, strict=True)])
     low, high = np.quantile(seen, _RANGE)
     if not high > low:
         return None
     x = np.linspace(low, high, _KNOTS)
-    parts = [_columns(data.views[g.recording], known[g.recording], law, x).T for g in groups]
+    parts = [_columns(data.views[g.recording], k, law, x).T for g, k in zip(groups, known, strict=True)]
     rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
     nearest = np.round((np.clip(seen, low, high) - low) / (x[1] - x[0])).astype(int)
     samples = np.bincount(nearest, minlength=_KNOTS)
-    return _Basis(x, np.concatenate(parts) * bench.weight[rows, None], rows, samples)
+    return _Basis(x, np.concatenate(parts) * np.concatenate(weights)[:, None], rows, samples)
 
 
 def _columns(view: View, known: Mapping[str, np.ndarray], law: Law, x: np.ndarray) -> np.ndarray:
@@ -162,18 +160,20 @@ class _Given:
     """What a fit's own unknowns can do about a residual.
 
     Attributes:
-      residual: (n) in noise units.
-      weights: (n) of its rows.
+      weights: (n) of the residual's rows.
+      pulls: (n) the residual in noise units, weighted.
       slopes: (n x p) of the unknowns, each of size one.
       information: (p x p) of the unknowns.
+      gradients: (g x p) of each stretch.
       pulled: (p) by how much their priors pull at them.
       block: (n) index of the stretch of each row.
     """
 
-    residual: np.ndarray
     weights: np.ndarray
+    pulls: np.ndarray
     slopes: np.ndarray
     information: np.ndarray
+    gradients: np.ndarray
     pulled: np.ndarray
     block: np.ndarray
 
@@ -188,7 +188,9 @@ class _Given:
         information = slopes.T @ (weights[:, None] * slopes) + np.diag(prior / scale**2 + _LEAST)
         lengths = [g.rows.stop - g.rows.start for g in bench.groups]
         block = np.repeat(np.arange(len(bench.groups)), lengths)
-        return cls(base.residual, weights, slopes, information, prior * away / scale, block)
+        pulls = base.residual * weights
+        gradients = _by_block(slopes * pulls[:, None], block, len(lengths))
+        return cls(weights, pulls, slopes, information, gradients, prior * away / scale, block)
 
 
 def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> tuple[Evidence, np.ndarray]:
@@ -197,11 +199,9 @@ def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> tuple[Evidenc
     shared = given.slopes[basis.rows].T @ (weights[:, None] * columns)
     beside = np.linalg.solve(given.information, shared)
     alone = columns.T @ (weights[:, None] * columns)
-    pulls = given.residual * given.weights
-    own = _by_block(columns * pulls[basis.rows, None], given.block[basis.rows], signs.shape[1])
-    others = _by_block(given.slopes * pulls[:, None], given.block, signs.shape[1])
-    gradient = own.sum(0) - (others.sum(0) + given.pulled) @ beside
-    found = likeliest(alone - shared.T @ beside, gradient, signs @ (own - others @ beside))
+    own = _by_block(columns * given.pulls[basis.rows, None], given.block[basis.rows], signs.shape[1])
+    gradient = own.sum(0) - (given.gradients.sum(0) + given.pulled) @ beside
+    found = likeliest(alone - shared.T @ beside, gradient, signs @ (own - given.gradients @ beside))
     return found, likely(alone, own.sum(0), found.length, found.size)
 
 

@@ -8,22 +8,15 @@ import numpy as np
 
 from twin.driven import DrivenData
 from twin.fit import Fit
-from twin.view import move
+from twin.view import View, move
 
 
-def in_recording(data: DrivenData, fit: Fit, i: int, left: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Name -> (m) what a fault may depend on, SI; strains as the model has them: a reading holds the fault itself.
-
-    Args:
-      data: the recordings.
-      fit: of the model that moves.
-      i: index of the recording.
-      left: channel -> (m) what is missing in it, see `twin.driven_residual`.
-    """
+def of_motion(data: DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:
+    """Name -> (m) what a fault may depend on, SI: the command of one recording, its time, and how the model moves."""
     view, prepared = data.views[i], data.prepared[i]
     motion, _ = move(view, prepared, fit.model, fit.starts[i])
     command = fit.model.drive(prepared.recording).at(view.time)
-    found = {
+    return {
         "hub_angle": motion.angles[:, 0],
         "hub_rate": motion.rates[:, 0],
         "torque_command": command,
@@ -32,4 +25,8 @@ def in_recording(data: DrivenData, fit: Fit, i: int, left: Mapping[str, np.ndarr
             np.cos(motion.angles - motion.angles[:, :1]) * motion.rates * fit.model.chain.lengths, 1
         ),
     }
-    return found | {c: v - left[c] for c, v in view.measured.items() if c.startswith("strain")}
+
+
+def of_strains(view: View, left: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Strain -> (m) as the model has it, of which `left` is missing: a reading holds the fault itself."""
+    return {c: v - left[c] for c, v in view.measured.items() if c.startswith("strain")}

@@ -85,7 +85,7 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, i: int) -
     view = data.views[i]
     left = driven_residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
     white = driven_residual.white(left, view)
-    seen = regressors.in_recording(data, fit, i, left)
+    seen = regressors.of_motion(data, fit, i) | regressors.of_strains(view, left)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     found = {}
     for group in data.groups:

@@ -83,11 +83,10 @@ def nameless(found: Found) -> Nameless | None:
 
     Its evidence has to exceed what chance gives, and what a model gets wrong itself.
     """
-    own_error = OWN_ERROR * sum(c.score for c in found.adopted)
-    for best in found.nameless[:1]:
-        if best.evidence > max(LEAST_EVIDENCE, own_error, best.by_chance):
-            return best
-    return None
+    if not found.nameless:
+        return None
+    best, own_error = found.nameless[0], OWN_ERROR * sum(c.score for c in found.adopted)
+    return best if best.evidence > max(LEAST_EVIDENCE, own_error, best.by_chance) else None
 
 
 def too_large(found: Found) -> tuple[str, ...]:
