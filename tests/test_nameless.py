@@ -47,11 +47,11 @@ def test_noise_asks_for_no_function():
     assert np.mean(found.by_draw > 5.0) < 0.01
 
 
-def asked(folder, effects):
-    """The functions sought in what calibration leaves of a sweep and some steps, without a torque sensor."""
+def asked(folder, effects, torque_sensor=False):
+    """The functions sought in what calibration leaves of a sweep and some steps."""
     plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(5))
     seen = [e for e in plan if e.name in ("torque-sweep", "random-steps")]
-    make_campaign(folder, effects, 5, experiments=seen, perturb=0.5, motor_torque=False)
+    make_campaign(folder, effects, 5, experiments=seen, perturb=0.5, motor_torque=torque_sensor)
     return asked_of(read_campaign(folder))
 
 
@@ -72,8 +72,19 @@ def test_a_dead_zone_is_a_function_of_the_command(tmp_path):
     assert lookup.at(np.array([-0.015])) > 5e-4
 
 
-def test_nothing_is_asked_for_where_nothing_is_missing(tmp_path):
-    assert asked(tmp_path / "rig", {})[0].evidence < 1.0
+def test_a_sensor_of_the_torque_reads_a_dead_zone_too(tmp_path):
+    best, *others = asked(tmp_path / "rig", {"dead-zone": {"width": 0.02}}, torque_sensor=True)
+    on_hub = next(n for n in others if n.law == nameless.Law("torque_command"))
+    assert best.law == nameless.Law("torque_command", drive=True)
+    assert best.evidence > max(5.0, best.by_chance, 2 * on_hub.evidence)
+    lookup = best.lookup
+    assert lookup.at(np.array([0.012])) < -5e-4
+    assert lookup.at(np.array([-0.012])) > 5e-4
+
+
+@pytest.mark.parametrize("torque_sensor", [False, True])
+def test_nothing_is_asked_for_where_nothing_is_missing(tmp_path, torque_sensor):
+    assert asked(tmp_path / "rig", {}, torque_sensor)[0].evidence < 1.0
 
 
 def test_of_a_hub_that_is_clamped_nothing_is_asked(tmp_path):

@@ -165,9 +165,10 @@ def _nameless(found: Found) -> list[str]:
     if smooth is None:
         return []
     sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
+    read = ", which the sensor of the drive's torque reads too," if smooth.law.drive else ""
     return [
-        f"A torque on the hub that is a smooth function of {_named(smooth.law.variable)}{sided} makes the recordings "
-        f"e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
+        f"A torque on the hub{read} that is a smooth function of {_named(smooth.law.variable)}{sided} makes the "
+        f"recordings e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
         f"e^{max(smooth.by_chance, 0):.0f} times."
     ]
 

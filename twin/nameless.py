@@ -5,22 +5,23 @@ the hub's angle or of time wherever that comes back. Such a function is a Gaussi
 as the recordings like it best, with declared parameters and adopted effects free to give way; what counts is its
 evidence, see `twin.gaussian_process`. What chance gives comes from random signs, as in `twin.chance`.
 
-Only the hub is asked: where readings of the link differ a little from the model's, so do sound links on other engines.
+Only the hub is asked, and the sensor of the drive's torque about what the drive does with its command: where readings
+of the link differ a little from the model's, so do sound links on other engines.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from twin import chance, driven_residual, fit, regressors, timed
 from twin.driven import DrivenData
-from twin.evidence import Group
-from twin.fit import Fit, Workbench
+from twin.fit import Fit, Prepared, Workbench
 from twin.gaussian_process import Evidence, likeliest, likely
 from twin.low_pass import GRID, low_passed
+from twin.model import Model
 from twin.patch import HUB, Patch
 from twin.view import View
 
@@ -36,10 +37,12 @@ class Law:
     Attributes:
       variable: on which it depends.
       sided: whether it turns its sign with the hub's direction, as friction does.
+      drive: whether it is a fault of the drive, which a sensor of its torque reads, too.
     """
 
     variable: str
     sided: bool = False
+    drive: bool = False
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -47,7 +50,9 @@ class Law:
         return (self.variable, "hub_rate") if self.sided else (self.variable,)
 
 
+_TORQUE, _COMMAND = "motor_torque", "torque_command"
 _LAWS = (
+    Law(_COMMAND, drive=True),
     *(Law(variable) for variable in ("torque_command", "hub_angle", "hub_rate", "time")),
     *(Law(variable, sided=True) for variable in ("hub_angle", "time")),
 )
@@ -89,13 +94,14 @@ def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:
     """
     data = bench.data
     assert isinstance(data, DrivenData)
-    groups = [g for g in data.groups if g.channel == HUB]
-    if not groups:
+    moving = {
+        g.recording: regressors.of_motion(data, best, g.recording) for g in data.groups if g.channel == HUB
+    }
+    if not moving:
         return ()
-    known = [regressors.of_motion(data, best, g.recording) for g in groups]
     signs = chance.random_signs(bench, chance.DRAWS, np.random.default_rng(0))
     given = _Given.of(bench, best)
-    bases = [(law, _basis(bench, data, groups, known, law)) for law in _LAWS]
+    bases = [(law, _basis(bench, best, moving, law)) for law in _LAWS]
     asked = [(law, b, _evidences(given, b, signs)) for law, b in bases if b is not None]
     if not asked:
         return ()
@@ -123,36 +129,56 @@ class _Basis:
 
 
 def _basis(
-    bench: Workbench,
-    data: DrivenData,
-    groups: Sequence[Group],
-    known: Sequence[Mapping[str, np.ndarray]],
-    law: Law,
+    bench: Workbench, best: Fit, moving: Mapping[int, Mapping[str, np.ndarray]], law: Law
 ) -> _Basis | None:
-    """The columns of a function on the hub's groups, `known` of each; None where its variable does not change."""
-    weights = [bench.weight[g.rows] for g in groups]
-    seen = np.concatenate([k[law.variable][w > 0] for k, w in zip(known, weights, strict=True)])
+    """The columns of a function, by how each recording with a free hub moves; None where nothing tells of it."""
+    data = bench.data
+    assert isinstance(data, DrivenData)
+    on_hub = [g for g in data.groups if g.channel == HUB]
+    read = [g for g in data.groups if g.channel == _TORQUE and law.drive]
+    if law.drive and not read:
+        return None
+    seen = np.concatenate([moving[g.recording][law.variable][bench.weight[g.rows] > 0] for g in on_hub])
     low, high = np.quantile(seen, _RANGE)
     if not high > low:
         return None
     x = np.linspace(low, high, _KNOTS)
-    parts = [_columns(data.views[g.recording], k, law, x).T for g, k in zip(groups, known, strict=True)]
+    groups = sorted([*on_hub, *read], key=lambda g: g.rows.start)
+    parts = [
+        _on_hub(data.views[g.recording], moving[g.recording], law, x)
+        if g.channel == HUB
+        else _on_reading(data.views[g.recording], data.prepared[g.recording], best.model, x)
+        for g in groups
+    ]
+    columns = [bench.weight[g.rows, None] * part.T for g, part in zip(groups, parts, strict=True)]
     rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
     nearest = np.round((np.clip(seen, low, high) - low) / (x[1] - x[0])).astype(int)
-    samples = np.bincount(nearest, minlength=_KNOTS)
-    return _Basis(x, np.concatenate(parts) * np.concatenate(weights)[:, None], rows, samples)
+    return _Basis(x, np.concatenate(columns), rows, np.bincount(nearest, minlength=_KNOTS))
 
 
-def _columns(view: View, known: Mapping[str, np.ndarray], law: Law, x: np.ndarray) -> np.ndarray:
-    """Change of one recording's residual (k x m) with the value at each knot, straight lines between them."""
-    place = np.clip((known[law.variable] - x[0]) / (x[1] - x[0]), 0, len(x) - 1)
-    added = np.maximum(1 - np.abs(place - np.arange(len(x))[:, None]), 0.0)
+def _hats(values: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Share (k x m) of each knot in a function at some values (m): straight lines between knots, constant beyond."""
+    place = np.clip((values - x[0]) / (x[1] - x[0]), 0, len(x) - 1)
+    return np.maximum(1 - np.abs(place - np.arange(len(x))[:, None]), 0.0)
+
+
+def _on_hub(view: View, known: Mapping[str, np.ndarray], law: Law, x: np.ndarray) -> np.ndarray:
+    """Change of what the hub of one recording leaves (k x m) with the value at each knot."""
+    added = _hats(known[law.variable], x)
     if law.sided:
         added *= np.sign(known["hub_rate"])
-    if law.sided or law.variable == "torque_command":
+    if law.sided or law.variable == _COMMAND:
         # As friction and the drive's torque, which pass the filter of the motion, too.
         added = low_passed(added, GRID, view.band)
     return -driven_residual.white_of(view.sliding * low_passed(added, GRID), view, HUB)
+
+
+def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:
+    """Change of what a reading of the drive's torque leaves (k x m) with the value at each knot."""
+    time = prepared.recording.time
+    read = _hats(model.read_torque(prepared.recording), x)
+    added = low_passed(np.array([np.interp(view.time, time, row) for row in read]), GRID)
+    return -driven_residual.white_of(view.known[_TORQUE] * added, view, _TORQUE)
 
 
 @dataclass(frozen=True, eq=False)
