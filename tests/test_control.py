@@ -26,7 +26,7 @@ def test_every_controller_moves_every_plant_to_the_reference(name):
     """The same object, called and reset by the same loop; a slow ramp to 40 degrees is within the reach of all."""
     law = controller(name, RIG, PERIOD)
     torques = []
-    for kind in ("chain", "modal", "compiled", "chain"):
+    for kind in ("chain", "modal", "compiled", "paper", "chain"):
         result = run(plants.make(kind), law, lambda time: math.radians(40) * min(time / 2, 1), 6.0)
         assert np.degrees(result.true["hub_angle"][-1]) == pytest.approx(40, abs=4), kind
         assert np.abs(result.true["motor_torque"]).max() <= RIG["torque_limit"] + 1e-12

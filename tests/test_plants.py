@@ -10,9 +10,10 @@ from twin.model import Model
 from twin.plants.base import READINGS
 from twin.plants.chain import ChainPlant, CompiledPlant
 from twin.plants.modal import ModalPlant
+from twin.plants.paper import PaperPlant
 from twin.rigs import preset
 
-PLANTS = (ChainPlant, CompiledPlant, ModalPlant)
+PLANTS = (ChainPlant, CompiledPlant, ModalPlant, PaperPlant)
 RIG = preset("bossi2009")
 
 

@@ -23,7 +23,7 @@ class Experiment:
 
     Attributes:
       scenario: name of a scenario.
-      plant: "chain", "modal" or "compiled".
+      plant: one of `plants.KINDS`.
       rig: its parameters; the controllers are synthesised for them.
       effects: effects that act on the plant.
       controller: name or FILE.py:NAME; None for the scenario's own.

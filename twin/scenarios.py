@@ -78,13 +78,15 @@ class BangBang:
 _INSTANT = 1e-9  # s, rounding of sample instants
 
 
-def bang_bang(rig: Mapping[str, float], angle: float, period: float) -> BangBang:
+def bang_bang(
+    rig: Mapping[str, float], angle: float, period: float, largest: float = BANG_BANG_TORQUE
+) -> BangBang:
     """Designs a bang-bang torque that turns the rigid rig without friction by `angle` [rad]: angle = u T^2/J.
 
-    The switch falls on a sample, which takes a little off the amplitude.
+    The switch falls on a sample, which takes a little off the `largest` amplitude [N m].
     """
     inertia = rigid_inertia(rig)
-    samples = math.ceil(math.sqrt(angle * inertia / BANG_BANG_TORQUE) / period)
+    samples = math.ceil(math.sqrt(angle * inertia / largest) / period)
     switch = samples * period
     return BangBang(angle * inertia / switch**2, switch)
 

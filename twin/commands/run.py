@@ -31,7 +31,11 @@ Scenario = Annotated[
     ),
 ]
 PlantOption = Annotated[
-    str, typer.Option("--plant", help="chain (MuJoCo) or modal (all effects but backlash).")
+    str,
+    typer.Option(
+        "--plant",
+        help="chain (MuJoCo), modal (all effects but backlash), or paper (one mode, the paper's friction).",
+    ),
 ]
 ControllerOption = Annotated[
     str | None,

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from twin.model import Model
     from twin.parameters import Rig
 
-KINDS = ("chain", "modal", "compiled")
-"""MuJoCo's chain, the modal model, and the chain in compiled equations of motion."""
+KINDS = ("chain", "modal", "compiled", "paper")
+"""MuJoCo's chain, the modal model, the chain in compiled equations of motion, and the paper's model as it stands."""
 
 Effects = Mapping[str, Mapping[str, float]]
 
@@ -46,6 +46,10 @@ def make(
         from twin.plants.modal import ModalPlant
 
         return ModalPlant(model, period)
+    if kind == "paper":
+        from twin.plants.paper import PaperPlant
+
+        return PaperPlant(model, period)
     from twin.plants.chain import ChainPlant, CompiledPlant
 
     return ChainPlant(model, period) if kind == "chain" else CompiledPlant(model, period)

@@ -99,7 +99,7 @@ class ModalPlant:
         """True value of each channel, SI."""
         q = self._z[: self._size]
         values = {name: float(row @ q) for name, row in self._outputs.items()}
-        return {**values, "motor_torque": float(self._z[self._delivered if self._lags else self._command])}
+        return {**values, "motor_torque": self._motor_torque(self._z)}
 
     @property
     def twist(self) -> float:
@@ -172,8 +172,12 @@ class ModalPlant:
         """What is left in z before the mode ends: rate [rad/s] of a sliding hub, static friction [N m] at rest."""
         if self._mode != 0:
             return self._mode * float(self._hub @ z[self._size : 2 * self._size])
+        return self._held(z)
+
+    def _held(self, z: np.ndarray) -> float:
+        """How much more torque [N m] a hub at rest withstands in the state z; negative where it breaks away."""
         needed = float(self._needed @ z)
-        return self._static(needed, z) - abs(needed)
+        return self._forces.static(z[: self._size], 1 if needed > 0 else -1) - abs(needed)
 
     def _break_away(self) -> None:
         if self._remains(self._z) < 0:
@@ -183,9 +187,8 @@ class ModalPlant:
         """The hub's rate is zero: it sticks, or slides on to the side where the torque pulls it."""
         self._mode = 0
         self._hold(self._z, self._now)
-        needed = self._to_hold()
-        if abs(needed) > self._static(needed, self._z):
-            self._slide(1 if needed > 0 else -1)
+        if self._held(self._z) < 0:
+            self._slide(1 if self._to_hold() > 0 else -1)
             return
         rates = self._z[self._size : 2 * self._size]
         # What is left of the hub's rate is taken by an impulse on the hub.
@@ -198,8 +201,8 @@ class ModalPlant:
     def _to_hold(self) -> float:
         return float(self._needed @ self._z)
 
-    def _static(self, needed: float, z: np.ndarray) -> float:
-        return self._forces.static(z[: self._size], 1 if needed > 0 else -1)
+    def _motor_torque(self, z: np.ndarray) -> float:
+        return float(z[self._delivered if self._lags else self._command])
 
     def _propagator(self, h: float, keep: bool = False) -> np.ndarray:
         resting = self._mode == 0

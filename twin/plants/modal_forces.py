@@ -52,6 +52,10 @@ class Forces:
             return planar.static_level(self._plant, float(self._hub @ q), direction)
         return self._plant.static_positive if direction > 0 else self._plant.static_negative
 
+    def sliding(self, q: np.ndarray, direction: int) -> float:
+        """Friction [N m] of a hub that begins to slide in a direction, at coordinates q (n)."""
+        return planar.sliding_level(self._plant, float(self._hub @ q), 0.0, direction)
+
     def on_hub(self, time: float, q: np.ndarray, rates: np.ndarray, direction: int) -> float:
         """Torque [N m] on a hub that slides in a direction (0: that rests), friction included."""
         angle, rate = float(self._hub @ q), float(self._hub @ rates)
