@@ -33,7 +33,13 @@ def settled(
     contenders = [c for c in ranked[:CONTENDERS] if c.score > _CLOSE * best]
     progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
-    return simplest_first([refined(bench, base, c) for c in contenders] + rest)
+    refined = [fitted(bench, base, c, c.fit.values) for c in contenders]
+    left = min(bench.misfit(c.fit.residual) for c in refined)
+    if left > verdict.LEAST_SHARE * bench.misfit(base.residual):
+        # A group that fits badly weighs little, so that a fit can settle with it: the other way is gone to the end too.
+        others = [fitted(bench, base, c, _anew(c.fit)) for c in contenders]
+        refined = [min(pair, key=lambda c: c.fit.cost) for pair in zip(refined, others, strict=True)]
+    return simplest_first(refined + rest)
 
 
 def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -70,22 +76,18 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     return [closest, *sorted(rest, key=lambda c: -c.score)]
 
 
-def refined(bench: Workbench, base: Fit, candidate: Candidate) -> Candidate:
-    """The candidate fitted with everything free.
-
-    Without the effect the declared parameters had to stand in for it: the fit may as well start from these anew.
-    """
+def fitted(bench: Workbench, base: Fit, candidate: Candidate, first: np.ndarray) -> Candidate:
+    """The candidate fitted with everything free, from these values (p)."""
     before = candidate.fit
-    anew = np.array(
+    result = fit.minimise(bench, before.model, before.starts, before.unknowns, first, None, LONG)
+    return Candidate(candidate.effects, result, search.gain(bench, base, result))
+
+
+def _anew(before: Fit) -> np.ndarray:
+    """The values (p) of a fit, declared parameters as declared: without the effect they had to stand in for it."""
+    return np.array(
         [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
     )
-    # A group that fits badly weighs little, so that a fit can settle with it: both ways are gone to the end.
-    results = [
-        fit.minimise(bench, before.model, before.starts, before.unknowns, x, None, LONG)
-        for x in (before.values, anew)
-    ]
-    result = min(results, key=lambda r: r.cost)
-    return Candidate(candidate.effects, result, search.gain(bench, base, result))
 
 
 def confirmed(
