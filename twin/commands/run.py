@@ -22,6 +22,7 @@ from twin.commands.shared import (
 from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
+from twin.plants import KINDS
 
 Scenario = Annotated[
     str,
@@ -97,7 +98,7 @@ def run(
         from twin.experiment import Experiment, run_shown
 
         experiment = Experiment(scenario, plant, declared, effects, controller, noise)
-        report(f"{scenario} on the {plant}")
+        report(f"{scenario} on the {KINDS.get(plant, plant)}")
         result = run_shown(experiment, rrd_file, view, ghost or "other", remarks.append)
     figures = experiment.metrics(result)
     answer = {
@@ -134,7 +135,7 @@ def _print(answer: dict[str, Any]) -> None:
     screen = console()
     speed = answer["duration_s"] / answer["wall_s"]
     screen.print(
-        f"{answer['scenario']} on the {answer['plant']}, controller {answer['controller']}: "
+        f"{answer['scenario']} on the {KINDS[answer['plant']]}, controller {answer['controller']}: "
         f"{answer['duration_s']:g} s in {answer['wall_s']:.2f} s, {speed:.0f} times real time",
         highlight=False,
     )

@@ -12,8 +12,13 @@ if TYPE_CHECKING:
     from twin.model import Model
     from twin.parameters import Rig
 
-KINDS = ("chain", "modal", "compiled", "paper")
-"""MuJoCo's chain, the modal model, the chain in compiled equations of motion, and the paper's model as it stands."""
+KINDS: Mapping[str, str] = {
+    "chain": "chain",
+    "modal": "modal model",
+    "compiled": "compiled chain",
+    "paper": "paper's own model",
+}
+"""Plants by name: MuJoCo's chain, n modes, the chain in compiled equations, and the paper's model as it stands."""
 
 Effects = Mapping[str, Mapping[str, float]]
 
