@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from twin import beam, calibration, chain, fit
+from twin import chain, fit
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
-from twin.identify import balance, identification, joint, sentences
-from twin.identify.break_away import StaticFriction
-from twin.identify.results import Estimate
+from twin.identify import balance, joint
 from twin.model import Model
-from twin.rigs import preset
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import Experiment, bang_bang
+from twin.virtual_rig import Sensors, make_campaign
+from twin.virtual_rig.experiments import Experiment
 
 RATE = 500  # Hz
 QUIET = Sensors(
@@ -61,44 +55,3 @@ def test_the_friction_map_shows_a_constant_for_each_direction(swept):
     assert {-1.0, 1.0} == set(np.sign(hub.rate))
     # Seen through the low-pass, a hub that turns round often would have half of it or none.
     assert (hub.friction * np.sign(hub.rate)).min() > 0.8 * truth["coulomb_friction"]
-
-
-def test_the_payload_from_slews_holds_the_truth(tmp_path):
-    rng = np.random.default_rng(1)
-    slews = [bang_bang(Rig(), Sensors(), rng, angle) for angle in (30.0, 45.0, 60.0, 75.0, 90.0, 105.0)]
-    truth = make_campaign(tmp_path / "slews", {}, 1, perturb=1.0, experiments=slews).true
-    campaign = read_campaign(tmp_path / "slews")
-    model = Model(
-        campaign.rig.replace("true", **truth), campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3
-    )
-    prepared = [fit.prepare(r, calibration.noises(campaign))[0] for r in campaign.fit]
-    data, starts = DrivenData(prepared, model, joint.BANDS), [p.start for p in prepared]
-    hub, whole = balance.of_hub(data, model, starts), balance.of_rig(data, model, starts)
-    total = beam.rigid_inertia(model.declared)
-    assert abs(whole.inertia.value - total) < 3 * whole.inertia.standard_error < 0.06 * total
-    names = ("bending_stiffness", "tip_mass")
-    values = np.array([truth[name] for name in names])
-    found = SimpleNamespace(names=names, values=values, errors=1e-3 * values, intervals={})
-    tip_mass = identification._payload(campaign.rig, found, hub, whole)
-    assert abs(tip_mass.value - truth["tip_mass"]) < 3 * tip_mass.standard_error < 0.1 * truth["tip_mass"]
-    none = StaticFriction((), (), {}, None, math.nan)
-    methods = identification._methods(campaign.rig, found, (), none, hub, None, None, tip_mass)
-    assert methods["tip_mass"]["slews"] == tip_mass
-    said = sentences.inertia(hub, whole, Estimate(total, 0.01 * total), tip_mass, found).sentences
-    assert any(s.startswith("Payload ") and "by (J - J0 - rho l^3/3 - J_p)/l^2" in s for s in said)
-
-
-def test_the_payload_is_what_the_total_inertia_leaves():
-    rig = preset("bossi2009")
-    exact = {name: Estimate(rig[name], 0.0) for name in ("length", "linear_density", "tip_inertia")}
-    hub = Estimate(rig["hub_inertia"], 0.0)
-    total = beam.rigid_inertia(rig)
-    found = balance.payload(Estimate(total, 0.01 * total), hub, exact)
-    assert found.value == pytest.approx(rig["tip_mass"])
-    assert found.standard_error == pytest.approx(0.01 * total / rig["length"] ** 2)
-    for name in exact:
-        rough = exact | {name: Estimate(rig[name], 0.02 * rig[name])}
-        off = exact | {name: Estimate(1.0001 * rig[name], 0.0)}
-        slope = (balance.payload(Estimate(total, 0.0), hub, off).value - rig["tip_mass"]) / 1e-4
-        error = balance.payload(Estimate(total, 0.0), hub, rough).standard_error
-        assert error == pytest.approx(0.02 * abs(slope), rel=1e-3), name

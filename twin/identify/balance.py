@@ -1,10 +1,8 @@
-"""Inertias and Coulomb friction by two torque balances: of the hub alone, and of the whole rig.
+"""Inertia and Coulomb friction of the hub by its torque balance, and the payload that the inertias leave.
 
 The hub, cut off from its link, obeys J0 theta_tt = tau - f - r, with r what the modelled link takes when its root
 moves as the hub was measured, in the limit of fine chains: one of 12 segments is off by a thousandth of J0, and by some
-percent of f. The whole rig has the angular momentum J theta_t + sum_k K_k w''_t(x_k), the link
-moving in as many shapes as there are gauges at x_k; its change is the impulse of tau - f, whatever the link is like.
-With f a constant for each direction both are linear in their unknowns.
+percent of f. With f a constant for each direction it is linear in its unknowns.
 """
 
 from __future__ import annotations
@@ -14,25 +12,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_erosion, label
+from scipy.ndimage import binary_erosion
 from scipy.signal import butter, sosfiltfilt
 
 from twin import limit
 from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
-from twin.identify.results import Estimate
-from twin.low_pass import low_passed, smooth
+from twin.identify.results import TWO_SIDED_95, Estimate
+from twin.low_pass import low_passed
 from twin.model import Model, Start
 from twin.view import View, move
 
-HUB_BAND, RIG_BAND, RIG_BAND_BELOW = 20.0, 10.0, 6.0
-"""Corners of the low-pass on all signals [Hz]: of the hub's balance, of the rig's, and of the one that checks it."""
+HUB_BAND = 20.0
+"""Corner of the low-pass on all signals [Hz]."""
 _REACH = 1.5  # periods of the corner by which a change between rest and motion is kept away
 _BLOCK = 0.5  # s, within which errors are taken as one
 _LEAST_BLOCKS = 4
 _STEADY = 0.95  # share of one direction behind the low-pass from which the friction is that of this direction
-_LEAST_RUN = 0.2  # s
 _GAUGES = ("strain_base", "strain_mid")
 
 
@@ -41,12 +38,12 @@ class Balance:
     """A torque balance by linear regression.
 
     Attributes:
-      inertia: J0 of the hub's balance, J of the rig's [kg m^2].
+      inertia: J0 [kg m^2].
       coulomb: level of the directions +1 and -1 [N m].
       both: mean of the two levels [N m].
-      rate: (n) of the hub [rad/s] where it slides on in one direction; empty of the rig's.
+      rate: (n) of the hub [rad/s] where it slides on in one direction.
       friction: (n) torque that is left for friction there [N m].
-      determination: share of the torque's, or impulse's, variance that the balance explains [1].
+      determination: share of the torque's variance that the balance explains [1].
     """
 
     inertia: Estimate
@@ -75,7 +72,7 @@ def of_hub(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance |
       model: its link, sensors and torque limit count; its hub does not.
       starts: states at the first samples.
     """
-    return _balance(data, model, starts, _torques, HUB_BAND)
+    return _balance(data, model, starts)
 
 
 def with_loss(found: Balance, lossier: Balance | None) -> Balance:
@@ -101,20 +98,6 @@ def with_loss(found: Balance, lossier: Balance | None) -> Balance:
     )
 
 
-def of_rig(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance | None:
-    """The whole rig's balance: as `of_hub`, but of the model only sensors and torque limit count.
-
-    A link that moves in more shapes than there are gauges makes the inertia depend on the band: what it changes from
-    one to another counts as error.
-    """
-    found, below = (_balance(data, model, starts, _momenta, band) for band in (RIG_BAND, RIG_BAND_BELOW))
-    if found is None or below is None:
-        return None
-    apart = found.inertia.value - below.inertia.value
-    error = math.hypot(found.inertia.standard_error, apart)
-    return replace(found, inertia=Estimate(found.inertia.value, error))
-
-
 def payload(whole: Estimate, hub: Estimate, link: Mapping[str, Estimate]) -> Estimate:
     """The tip mass [kg] that the total inertia leaves, m_p = (J - J0 - J_p)/l^2 - rho l/3.
 
@@ -126,25 +109,23 @@ def payload(whole: Estimate, hub: Estimate, link: Mapping[str, Estimate]) -> Est
     area = length.value**2
     carried = (whole.value - hub.value - tip.value) / area
     slope = 2 * carried / length.value + density.value / 3
-    errors = (
-        *(e.standard_error / area for e in (whole, hub, tip)),
+    others = math.hypot(
+        *(e.standard_error / area for e in (hub, tip)),
         slope * length.standard_error,
         length.value / 3 * density.standard_error,
     )
-    return Estimate(carried - density.value * length.value / 3, math.hypot(*errors))
+    value = carried - density.value * length.value / 3
+    low, high = whole.interval
+    half = math.hypot((high - low) / 2 / area, TWO_SIDED_95 * others)
+    error = math.hypot(whole.standard_error / area, others)
+    return Estimate(value, error, (value - half, value + half))
 
 
-def _balance(
-    data: DrivenData,
-    model: Model,
-    starts: Sequence[Start],
-    rows_of: Callable[[Prepared, View, Model, Start, float], _Rows | None],
-    band: float,
-) -> Balance | None:
+def _balance(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance | None:
     items = zip(data.prepared, data.views, starts, strict=True)
-    parts = [rows_of(p, v, model, s, band) for p, v, s in items if _usable(p, v, model, band)]
+    parts = [_torques(p, v, model, s) for p, v, s in items if _usable(p, v, model)]
     found = [rows for rows in parts if rows is not None]
-    if not found or len({rows.columns.shape[1] for rows in found}) > 1:
+    if not found:
         return None
     offsets = np.cumsum([0, *(int(rows.block.max()) + 1 for rows in found[:-1])])
     block = np.concatenate([rows.block + k for rows, k in zip(found, offsets, strict=True)])
@@ -157,14 +138,14 @@ def _balance(
         or np.linalg.cond(X / size) > 1e4
     ):
         return None
-    x, covariance = _clustered(X / size, y, block)
+    x, covariance = clustered(X / size, y, block)
     x, covariance = x / size, covariance / np.outer(size, size)
     errors = np.sqrt(np.diag(covariance))
     estimates = [Estimate(float(v), float(e)) for v, e in zip(x, errors, strict=True)]
     left = y - X @ x
     rate = np.concatenate([rows.rate for rows in found])
     # Behind the low-pass the friction of a hub that swings fast would look like one that grows with the rate.
-    steady = (np.abs(X[:, -2:]).max(axis=1) > _STEADY) & (rows_of is _torques)
+    steady = np.abs(X[:, -2:]).max(axis=1) > _STEADY
     both = Estimate(float(x[-2:].mean()), float(np.sqrt(covariance[-2:, -2:].sum())) / 2)
     return Balance(
         estimates[0],
@@ -176,10 +157,15 @@ def _balance(
     )
 
 
-def _clustered(X: np.ndarray, y: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def clustered(X: np.ndarray, y: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least squares (p) and its covariance, residuals of a block taken as one piece of evidence (P. J. Huber, 1967).
 
     There are more blocks than p unknowns, which take as many of them.
+
+    Args:
+      X: columns (n x p).
+      y: right side (n).
+      block: index of each row's block (n).
     """
     inverse = np.linalg.inv(X.T @ X)
     x = inverse @ X.T @ y
@@ -189,19 +175,24 @@ def _clustered(X: np.ndarray, y: np.ndarray, block: np.ndarray) -> tuple[np.ndar
     return x, inverse @ (pulls.T @ pulls) @ inverse * blocks / (blocks - X.shape[1])
 
 
-def _usable(prepared: Prepared, view: View, model: Model, band: float) -> bool:
-    gauges = any(g in prepared.recording and g in model.sensors for g in _GAUGES)
-    return prepared.hub is not None and gauges and view.time[-1] - view.time[0] > 10 / band
+def gauges(prepared: Prepared, model: Model) -> list[str]:
+    """Strain gauges that the recording has and the model knows of."""
+    return [g for g in _GAUGES if g in prepared.recording and g in model.sensors]
 
 
-def _torques(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
-    t, low = view.time, _low_pass(view.time, band)
+def _usable(prepared: Prepared, view: View, model: Model) -> bool:
+    long = view.time[-1] - view.time[0] > 10 / HUB_BAND
+    return prepared.hub is not None and bool(gauges(prepared, model)) and bool(long)
+
+
+def _torques(prepared: Prepared, view: View, model: Model, start: Start) -> _Rows | None:
+    t, low = view.time, _low_pass(view.time, HUB_BAND)
     required = _required(prepared, view, model, start)
     link = twice_averaged(required - model.declared["hub_inertia"] * view.acceleration)
     # Friction behind the low-pass that the measured motion has passed.
-    forward, backward = (low_passed(s, float(t[1] - t[0]), view.band) for s in _shares(view))
+    forward, backward = (low_passed(s, float(t[1] - t[0]), view.band) for s in shares(view))
     columns = np.column_stack([low(v) for v in (twice_averaged(view.acceleration), forward, -backward)])
-    kept = binary_erosion(view.sliding, iterations=int(_REACH / band / (t[1] - t[0])))
+    kept = binary_erosion(view.sliding, iterations=int(_REACH / HUB_BAND / (t[1] - t[0])))
     if not kept.any():
         return None
     # The measured motion has passed one low-pass more than the torque.
@@ -210,7 +201,7 @@ def _torques(prepared: Prepared, view: View, model: Model, start: Start, band: f
     return _Rows(columns[kept], right[kept], view.rate[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
 
 
-def _shares(view: View) -> tuple[np.ndarray, np.ndarray]:
+def shares(view: View) -> tuple[np.ndarray, np.ndarray]:
     """Shares (m) of a grid step about each instant in which the hub moves forwards and backwards [1]."""
     mean = view.direction * one_way(view.rate, view.acceleration, float(view.time[1] - view.time[0]))
     moves = np.abs(view.direction)
@@ -223,43 +214,9 @@ def _required(prepared: Prepared, view: View, model: Model, start: Start) -> np.
     return limit.weights(limit.QUICK) @ np.array([move(view, prepared, m, start)[1] for m in chains])
 
 
-def _momenta(prepared: Prepared, view: View, model: Model, start: Start, band: float) -> _Rows | None:
-    t, low = view.time, _low_pass(view.time, band)
-    hub = smooth(t, low(view.reading))
-    bends = [smooth(t, low(b))(t, 1) for b in _curvatures(prepared, view, model)]
-    period = float(t[1] - t[0])
-    friction = [d * period * np.cumsum(share) for d, share in zip((1, -1), _shares(view), strict=True)]
-    impulse = period * np.cumsum(mean_torque(model, prepared.recording, t))
-    whole = np.column_stack([hub(t, 1), *bends, *friction, impulse])
-    runs, count = label(view.sliding)
-    parts: list[np.ndarray] = []
-    blocks: list[np.ndarray] = []
-    for k in range(1, count + 1):
-        inside = runs == k
-        if inside.sum() * period > _LEAST_RUN:
-            # What was there before the run is not known: a constant for each.
-            parts.append(whole[inside] - whole[inside].mean(axis=0))
-            blocks.append(np.full(int(inside.sum()), len(blocks)))
-    if not parts:
-        return None
-    rows = np.vstack(parts)
-    return _Rows(rows[:, :-1], rows[:, -1], rows[:, 0], np.concatenate(blocks))
-
-
 def _low_pass(time: np.ndarray, band: float) -> Callable[[np.ndarray], np.ndarray]:
     """A zero-phase low-pass for signals on a uniform clock."""
     period = float(time[1] - time[0])
     sections = butter(4, min(band, 0.4 / period), fs=1 / period, output="sos")
     pad = min(len(time) - 1, int(2 / band / period))
     return lambda values: sosfiltfilt(sections, values, padlen=pad)
-
-
-def _curvatures(prepared: Prepared, view: View, model: Model) -> list[np.ndarray]:
-    """Curvature (m) [1/m] on the grid at each gauge."""
-    recording, sensors, found = prepared.recording, model.sensors, []
-    for name in _GAUGES:
-        if name in recording and name in sensors:
-            known = np.isfinite(recording[name])
-            strain = np.interp(view.time, recording.time[known], recording[name][known])
-            found.append(strain / sensors[name].half_thickness)
-    return found

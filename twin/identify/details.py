@@ -11,6 +11,7 @@ from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
 from twin.identify.joint import Joint
+from twin.identify.momentum import Momentum
 from twin.identify.results import Estimate
 
 
@@ -24,7 +25,7 @@ def estimate(found: Estimate, unit: str) -> dict[str, Any]:
     }
 
 
-def total_inertia(whole: Balance | None, joint: Estimate) -> dict[str, Any]:
+def total_inertia(whole: Momentum | None, joint: Estimate) -> dict[str, Any]:
     """J of the whole rig by its angular momentum and by what the joint estimate adds up to."""
     return {
         "slews": None if whole is None else estimate(whole.inertia, "kg*m^2"),

@@ -26,6 +26,7 @@ from twin.identify import (
     friction_map,
     held_out,
     joint,
+    momentum,
     near_modes,
     sentences,
     spectra,
@@ -39,6 +40,7 @@ from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
 from twin.identify.held_out import HeldOutError
 from twin.identify.joint import Joint
+from twin.identify.momentum import Momentum
 from twin.identify.results import (
     Estimate,
     Finding,
@@ -73,7 +75,8 @@ class Identification:
       findings: what each procedure found, or what it lacks.
       decays: ring-downs of the clamped link.
       static_friction: break-aways.
-      hub, whole: torque balances; None where the recordings say too little.
+      hub: its torque balance; None where the recordings say too little.
+      whole: balance of the rig's angular momentum; None likewise.
       released: map of the friction from a release of the unclamped link; None without one.
       load: the static test; None where there is none that can be used.
       spectrum: response of the link to the torque; None where no torque excites a broad band.
@@ -94,7 +97,7 @@ class Identification:
     decays: tuple[Decay, ...]
     static_friction: StaticFriction
     hub: Balance | None
-    whole: Balance | None
+    whole: Momentum | None
     released: FrictionMap | None
     load: StaticTest | None
     spectrum: Response | None
@@ -152,7 +155,7 @@ def identify(
         friction = break_away.read(found.data, model, starts)
         progress("balancing torques")
         hub = _hub_balance(found)
-        whole = balance.of_rig(found.data, model, starts)
+        whole = momentum.of_rig(found.data, model)
         as_read = _with_static(search.fine(model), friction)
         released = friction_map.read(as_read, found.prepared, starts)
     load = static_test.read(campaign)
@@ -302,7 +305,7 @@ def _methods(
     return own
 
 
-def _payload(rig: Rig, found: Joint, hub: Balance | None, whole: Balance | None) -> Estimate | None:
+def _payload(rig: Rig, found: Joint, hub: Balance | None, whole: Momentum | None) -> Estimate | None:
     """The tip mass by the two balances, the link as declared; None where one of them is not believed."""
     if hub is None or whole is None or min(hub.determination, whole.determination) < sentences.EXPLAINED:
         return None

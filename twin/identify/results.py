@@ -173,6 +173,7 @@ def parameter_json(found: Identified) -> dict[str, Any]:
         "unit": found.unit,
         "declared": found.declared,
         "methods": {
-            name: {"value": e.value, "standard_error": e.standard_error} for name, e in found.methods.items()
+            name: {"value": e.value, "standard_error": e.standard_error, "interval": list(e.interval)}
+            for name, e in found.methods.items()
         },
     }

@@ -14,6 +14,7 @@ from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
 from twin.identify.joint import Joint
+from twin.identify.momentum import Momentum
 from twin.identify.results import Estimate, Finding, Mode, disagreement
 from twin.identify.spectra import Response
 from twin.identify.static_test import LOADS, OddRow, StaticTest
@@ -216,7 +217,7 @@ def _of_balance(hub: Balance, found: Joint) -> list[str]:
 
 def inertia(
     hub: Balance | None,
-    whole: Balance | None,
+    whole: Momentum | None,
     total: Estimate,
     tip_mass: Estimate | None,
     found: Joint | None,
@@ -233,8 +234,8 @@ def inertia(
         said.append(agreement(whole.inertia, total, ("It", "what the joint estimate adds up to")))
     elif said:
         said.append(
-            "The total inertia, and the payload by it, are missing: no recordings in which the hub slides on in one "
-            "direction often enough, one slew there and one back in each of three, say."
+            "The total inertia, and the payload by it, are missing: no recordings with two strain gauges in which the "
+            "hub slides on often enough, one slew there and one back in each of six, say."
         )
     if tip_mass is not None:
         said.append(

@@ -1,0 +1,118 @@
+"""The total inertia and the payload by the angular momentum of the whole rig, on slews of virtual rigs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin import beam, calibration, chain, fit
+from twin.campaign import read_campaign
+from twin.driven import DrivenData
+from twin.identify import balance, identification, joint, momentum, sentences
+from twin.identify.break_away import StaticFriction
+from twin.identify.results import Estimate
+from twin.model import Model
+from twin.rigs import preset
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import bang_bang
+
+QUIET = Sensors(
+    hub_noise=1e-9, strain_noise=1e-11, torque_noise=1e-8, hub_step=0, strain_step=0, torque_step=0
+)
+NOISE = {"hub_angle": 1e-4, "strain_base": 2e-6, "strain_mid": 2e-6, "motor_torque": 1e-3}
+ANGLES = (30.0, 45.0, 60.0, 75.0, 90.0, 105.0)  # degrees
+
+
+def slewed(folder, seed, sensors=None, noise=None):
+    """Six slews there and back, seen through the true parameters: truth, rig as declared, model and views."""
+    generator = np.random.default_rng(seed)
+    slews = [bang_bang(Rig(), Sensors(), generator, angle) for angle in ANGLES]
+    truth = make_campaign(folder, {}, seed, perturb=1.0, sensors=sensors, experiments=slews).true
+    campaign = read_campaign(folder)
+    true = campaign.rig.replace("true", **truth)
+    model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
+    noise = noise or calibration.noises(campaign)
+    prepared = [fit.prepare(recording, noise)[0] for recording in campaign.fit]
+    return truth, campaign.rig, model, DrivenData(prepared, model, joint.BANDS)
+
+
+@pytest.fixture(scope="module")
+def quiet(tmp_path_factory):
+    return slewed(tmp_path_factory.mktemp("momentum") / "quiet", 5, QUIET, NOISE)
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory):
+    return slewed(tmp_path_factory.mktemp("momentum") / "noisy", 1)
+
+
+def test_a_bent_link_is_nearer_to_the_axis():
+    # A load at the tip, w'' = c (1 - s/l), puts it at y = c l^2/3 and x = l - c^2 l^3/15: r^2 = l^2 - c^2 l^4/45.
+    c, rate, m, positions = 0.3, 2.0, 5, (0.02, 0.21)
+    rig = {"length": 0.42, "linear_density": 0.0, "tip_mass": 0.155}
+    bends = [np.full(m, c * (1 - x / rig["length"])) for x in positions]
+    found = momentum.lacking(bends, positions, 0.002 * np.arange(m), np.full(m, rate), rig)
+    assert found == pytest.approx(-0.155 * rate * c**2 * 0.42**4 / 45, rel=5e-3)
+
+
+def test_the_total_inertia_has_no_bias(quiet):
+    _, _, model, data = quiet
+    found = momentum.of_rig(data, model).inertia
+    # Taken as straight, a link that bends by 65 mm makes it 0.4 to 1 % low.
+    assert found.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-4)
+
+
+def test_the_shape_of_the_link_needs_two_gauges(quiet):
+    _, _, model, data = quiet
+    one = replace(model, sensors={n: s for n, s in model.sensors.items() if n != "strain_mid"})
+    assert momentum.of_rig(data, one) is None
+
+
+def test_few_runs_say_nothing(quiet):
+    _, _, model, data = quiet
+    assert momentum.of_rig(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
+
+
+def test_total_inertia_and_payload_from_slews_hold_the_truth(noisy):
+    truth, declared, model, data = noisy
+    hub = balance.of_hub(data, model, [p.start for p in data.prepared])
+    whole = momentum.of_rig(data, model)
+    total = beam.rigid_inertia(model.declared)
+    low, high = whole.inertia.interval
+    assert low < total < high
+    assert high - low < 0.008 * total
+    names = ("bending_stiffness", "tip_mass")
+    values = np.array([truth[name] for name in names])
+    found = SimpleNamespace(names=names, values=values, errors=1e-3 * values, intervals={})
+    tip_mass = identification._payload(declared, found, hub, whole)
+    low, high = tip_mass.interval
+    assert low < truth["tip_mass"] < high
+    assert high - low < 0.025 * truth["tip_mass"]
+    none = StaticFriction((), (), {}, None, math.nan)
+    methods = identification._methods(declared, found, (), none, hub, None, None, tip_mass)
+    assert methods["tip_mass"]["slews"] == tip_mass
+    said = sentences.inertia(hub, whole, Estimate(total, 0.01 * total), tip_mass, found).sentences
+    assert any(s.startswith("Payload ") and "by (J - J0 - rho l^3/3 - J_p)/l^2" in s for s in said)
+
+
+def test_the_payload_is_what_the_total_inertia_leaves():
+    rig = preset("bossi2009")
+    exact = {name: Estimate(rig[name], 0.0) for name in ("length", "linear_density", "tip_inertia")}
+    hub = Estimate(rig["hub_inertia"], 0.0)
+    total = beam.rigid_inertia(rig)
+    found = balance.payload(Estimate(total, 0.01 * total), hub, exact)
+    assert found.value == pytest.approx(rig["tip_mass"])
+    assert found.standard_error == pytest.approx(0.01 * total / rig["length"] ** 2)
+    assert found.interval[1] - found.value == pytest.approx(1.96 * found.standard_error)
+    wide = balance.payload(Estimate(total, 0.01 * total, (0.97 * total, 1.03 * total)), hub, exact)
+    assert wide.interval[1] - wide.value == pytest.approx(3 * found.standard_error)
+    for name in exact:
+        rough = exact | {name: Estimate(rig[name], 0.02 * rig[name])}
+        off = exact | {name: Estimate(1.0001 * rig[name], 0.0)}
+        slope = (balance.payload(Estimate(total, 0.0), hub, off).value - rig["tip_mass"]) / 1e-4
+        error = balance.payload(Estimate(total, 0.0), hub, rough).standard_error
+        assert error == pytest.approx(0.02 * abs(slope), rel=1e-3), name
