@@ -10,7 +10,7 @@ import campaign_folder
 import numpy as np
 import pytest
 from scipy.constants import g
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import cont2discrete, lfilter, sosfiltfilt
 from typer.testing import CliRunner
 
 from twin import beam, calibration, campaign, chain, cli, fit
@@ -560,6 +560,31 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb,
     # Without friction there is the declared damping of the free modes.
     assert found.damping[0] == pytest.approx(0.034, rel=0.1)
     assert abs(found.level.value - coulomb) < 2.5 * found.level.standard_error < 0.02 * coulomb
+
+
+def test_noise_of_a_swing_is_shared_with_the_next():
+    frequency, period, noise, count = 7.27, 0.002, 2e-6, 5
+    rng = np.random.default_rng(0)
+    sections = friction_map._low_pass(frequency, period)
+    smooth = sosfiltfilt(sections, noise * rng.standard_normal((4000, 800)), axis=-1)
+    tops = smooth[:, 200 + np.round(np.arange(count + 1) * 0.5 / frequency / period).astype(int)]
+    swings = (-1.0) ** np.arange(count) * (tops[:, :-1] - tops[:, 1:])
+    found = friction_map._scatter(count, period, frequency, noise)
+    # Of 4000 draws each entry scatters by some 2 % of the variance.
+    assert found == pytest.approx(np.cov(swings.T), abs=0.08 * found[0, 0])
+    assert found[0, 1] > 0.3 * found[0, 0]
+
+
+def test_what_the_damping_leaves_open_is_in_the_error_of_the_decay_map():
+    def mapped(level):
+        none = np.zeros(0)
+        return friction_map.FrictionMap("free.csv", none, none, Estimate(0.05, 1e-3), level)
+
+    found = friction_map.with_loss(mapped(Estimate(5e-3, 3e-5)), mapped(Estimate(4.96e-3, 3e-5)))
+    assert found.level.value == 5e-3
+    assert found.level.standard_error == pytest.approx(5e-5)
+    assert friction_map.with_loss(None, None) is None
+    assert friction_map.with_loss(mapped(None), mapped(Estimate(5e-3, 3e-5))).level is None
 
 
 def test_break_away_on_a_staircase_lies_between_two_stairs():

@@ -157,7 +157,7 @@ def identify(
         hub = _hub_balance(found)
         whole = momentum.of_rig(found.data, model)
         as_read = _with_static(search.fine(model), friction)
-        released = friction_map.read(as_read, found.prepared, starts)
+        released = _friction_map(found, as_read)
     load = static_test.read(campaign)
     seen = spectra.response(sound.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
@@ -206,14 +206,28 @@ def identify(
 
 def _hub_balance(found: Joint) -> Balance | None:
     model, starts = found.fit.model, found.fit.starts
-    hub = balance.of_hub(found.data, model, starts)
-    if hub is None or "damping_ratio" not in found.names:
+    hub, lossier = balance.of_hub(found.data, model, starts), _lossier(found, model)
+    if hub is None or lossier is None:
         return hub
+    return balance.with_loss(hub, balance.of_hub(found.data, lossier, starts))
+
+
+def _friction_map(found: Joint, model: Model) -> FrictionMap | None:
+    starts = found.fit.starts
+    released, lossier = friction_map.read(model, found.prepared, starts), _lossier(found, model)
+    if released is None or lossier is None:
+        return released
+    return friction_map.with_loss(released, friction_map.read(lossier, found.prepared, starts))
+
+
+def _lossier(found: Joint, model: Model) -> Model | None:
+    """The model, its link's damping one standard error larger; None where that is exact."""
+    if "damping_ratio" not in found.names:
+        return None
     k = found.names.index("damping_ratio")
     most = model.declared.parameters["damping_ratio"].bounds[1]
     more = min(float(found.values[k] + found.errors[k]), most)
-    lossier = model.replace(declared=model.declared.replace("lossier", damping_ratio=more))
-    return balance.with_loss(hub, balance.of_hub(found.data, lossier, starts))
+    return model.replace(declared=model.declared.replace("lossier", damping_ratio=more))
 
 
 def _backbone(campaign: Campaign, found: Joint, model: Model) -> Backbone | None:

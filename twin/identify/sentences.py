@@ -180,7 +180,7 @@ def coulomb(
         )
     if released is None:
         said.append(
-            "By the decay of the unclamped link: no unclamped recording with initial_tip_deflection swings four times."
+            "By the decay of the unclamped link: no unclamped recording with initial_tip_deflection swings five times."
         )
     elif released.level is None:
         said.append(
