@@ -390,7 +390,8 @@ def test_json_is_what_others_read(run):
     _, _, said, _ = run
     for p in said["parameters"].values():
         assert {"value", "standard_error", "unit", "declared", "methods"} <= set(p)
-        assert all(set(e) == {"value", "standard_error"} for e in p["methods"].values())
+        assert all(set(e) == {"value", "standard_error", "interval"} for e in p["methods"].values())
+        assert all(e["interval"][0] < e["value"] < e["interval"][1] for e in p["methods"].values())
     clamped = [m for m in said["modes"] if m["boundary"] == "clamped"]
     assert clamped[0]["kind"] == "bending"
     assert clamped[0]["frequency_hz"] == pytest.approx(1.24, rel=0.05)

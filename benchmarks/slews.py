@@ -1,0 +1,146 @@
+"""How right are total inertia and payload by slews, and Coulomb friction by the decay of the unclamped link?
+
+    python benchmarks/slews.py WORK [--campaigns 50] [--seed 7000] [--jobs 1] [--minutes M]
+
+Two rigs for each seed, whose true parameters are drawn from the declared uncertainty: one does six slews of 30 to 105
+degrees, there and back; the other, whose static friction lets it swing, is released with its tip drawn aside by 30 mm.
+Only the procedures concerned run. What a joint estimate would have told them of the link, they have from the truth;
+the payload has length, density and tip inertia as declared, as always.
+
+WORK is a folder for the campaigns and the answers; an interrupted run goes on from there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import resumable
+from machine import describe
+
+from twin import beam, calibration, chain, fit
+from twin.campaign import Campaign, read_campaign
+from twin.driven import DrivenData
+from twin.fit import Prepared
+from twin.identify import balance, friction_map, joint, momentum
+from twin.identify.results import Estimate
+from twin.model import Model
+from twin.parameters import Rig
+from twin.search import FINE_STEP
+from twin.virtual_rig import Rig as VirtualRig
+from twin.virtual_rig import Sensors, make_campaign
+from twin.virtual_rig.experiments import bang_bang, free_release
+
+ANGLES = (30.0, 45.0, 60.0, 75.0, 90.0, 105.0)  # degrees
+SLIPPERY = 0.02  # N m, static friction that lets the hub swing
+RELEASED = 1500  # samples of a release: 3 s
+NAMES = ("total inertia, slews", "payload, slews", "Coulomb friction, decay map")
+
+
+def solve(seed: int, folder: Path) -> dict:
+    """Makes both campaigns and runs the procedures: quantity -> truth, value, standard error and interval."""
+    began = time.perf_counter()
+    found = {**_slews(seed, folder / "slews"), **_release(seed, folder / "release")}
+    return {"found": found, "seconds": time.perf_counter() - began}
+
+
+def _slews(seed: int, folder: Path) -> dict:
+    generator = np.random.default_rng(seed)
+    slews = [bang_bang(VirtualRig(), Sensors(), generator, angle) for angle in ANGLES]
+    truth = make_campaign(folder, {}, seed, perturb=1.0, experiments=slews, force=True).true
+    campaign = read_campaign(folder)
+    true = campaign.rig.replace("true", **truth)
+    model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
+    prepared = _prepared(campaign)
+    data = DrivenData(prepared, model, joint.BANDS)
+    whole = momentum.of_rig(data, model)
+    if whole is None:
+        return {}
+    found = {"total inertia, slews": _told(whole.inertia, beam.rigid_inertia(true))}
+    hub = balance.of_hub(data, model, [p.start for p in prepared])
+    if hub is not None:
+        tip_mass = balance.payload(whole.inertia, hub.inertia, _declared(campaign.rig))
+        found["payload, slews"] = _told(tip_mass, true["tip_mass"])
+    return found
+
+
+def _release(seed: int, folder: Path) -> dict:
+    rig = VirtualRig(static_positive=SLIPPERY, static_negative=SLIPPERY)
+    plan = free_release(rig, Sensors(), np.random.default_rng(seed))
+    plan = replace(plan, commands=plan.commands[:RELEASED])
+    truth = make_campaign(folder, {}, seed, rig=rig, perturb=1.0, experiments=[plan], force=True).true
+    campaign = read_campaign(folder)
+    known = {**truth, "coulomb_friction": campaign.rig["coulomb_friction"]}
+    believed = campaign.rig.replace("believed", **known)
+    model = Model(believed, campaign.sensors, chain.fit_shape(believed, 12), step=FINE_STEP)
+    prepared = _prepared(campaign)
+    found = friction_map.read(model, prepared, [p.start for p in prepared])
+    if found is None or found.level is None:
+        return {}
+    return {"Coulomb friction, decay map": _told(found.level, truth["coulomb_friction"])}
+
+
+def _prepared(campaign: Campaign) -> list[Prepared]:
+    noise = calibration.noises(campaign)
+    return [fit.prepare(recording, noise)[0] for recording in campaign.fit]
+
+
+def _declared(rig: Rig) -> dict[str, Estimate]:
+    """The link as declared."""
+    names = ("length", "linear_density", "tip_inertia")
+    return {name: Estimate(rig[name], joint.prior_deviation(rig, name)) for name in names}
+
+
+def _told(found: Estimate, true: float) -> dict:
+    said = {"value": found.value, "standard_error": found.standard_error, "interval": list(found.interval)}
+    return {"true": true, **said}
+
+
+def table(answers: Sequence[dict]) -> str:
+    """Bias, error and coverage of each quantity, as Markdown; errors are relative."""
+    lines = [
+        "| quantity | rigs | told | bias | rms error | mean standard error | mean half interval | 95 % coverage |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for name in NAMES:
+        told = [a["found"][name] for a in answers if name in a["found"]]
+        if told:
+            lines.append(_row(name, len(answers), told))
+    seconds = [a["seconds"] for a in answers]
+    lines += [
+        "",
+        f"Time for both campaigns: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s.",
+    ]
+    return "\n".join(lines)
+
+
+def _row(name: str, rigs: int, told: Sequence[dict]) -> str:
+    true, value, error = (np.array([t[key] for t in told]) for key in ("true", "value", "standard_error"))
+    low, high = np.array([t["interval"] for t in told]).T
+    off = value / true - 1
+    half = (high - low) / 2 / true
+    bias = f"{100 * off.mean():.3f} +- {100 * off.std(ddof=1) / np.sqrt(len(off)):.3f} %"
+    sizes = (np.sqrt((off**2).mean()), (error / true).mean(), half.mean())
+    cells = " | ".join(f"{100 * size:.3f} %" for size in sizes)
+    held = np.mean((low <= true) & (true <= high))
+    return f"| {name} | {rigs} | {len(told)} | {bias} | {cells} | {100 * held:.0f} % |"
+
+
+def main() -> None:
+    """Runs what is not there yet and prints the table."""
+    parser = resumable.parser(__doc__, jobs=1)
+    parser.add_argument("--campaigns", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=7000, help="of the first campaign")
+    options = parser.parse_args()
+    seeds = range(options.seed, options.seed + options.campaigns)
+    answers = resumable.answers({str(seed): seed for seed in seeds}, solve, options)
+    given = f"--campaigns {options.campaigns} --seed {options.seed}"
+    print(f"`python benchmarks/slews.py WORK {given}`, {describe()}, {len(answers)} rigs\n")
+    print(table(answers))
+
+
+if __name__ == "__main__":
+    main()
