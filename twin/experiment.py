@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from twin import closed_loop, plants, run_stream, scenarios
 from twin.closed_loop import Run
 from twin.control import library
@@ -52,9 +54,10 @@ class Experiment:
         plant = plants.make(self.plant, self.rig, self.effects)
         reporting = Reporting(plants.model_of(self.rig, self.effects), plant)
         sensors = Sensors({} if self.noise is None else BOSSI2009, self.noise or 0, reporting)
-        return closed_loop.run(
-            plant, self.law(plant.period), chosen.reference, chosen.duration, sensors, watch
-        )
+        law = self.law(plant.period)
+        # Matrices are small: threads of linear algebra wait for each other.
+        with threadpool_limits(1):
+            return closed_loop.run(plant, law, chosen.reference, chosen.duration, sensors, watch)
 
     def law(self, period: float) -> Controller:
         """Returns the controller for a sample period [s]."""
