@@ -564,12 +564,12 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     low, high = np.array([u.bounds for u in base.unknowns])[kept].T
     here = base.values[kept]
     beyond = np.full(columns.shape[1], np.inf)
-    move = _bounded_move(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
+    move = bounded_move(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
     after = base.residual + J @ move * bench.weight
     return bench.cost(base.residual) - bench.cost(after)
 
 
-def _bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The move (p) within bounds that minimises gradient' m + m' normal m / 2."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))

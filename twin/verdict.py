@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin import chance, driven, evidence, timed
+from twin import chance, driven, evidence, left_out, timed
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.nameless import Nameless
@@ -44,7 +44,7 @@ def worth_adopting(
 
     `by_chance` is the score that chance alone gives too often; see `twin.chance`.
     A lone recording may be odd, and the chain is not the rig: an effect has to explain a fair share of what is left,
-    and still do so when the recording that speaks loudest for it is left out.
+    and the recordings, each predicted by the others, have to gain by it even without the one that gains most.
     """
     if not ranked:
         return None
@@ -58,14 +58,16 @@ def worth_adopting(
 
 
 def without_loudest(bench: Workbench, base: Fit, fit: Fit) -> float:
-    """Gain in cost without the recording that gains most."""
+    """Gain in cost without the recording that gains most, each predicted by the others."""
     gains = recording_gains(bench, base, fit)
     return float(gains.sum() - gains.max())
 
 
 def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
-    """Gain in cost of each recording (r)."""
-    before, after = (bench.count * evidence.loss(bench.sizes(f.residual)) for f in (base, fit))
+    """Gain in cost of each recording (r) as the others predict it; see `twin.left_out`."""
+    before, after = (
+        bench.count * evidence.loss(bench.sizes(left_out.residual(bench, f))) for f in (base, fit)
+    )
     gains = np.zeros(len(bench.prepared))
     for group, gain in zip(bench.groups, before - after, strict=True):
         gains[group.recording] += gain

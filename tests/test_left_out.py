@@ -1,0 +1,62 @@
+"""Each recording as the others predict it: held against fits without it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin import left_out
+from twin.evidence import Group
+from twin.fit import Unknown
+
+ROWS, RECORDINGS = 40, 4
+
+
+def bench():
+    groups = [Group(i, "hub_torque", slice(i * ROWS, (i + 1) * ROWS)) for i in range(RECORDINGS)]
+    return SimpleNamespace(
+        groups=groups,
+        weight=np.ones(ROWS * RECORDINGS),
+        count=np.full(RECORDINGS, float(ROWS)),
+        # Below one noise level every group counts alike, whatever its size.
+        sizes=lambda residual: np.full(RECORDINGS, 1.0),
+    )
+
+
+def fitted(columns, data, prior=None, rows=slice(None)):
+    """The fit of a line of data to columns (n x p), on some rows."""
+    A, y = columns[rows], data[rows]
+    precision = np.diag([0.0 if p is None else 1 / p**2 for p in prior or [None] * columns.shape[1]])
+    values = np.linalg.solve(A.T @ A + precision, A.T @ y)
+    unknowns = [
+        Unknown("rig" if p else "effect", f"p{k}", 0.0, p or 1.0, p is not None, (-1e3, 1e3))
+        for k, p in enumerate(prior or [None] * columns.shape[1])
+    ]
+    return SimpleNamespace(
+        unknowns=unknowns, values=values, residual=data - columns @ values, jacobian=-columns
+    )
+
+
+@pytest.mark.parametrize("prior", [None, [0.1, None]])
+def test_of_a_linear_model_it_is_the_fit_without_the_recording(prior):
+    random = np.random.default_rng(3)
+    columns = random.normal(size=(ROWS * RECORDINGS, 2))
+    data = columns @ [0.4, -0.3] + random.normal(size=len(columns))
+    predicted = left_out.residual(bench(), fitted(columns, data, prior))
+    for group in bench().groups:
+        others = np.delete(np.arange(len(data)), group.rows)
+        alone = fitted(columns, data, prior, others).values
+        np.testing.assert_allclose(predicted[group.rows], (data - columns @ alone)[group.rows], atol=1e-6)
+
+
+def test_what_one_recording_alone_tells_is_kept():
+    random = np.random.default_rng(4)
+    columns = random.normal(size=(ROWS * RECORDINGS, 2))
+    columns[ROWS:, 1] = 0.0  # the state at the first sample of the first recording
+    data = columns @ [0.4, -0.3] + random.normal(size=len(columns))
+    whole = fitted(columns, data)
+    predicted = left_out.residual(bench(), whole)
+    alone = fitted(columns[:, :1], data, None, slice(ROWS, None)).values
+    np.testing.assert_allclose(
+        predicted[:ROWS], (data - columns @ [alone[0], whole.values[1]])[:ROWS], atol=1e-6
+    )

@@ -1,0 +1,37 @@
+"""Each recording as the others predict it: cross-validation within the recordings of a fit.
+
+A fit without one of them is one step of Gauss and Newton away from the fit to all of them: no simulation more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twin import fit
+from twin.fit import Fit, Workbench
+
+_ALONE = 0.01  # part of what is known of a number below which the other recordings do not tell it
+
+
+def residual(bench: Workbench, found: Fit) -> np.ndarray:
+    """Residual (n), that of each recording by a fit to the other ones.
+
+    What a recording alone tells, as the state at its first sample, is kept as it is.
+
+    Args:
+      bench: the data.
+      found: the fit to all of them, with its slopes.
+    """
+    weights = fit.row_weights(bench, found.residual)
+    information, gradient = fit.normal_equations(bench, found)
+    low, high = np.array([u.bounds for u in found.unknowns]).T - found.values
+    predicted = found.residual.copy()
+    for i in {g.recording for g in bench.groups}:
+        own = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in bench.groups if g.recording == i])
+        J, weighted = found.jacobian[own], weights[own, None] * found.jacobian[own]
+        others = information - J.T @ weighted
+        told = np.diag(others) > _ALONE * np.diag(information)
+        pulls = gradient - weighted.T @ found.residual[own]
+        move = fit.bounded_move(others[np.ix_(told, told)], pulls[told], low[told], high[told])
+        predicted[own] += J[:, told] @ move * bench.weight[own]
+    return predicted
