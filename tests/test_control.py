@@ -2,6 +2,7 @@
 
 import math
 import textwrap
+from pathlib import Path
 
 import control
 import numpy as np
@@ -120,10 +121,10 @@ def test_a_jump_of_the_reference_is_no_motion_to_the_observer():
 # The user's files
 
 
-def user_file(tmp_path, text):
+def user_file(tmp_path, text, name="make"):
     path = tmp_path / "mine.py"
     path.write_text(textwrap.dedent(text))
-    return f"{path}:make"
+    return f"{path}:{name}"
 
 
 @pytest.mark.parametrize(
@@ -209,3 +210,25 @@ def test_missing_file_and_unknown_name_are_said():
         controller("lqj", RIG, PERIOD)
     with pytest.raises(InputError, match=r"expected siso\.py:NAME$"):
         controller("siso.py", RIG, PERIOD)
+
+
+def test_the_example_of_the_documentation_controls_the_rig(tmp_path):
+    text = (Path(__file__).parent.parent / "docs" / "control.md").read_text(encoding="utf-8")
+    example = text.split("```python\n")[1].split("```")[0]
+    law = controller(user_file(tmp_path, example, "Mine"), RIG, PERIOD)
+    step = run(plants.make("modal"), law, lambda time: math.radians(120), 5.0)
+    assert np.degrees(step.true["hub_angle"][-1]) == pytest.approx(120, abs=3)
+    assert "rate" in step.states
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        ("control.tf([1, 0], [1])", "no more zeros than poles"),
+        ("control.frd([1.0], [1.0])", "expected a linear one"),
+        ("control.nlsys(None, lambda t, x, u, p: u, inputs=1, outputs=1)", "expected a linear one"),
+    ],
+)
+def test_a_system_that_cannot_be_run_is_refused_in_a_sentence(tmp_path, made, message):
+    with pytest.raises(InputError, match=message):
+        controller(user_file(tmp_path, f"import control\nmake = {made}"), RIG, PERIOD)

@@ -66,6 +66,19 @@ def test_the_total_inertia_has_no_bias(quiet):
     assert found.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-4)
 
 
+def test_a_strain_that_is_bridged_is_no_reading(quiet):
+    _, _, model, data = quiet
+    prepared = []
+    for p in data.prepared:
+        mid = p.recording["strain_mid"].copy()
+        fastest = int(np.argmax(np.abs(np.gradient(p.recording["hub_angle"]))))
+        mid[fastest : fastest + 75] = np.nan  # 0.15 s
+        channels = {**p.recording.channels, "strain_mid": mid}
+        prepared.append(fit.prepare(p.recording.replace(channels=channels), NOISE)[0])
+    found = momentum.of_rig(DrivenData(prepared, model, joint.BANDS), model)
+    assert found.inertia.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-3)
+
+
 def test_the_shape_of_the_link_needs_two_gauges(quiet):
     _, _, model, data = quiet
     one = replace(model, sensors={n: s for n, s in model.sensors.items() if n != "strain_mid"})

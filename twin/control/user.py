@@ -81,11 +81,17 @@ def load(file: Path, name: str, rig: Mapping[str, float], period: float) -> Cont
             f"{file}: has no '{name}'; it has: {', '.join(known) or 'nothing'}{nearest(name, known)}"
         )
     thing = getattr(module, name)
-    if _is_factory(thing):
+    if not _is_system(thing) and _is_factory(thing):
         given = dict(zip(_GIVEN, (rig, period), strict=True))
         wanted = {key: given[key] for key in inspect.signature(thing).parameters if key in given}
         thing = _guarded(file, thing, **wanted)
     return _adapted(thing, file, name, period)
+
+
+def _is_system(thing: Any) -> bool:
+    import control
+
+    return isinstance(thing, control.InputOutputSystem)
 
 
 def _is_factory(thing: Any) -> bool:
@@ -103,6 +109,11 @@ def _adapted(thing: Any, file: Path, name: str, period: float) -> Controller:
 
     if isinstance(thing, control.StateSpace | control.TransferFunction):
         return LinearController(_sampled(thing, file, name, period))
+    if _is_system(thing):
+        raise InputError(
+            f"{file}: '{name}' is a python-control {type(thing).__name__}; expected a linear one, "
+            "by control.tf or control.ss"
+        )
     law = getattr(thing, "torque", thing)
     if not callable(law):
         raise InputError(
@@ -125,11 +136,16 @@ def _sampled(system: Any, file: Path, name: str, period: float):
             f"{file}: '{name}' has {system.ninputs} inputs and {system.noutputs} outputs; "
             "expected one of each: hub angle's error [rad] in, torque [N m] out"
         )
-    if system.isctime(strict=True) or system.dt is None:
-        return control.ss(control.sample_system(control.ss(system), period, "bilinear"))
-    if not math.isclose(system.dt, period, rel_tol=1e-6) and system.dt is not True:
+    continuous = system.isctime(strict=True) or system.dt is None
+    if not continuous and system.dt is not True and not math.isclose(system.dt, period, rel_tol=1e-6):
         raise InputError(f"{file}: '{name}' has a sample period of {system.dt:g} s; expected {period:g} s")
-    return control.ss(system)
+    try:
+        states = control.ss(system)
+    except ValueError as error:
+        raise InputError(
+            f"{file}: '{name}': {error}; expected no more zeros than poles, since a torque cannot depend on what comes"
+        ) from None
+    return control.ss(control.sample_system(states, period, "bilinear")) if continuous else states
 
 
 def _module(file: Path) -> ModuleType:

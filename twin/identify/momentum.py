@@ -127,7 +127,7 @@ def _runs(prepared: Prepared, view: View, model: Model) -> list[np.ndarray]:
     """Runs of a recording, of (n x 6) each: hub angle, impulse's integral, two curvatures, friction's by direction."""
     window = _window(model, float(view.time[1] - view.time[0]))
     signals = _signals(prepared, view, model)
-    runs, count = label(_sliding(view))
+    runs, count = label(_sliding(view) & _read(view, gauges(prepared, model)))
     found = [signals[runs == k] for k in range(1, count + 1)]
     return [_without_line(_averaged(run, window)) for run in found if len(run) > 2 * len(window)]
 
@@ -153,6 +153,12 @@ def _sliding(view: View) -> np.ndarray:
     """Where (m) the hub surely slides: its angle has passed a wider filter, of shorter reach, than its torque."""
     spared = int(REACH * (1 - BAND / view.band) / (view.time[1] - view.time[0]))
     return binary_dilation(view.sliding, iterations=spared) if spared > 0 else view.sliding
+
+
+def _read(view: View, names: Sequence[str]) -> np.ndarray:
+    """Where (m) all these gauges were read, with the reach of the filter on what bridges a gap."""
+    missing = np.any([~view.known[name] for name in names], axis=0)
+    return ~binary_dilation(missing, iterations=round(REACH / (view.time[1] - view.time[0])))
 
 
 def _window(model: Model, period: float) -> np.ndarray:

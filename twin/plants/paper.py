@@ -1,14 +1,19 @@
 """The paper's own model: one bending mode, and a friction that is switched by the hub's rate.
 
-Bossi et al. 2009 let friction equal the motor's torque, up to the static level, while the hub is slower than a small
-rate d, and tau_c beyond it. As d goes to zero, a hub at rest
+The switch of Bossi et al. 2009 (section IV there):
 
-    withstands      the motor alone, up to tau_s,
-    slides on       once the link's pull is not opposed by it and, with the motor's torque, exceeds tau_c:
+    f = tau_c sgn(theta_t)    where |theta_t| > d
+        tau                   where the motor's torque |tau| < tau_s
+        tau_s sgn(theta_t)    otherwise
 
-the static level holds the hub against the motor, not against the link. On a rig nothing tells friction where a torque
-comes from: `twin.plants.modal` has the same level against their sum. The limit itself is taken here, since how large d
-is changes figures as soon as a step of time passes it.
+As d goes to zero, a hub at rest
+
+    |tau| < tau_s     slides to where the link pulls once pull and motor together exceed tau_c,
+    otherwise         rests while pull and motor together are below tau_s.
+
+A motor below tau_s is held whatever it is, a bent link is not. On a rig nothing tells friction where a torque comes
+from: `twin.plants.modal` has the static level against their sum. The limit itself is taken here, since how large d is
+changes figures as soon as a step of time passes it.
 """
 
 from __future__ import annotations
@@ -31,8 +36,9 @@ class PaperPlant(ModalPlant):
 
     def _held(self, z: np.ndarray) -> float:
         needed, motor, q = float(self._needed @ z), self._motor_torque(z), z[: self._size]
-        withstood = np.clip(motor, -self._forces.static(q, -1), self._forces.static(q, 1))
-        pull = needed - withstood
+        if abs(motor) >= self._forces.static(q, 1 if motor > 0 else -1):
+            return super()._held(z)
+        pull = needed - motor
         upwards = min(pull, needed - self._forces.sliding(q, 1))
         downwards = min(-pull, -needed - self._forces.sliding(q, -1))
         return -max(upwards, downwards)
