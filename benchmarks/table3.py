@@ -54,13 +54,16 @@ GROWTHS = (0.0, 0.25, 0.5, 0.75, 1.0)
 PAUSES = (0.0, 0.1, 0.2, 0.3)  # s
 TORQUES = {True: np.geomspace(0.12, 0.214, 24), False: np.geomspace(0.22, 0.45, 48)}
 """Largest amplitude tried where the simulation has the torque limit, and beyond it where it has not [N m]."""
-PAPERS = tuple(
-    Family(float(u), growth, pause)
-    for growth in (0.0, 0.25, 0.5)
-    for pause in (0.0, 0.1, 0.2)
-    for u in np.geomspace(0.15, 0.214, 10)
-)
-"""Families tried on the paper's own model."""
+PAPERS = {
+    limited: tuple(
+        Family(float(u), growth, pause)
+        for growth in (0.0, 0.25, 0.5)
+        for pause in (0.0, 0.1, 0.2)
+        for u in np.geomspace(*ends, 10)
+    )
+    for limited, ends in ((True, (0.15, 0.214)), (False, (0.22, 0.35)))
+}
+"""Families tried on the paper's own model, with the torque limit and without it."""
 PAPER_PERIOD = 1e-3  # s, over which its torque is held
 DECLARED = {
     "static friction": ("static_friction",),
@@ -121,16 +124,19 @@ def reconstruct(family: Family, limited: bool = True) -> Reconstruction:
     return Reconstruction(family, limited, found, _rms(found))
 
 
-def reconstruct_by_paper(family: Family) -> Reconstruction:
+def reconstruct_by_paper(family: Family, limited: bool = True) -> Reconstruction:
     """Simulates a family on the paper's own model of the declared rig."""
     profiles = family.profiles(preset("bossi2009"), DESIGNED)
-    found = np.array([turn_by_paper(profile) for profile in profiles])
-    return Reconstruction(family, True, found, _rms(found), by_paper=True)
+    found = np.array([turn_by_paper(profile, limited) for profile in profiles])
+    return Reconstruction(family, limited, found, _rms(found), by_paper=True)
 
 
-def turn_by_paper(profile: Profile) -> float:
+def turn_by_paper(profile: Profile, limited: bool) -> float:
     """Where the paper's own model comes to rest under a profile [rad]; the mean torque is held over each period."""
-    plant = PaperPlant(rig_model(), PAPER_PERIOD)
+    model = rig_model()
+    if not limited:
+        model = model.replace(declared=model.declared.replace(torque_limit=math.inf))
+    plant = PaperPlant(model, PAPER_PERIOD)
     pulse = profile.torque * profile.half
     at = np.cumsum([0.0, profile.half, profile.pause, profile.half])
     impulse = np.interp(np.arange(0.0, DURATION, PAPER_PERIOD), at, [0.0, pulse, pulse, 0.0])
@@ -282,10 +288,13 @@ HEADS = "| growth | pause s | largest torque N m | shortest, longest run s | tur
 RULES = "| ---: | ---: | ---: | ---: | --- | ---: |"
 
 
-def print_by_paper(pool: ProcessPoolExecutor) -> Reconstruction:
+def print_by_paper(pool: ProcessPoolExecutor, limited: bool) -> Reconstruction:
     """Prints the best torque of each growth and pause by the paper's own model; returns the best of all."""
-    print(f"\n### By the paper's own model\n\n{HEADS}\n{RULES}")
-    tried = sorted(pool.map(reconstruct_by_paper, PAPERS, chunksize=4), key=lambda r: r.rms)
+    print(
+        f"\n### By the paper's own model, {'with' if limited else 'without'} the torque limit\n\n{HEADS}\n{RULES}"
+    )
+    reconstructed = pool.map(partial(reconstruct_by_paper, limited=limited), PAPERS[limited], chunksize=4)
+    tried = sorted(reconstructed, key=lambda r: r.rms)
     kinds = {(r.family.growth, r.family.pause): r for r in reversed(tried)}
     for r in sorted(kinds.values(), key=lambda r: r.rms):
         print("| " + " | ".join(cells_of(r)) + " |", flush=True)
@@ -450,7 +459,8 @@ def main() -> None:
     with ProcessPoolExecutor(options.jobs) as pool:
         print("## Profiles that give the simulated column\n")
         print(f"Simulated in the paper: {degrees(SIMULATED, 2)} degrees.")
-        papers = print_by_paper(pool)
+        papers = print_by_paper(pool, True)
+        print_by_paper(pool, False)
         families = [papers, *chosen(print_families(pool, True), print_families(pool, False))]
         print_finer(families)
         profiles = families[0].outcomes().profiles

@@ -68,7 +68,8 @@ def test_bang_bang_turns_the_papers_model_as_its_own_simulation_did(degrees, pub
 def test_fast_sinusoid_has_the_amplitude_and_deflection_of_figure_6(plant):
     figures = experiment("sinus-0.4", plant).metrics(experiment("sinus-0.4", plant).run())
     assert (figures["hub_max_deg"] - figures["hub_min_deg"]) / 2 == pytest.approx(55.0, abs=1.5)
-    assert figures["peak_deflection_mm"] == pytest.approx(54, abs=4.1)
+    # The modal plant's 58.03 mm are 4 mm more than the figure, the chain's 57.4 and the paper's model's 55.2 less.
+    assert figures["peak_deflection_mm"] == pytest.approx(54, abs=4.1 if plant == "modal" else 4.0)
     assert figures["saturated_fraction"] > 0
 
 
