@@ -23,19 +23,19 @@ class Difference:
       channel: name of the channel.
       rms: root mean square of other minus first over the time that both cover, SI.
       largest: largest magnitude of it, SI.
-      span: root mean square of the first track's channel about its mean, SI: what the difference is small against.
+      spread: root mean square of the first track's channel about its mean, SI: what the difference is small against.
     """
 
     name: str
     channel: str
     rms: float
     largest: float
-    span: float
+    spread: float
 
     @property
     def relative(self) -> float:
-        """The difference as a share of the span; nan where the first does not move."""
-        return self.rms / self.span if self.span > 0 else float("nan")
+        """The difference as a share of the spread; nan where the first does not move."""
+        return self.rms / self.spread if self.spread > 0 else float("nan")
 
 
 def read_tracks(paths: Sequence[Path], rig: Mapping[str, float] | None = None) -> list[Track]:

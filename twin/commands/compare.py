@@ -69,7 +69,7 @@ def _print(first: str, rows: list[Difference]) -> None:
 
     title = f"difference from {first}"
     table = Table(
-        "", "channel", "RMS", "largest", "unit", "RMS/span", box=None, title=title, title_justify="left"
+        "", "channel", "RMS", "largest", "unit", "RMS/spread", box=None, title=title, title_justify="left"
     )
     for column in (2, 3, 5):
         table.columns[column].justify = "right"

@@ -35,7 +35,8 @@ PlantOption = Annotated[
     str,
     typer.Option(
         "--plant",
-        help="chain (MuJoCo), modal (all effects but backlash), or paper (one mode, the paper's friction).",
+        help="chain (MuJoCo), compiled (the same chain), modal (n modes), or paper (its one mode and friction); "
+        "the last two without backlash.",
     ),
 ]
 ControllerOption = Annotated[
@@ -84,7 +85,7 @@ def run(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Run one of the paper's experiments on the chain or the modal model, under any controller."""
+    """Run one of the paper's experiments on the chain, the modal model or its own, under any controller."""
     read = (rig_file(rig), controller_file(controller), *_read_for(ghost or ""))
     check_writable(csv_file, json_file, rrd_file, read=read)
     if ghost is not None and rrd_file is None and not view:

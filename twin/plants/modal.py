@@ -52,7 +52,7 @@ class ModalPlant:
         Raises:
           InputError: there is a play between motor and hub.
         """
-        _check_effects(model)
+        _check_effects(model, self.name)
         self.period, self.torque_limit = period, float(model.declared["torque_limit"])
         self._drive, self._lags = DriveLine(model), model.plant.lag > 0
         rig = modal_rig(model, modes)
@@ -237,6 +237,6 @@ def _systems(
     return sliding, resting, torque + hub @ inner / (hub @ push)
 
 
-def _check_effects(model: Model) -> None:
+def _check_effects(model: Model, plant: str) -> None:
     if model.plant.gap > 0:
-        raise InputError("effect backlash has no place in the modal plant; expected --plant chain for it")
+        raise InputError(f"effect backlash has no place in the {plant} plant; expected --plant chain for it")
