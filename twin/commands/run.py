@@ -22,7 +22,6 @@ from twin.commands.shared import (
 from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
-from twin.plants import KINDS
 
 Scenario = Annotated[
     str,
@@ -97,6 +96,7 @@ def run(
     with progress() as report:
         report("loading the plants")
         from twin.experiment import Experiment, run_shown
+        from twin.plants import KINDS
 
         experiment = Experiment(scenario, plant, declared, effects, controller, noise)
         report(f"{scenario} on the {KINDS.get(plant, plant)}")
@@ -132,6 +132,8 @@ def _read_for(ghost: str) -> tuple[Path, ...]:
 
 def _print(answer: dict[str, Any]) -> None:
     from rich.table import Table
+
+    from twin.plants import KINDS
 
     screen = console()
     speed = answer["duration_s"] / answer["wall_s"]
