@@ -39,7 +39,7 @@ from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
 from twin.identify.held_out import HeldOutError
-from twin.identify.joint import Joint
+from twin.identify.joint import Joint, with_link
 from twin.identify.momentum import Momentum
 from twin.identify.results import (
     Estimate,
@@ -307,7 +307,7 @@ def _methods(
         ("static_friction", "break-away"): friction.level,
         ("coulomb_friction", "hub-balance"): hub.both if hub else None,
         ("coulomb_friction", "decay-map"): released.level if released else None,
-        ("hub_inertia", "hub-balance"): _with_link(hub.inertia, found) if hub else None,
+        ("hub_inertia", "hub-balance"): with_link(hub.inertia, found) if hub else None,
         ("tip_mass", "slews"): tip_mass,
     }
     for (name, method), value in said.items():
@@ -324,16 +324,7 @@ def _payload(rig: Rig, found: Joint, hub: Balance | None, whole: Momentum | None
     if hub is None or whole is None or min(hub.determination, whole.determination) < sentences.EXPLAINED:
         return None
     link = {name: _declared(rig, name) for name in ("length", "linear_density", "tip_inertia")}
-    return balance.payload(whole.inertia, _with_link(hub.inertia, found), link)
-
-
-def _with_link(inertia: Estimate, found: Joint) -> Estimate:
-    """J0 of the hub's balance, whose link is the identified one: as uncertain as the scale of that link's torque."""
-    scale = (
-        found.errors[found.names.index("bending_stiffness")]
-        / found.values[found.names.index("bending_stiffness")]
-    )
-    return Estimate(inertia.value, float(np.hypot(inertia.standard_error, inertia.value * scale)))
+    return balance.payload(whole.inertia, with_link(hub.inertia, found), link)
 
 
 def _damping(rig: Rig, decays: tuple[Decay, ...]) -> Estimate:
@@ -389,7 +380,7 @@ def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate])
 
 def _not_determined(parameters: Mapping[str, Identified], found: Joint) -> dict[str, str]:
     """Parameters whose error is hardly smaller than what was known of them before, and why."""
-    said = {}
+    said = {name: "stands at the end of its range" for name in found.at_an_end()}
     for name, p in parameters.items():
         if p.declared_error and p.standard_error > _KNOWN_BEFORE * p.declared_error:
             partners = [b if a == name else a for a, b, _ in found.tied() if name in (a, b)]

@@ -111,6 +111,13 @@ class Joint:
                 found.append(u.name)
         return found
 
+    def open_ends(self, name: str) -> list[str]:
+        """Sides, "lower" and "upper", on which a profile's interval ends where the range does."""
+        [low, high] = next(u.bounds for u in self.fit.unknowns if u.owner == "rig" and u.name == name)
+        near = _END * (high - low)
+        first, last = self.intervals[name]
+        return [side for side, gap in (("lower", first - low), ("upper", high - last)) if gap < near]
+
     def combination(self, a: str, b: str) -> tuple[float, float]:
         """The power s with which a b^s is known best, and its relative standard error [1]."""
         i, j = self.names.index(a), self.names.index(b)
@@ -127,6 +134,13 @@ class Joint:
             [(of({**values, n: values[n] * 1.001}) - here) / (values[n] * 1e-3) for n in self.names]
         )
         return positive(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
+
+
+def with_link(inertia: Estimate, found: Joint) -> Estimate:
+    """J0 of the hub's balance, whose link is the identified one: as uncertain as the scale of that link's torque."""
+    stiffness = found.names.index("bending_stiffness")
+    scale = found.errors[stiffness] / found.values[stiffness]
+    return Estimate(inertia.value, float(np.hypot(inertia.standard_error, inertia.value * scale)))
 
 
 def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Joint:

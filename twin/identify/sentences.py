@@ -13,7 +13,7 @@ from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
-from twin.identify.joint import Joint
+from twin.identify.joint import Joint, with_link
 from twin.identify.momentum import Momentum
 from twin.identify.results import Estimate, Finding, Mode, disagreement
 from twin.identify.spectra import Response
@@ -23,6 +23,7 @@ EXPLAINED = 0.9
 """Share of the torque that the hub's balance has to explain to be believed."""
 _FEWEST, _MOST = 4, 9  # digits of a number
 _ODD_SHOWN = 3  # contradictions between recordings
+_UNTOLD = 0.5  # relative error from which a figure that follows from the estimate is not given
 _APART = 3.0  # standard errors of the difference from which two estimates are said to disagree
 
 
@@ -228,10 +229,18 @@ def inertia(
         return Finding("inertia", title, (), "no recording in which a free hub slides for long enough")
     said = []
     if hub is not None and hub.determination >= EXPLAINED:
-        said.append(f"J0 = {shown(hub.inertia, 'kg m^2')} by the hub's torque balance.")
+        j0 = hub.inertia if found is None else with_link(hub.inertia, found)
+        said.append(f"J0 = {shown(j0, 'kg m^2')} by the hub's torque balance.")
+        if found is not None and "hub_inertia" in found.names:
+            said.append(agreement(j0, _joint(found, "hub_inertia"), ("It", "the joint estimate")))
     if whole is not None and whole.determination >= EXPLAINED:
         said.append(f"J = {shown(whole.inertia, 'kg m^2')} of the whole rig by its angular momentum.")
-        said.append(agreement(whole.inertia, total, ("It", "what the joint estimate adds up to")))
+        said.append(agreement(whole.inertia, total, ("It", "that of the joint estimate")))
+    elif said and whole is not None:
+        said.append(
+            "The total inertia, and the payload by it, are missing: its balance explains "
+            f"{100 * whole.determination:.0f} % of how the hub turns, other laws act on it."
+        )
     elif said:
         said.append(
             "The total inertia, and the payload by it, are missing: no recordings with two strain gauges in which the "
@@ -245,7 +254,7 @@ def inertia(
             said.append(agreement(tip_mass, _joint(found, "tip_mass"), ("It", "the joint estimate")))
     if not said:
         return Finding(
-            "inertia", title, (), "a hub whose torque a balance explains: other laws act on this one"
+            "inertia", title, (), "the balance explains too little of the hub's torque: other laws act on it"
         )
     return Finding("inertia", title, tuple(said))
 
@@ -360,7 +369,11 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
             f"{a} and {b} move {way} (correlation {r:.3f}): {a} times {b} to the power {power:.2g} is known to "
             f"{100 * error:.2g} %, each alone to {alone[0]:.2g} and {alone[1]:.2g} %."
         )
-    said += [f"It adds up to {what} {shown(value, unit)}." for what, value, unit in figures]
+    for what, value, unit in figures:
+        if value.standard_error > _UNTOLD * abs(value.value):
+            said.append(f"Together they do not tell {what.removesuffix(' of')}.")
+        else:
+            said.append(f"Together they give {what} {shown(value, unit)}.")
     said += [
         f"{name} stands at the end of its range: what was declared of it is wrong, or the model lacks something."
         for name in found.at_an_end()
@@ -375,7 +388,8 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
     elif not found.odd:
         said.append("No recording moves the estimate by more than chance when it is left out.")
     said += [
-        f"The likelihood is not elliptic in {name}: by its profile the 95 % interval is {low:.5g} to {high:.5g}."
+        f"The likelihood is not elliptic in {name}: by its profile the 95 % interval is {low:.5g} to {high:.5g}"
+        f"{_open(found.open_ends(name))}."
         for name, (low, high) in found.intervals.items()
     ]
     if not found.intervals:
@@ -383,6 +397,14 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
             "Two standard errors away the likelihood is what the covariance says, in every parameter."
         )
     return Finding("joint", "Joint estimate", tuple(said))
+
+
+def _open(sides: Sequence[str]) -> str:
+    """What an interval says that ends where the range of its parameter does."""
+    if not sides:
+        return ""
+    ends = f"{' and '.join(sides)} end{'s are those' if len(sides) > 1 else ' is that'}"
+    return f", and its {ends} of the range looked at"
 
 
 def _joint(found: Joint, name: str) -> Estimate:
