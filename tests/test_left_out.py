@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import left_out
+from twin import evidence, left_out, verdict
 from twin.evidence import Group
 from twin.fit import Unknown
 
@@ -60,3 +60,33 @@ def test_what_one_recording_alone_tells_is_kept():
     np.testing.assert_allclose(
         predicted[:ROWS], (data - columns @ [alone[0], whole.values[1]])[:ROWS], atol=1e-6
     )
+
+
+def test_of_one_effect_alone_all_else_stays_as_all_recordings_tell_it():
+    random = np.random.default_rng(5)
+    columns = random.normal(size=(ROWS * RECORDINGS, 2))
+    data = columns @ [0.04, -0.3] + random.normal(size=len(columns))
+    whole = fitted(columns, data, [0.1, None])
+    predicted = left_out.residual(bench(), whole, "effect")
+    own, rest = columns[:, 1], data - columns[:, 0] * whole.values[0]
+    for group in bench().groups:
+        others = np.delete(np.arange(len(data)), group.rows)
+        value = own[others] @ rest[others] / (own[others] @ own[others])
+        np.testing.assert_allclose(predicted[group.rows], (rest - own * value)[group.rows], atol=1e-6)
+
+
+def test_an_effect_is_adopted_though_the_calibration_without_a_decay_goes_astray(monkeypatch):
+    gained = np.repeat([400.0, 50.0, 12.0, -1.0], ROWS)
+    astray = gained - np.repeat([0.0, 0.0, 0.0, 250.0], ROWS)
+    base, best = SimpleNamespace(residual=gained, name="base"), SimpleNamespace(name="best")
+    told = {
+        ("base", None): astray,
+        ("best", None): np.zeros(len(gained)),
+        ("best", "play"): np.zeros(len(gained)),
+    }
+    monkeypatch.setattr(left_out, "residual", lambda _, found, effect=None: told[found.name, effect])
+    monkeypatch.setattr(evidence, "loss", lambda sizes: sizes)
+    means = SimpleNamespace(**{**vars(bench()), "sizes": lambda r: r.reshape(RECORDINGS, ROWS).mean(axis=1)})
+    means.prepared, means.count = range(RECORDINGS), np.ones(RECORDINGS)
+    found = verdict.elsewhere(means, base, SimpleNamespace(fit=best, effects=("play",)))
+    assert found == pytest.approx(50 + 12 - 1)

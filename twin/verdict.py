@@ -52,24 +52,27 @@ def worth_adopting(
     left = bench.misfit(base.residual)
     if best.score < max(LEAST_SCORE, by_chance) or best.score < LEAST_SHARE * left:
         return None
-    if len(bench.prepared) > 1 and without_loudest(bench, base, best.fit) < LEAST_ELSEWHERE:
+    if len(bench.prepared) > 1 and elsewhere(bench, base, best) < LEAST_ELSEWHERE:
         return None
     return best
 
 
-def without_loudest(bench: Workbench, base: Fit, fit: Fit) -> float:
-    """Gain in cost without the recording that gains most, each predicted by the others."""
-    gains = recording_gains(bench, base, fit)
-    return float(gains.sum() - gains.max())
+def elsewhere(bench: Workbench, base: Fit, best: Candidate) -> float:
+    """Gain in cost without the recording that gains most, each predicted by the others; see `twin.left_out`.
+
+    Predicted is what the effect adds, or the calibration with it, whichever tells more: where another effect is
+    missing still, the calibration without a decay, say, goes far astray with any effect and without.
+    """
+    with_calibration = _gains(bench, left_out.residual(bench, base), left_out.residual(bench, best.fit))
+    by_itself = _gains(bench, base.residual, left_out.residual(bench, best.fit, best.effects[-1]))
+    return max(float(gains.sum() - gains.max()) for gains in (with_calibration, by_itself))
 
 
-def recording_gains(bench: Workbench, base: Fit, fit: Fit) -> np.ndarray:
-    """Gain in cost of each recording (r) as the others predict it; see `twin.left_out`."""
-    before, after = (
-        bench.count * evidence.loss(bench.sizes(left_out.residual(bench, f))) for f in (base, fit)
-    )
+def _gains(bench: Workbench, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Gain in cost of each recording (r) from one residual to another."""
+    costs = [bench.count * evidence.loss(bench.sizes(residual)) for residual in (before, after)]
     gains = np.zeros(len(bench.prepared))
-    for group, gain in zip(bench.groups, before - after, strict=True):
+    for group, gain in zip(bench.groups, costs[0] - costs[1], strict=True):
         gains[group.recording] += gain
     return gains
 
