@@ -34,7 +34,7 @@ from twin.identify.deliver import FOLDER
 from twin.identify.results import Estimate, disagreement, pooled
 from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
-from twin.rig_file import read_rig_file
+from twin.rig_file import effect_lines, header, parameter_lines, read_rig_file
 from twin.rigs import preset
 from twin.virtual_rig import UNCERTAINTY, Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import Experiment, free_release
@@ -283,9 +283,11 @@ def test_of_a_closed_loop_the_response_is_by_the_reference_and_h1_is_biased():
     assert off[0] < 0.03
     assert off[1] > 0.1
     assert (by_reference.estimator, by_torque.estimator) == ("by the reference", "H1")
-    said = sentences.spectra(by_reference, (), None).sentences
+    said = sentences.spectra(by_reference, (), None, Estimate(7.27, 0.01)).sentences
     assert any("by the reference as instrument" in s for s in said)
-    assert not any("instrument" in s for s in sentences.spectra(by_torque, (), None).sentences)
+    assert not any(
+        "instrument" in s for s in sentences.spectra(by_torque, (), None, Estimate(7.27, 0.01)).sentences
+    )
     curves = [trace.name for trace in pictures.response(by_reference).data]
     assert "by the reference" in curves
     assert "H1" not in curves
@@ -433,7 +435,7 @@ def test_what_is_no_number_in_one_campaign_is_in_another():
     assert said["simulated_slope"] is None
     assert said["frequency_hz"] == [7.0] * 3
     mapped = friction_map.FrictionMap(
-        "r.csv", np.arange(2.0), np.arange(2.0), Estimate(0.5, 0.1), Estimate(5e-3, 1e-4)
+        "r.csv", np.arange(2.0), np.arange(2.0), Estimate(0.5, 0.1), Estimate(5e-3, 1e-4), 0.03
     )
     assert details.friction_map(mapped)["level"]["interval"] == pytest.approx([4.804e-3, 5.196e-3])
 
@@ -462,6 +464,34 @@ def test_intervals_are_told_with_where_they_come_from(run):
     # One sweep has no slews.
     assert "The total inertia, and the payload by it, are missing" in output
     assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
+
+
+def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
+    planted = {"viscous-friction": {"viscous": 0.02}}
+    truth = make_campaign(tmp_path / "rig-8", planted, 8, perturb=1.0, experiments=experiments()).true
+    declared = read_campaign(tmp_path / "rig-8").rig
+    lines = [
+        *header("rig-8", "as declared"),
+        *(li for p in declared.parameters.values() for li in parameter_lines(p)),
+    ]
+    lines += effect_lines("viscous-friction", {"viscous": 0.015}, {"viscous": 0.01}, {}, "roughly known")
+    (tmp_path / "rig.toml").write_text("\n".join(lines))
+    given = ["--rig", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(cli.app, ["identify", str(tmp_path / "rig-8"), *given])
+    assert result.exit_code == 0, result.output
+    said = json.loads((tmp_path / "out" / "identification.json").read_text())
+    law = said["effects"]["viscous-friction.viscous"]
+    assert abs(law["value"] - 0.02) < 3.5 * law["standard_error"] < 3.5e-3
+    assert (law["declared"], law["unit"]) == (0.015, "N*m*s/rad")
+    for name, p in said["parameters"].items():
+        methods = {m: e for m, e in p["methods"].items() if m != "joint"}
+        assert all(
+            abs(e["value"] - truth[name]) < 3.5 * e["standard_error"] for e in (p, *methods.values())
+        ), name
+    assert {"hub-balance"} <= set(said["parameters"]["coulomb_friction"]["methods"])
+    rig, effects = read_rig_file(tmp_path / "out" / FOLDER.files["rig"])
+    assert effects == {"viscous-friction": {"viscous": pytest.approx(law["value"])}}
+    assert rig["hub_inertia"] == pytest.approx(said["parameters"]["hub_inertia"]["value"])
 
 
 def test_beside_itself_a_campaign_has_its_own_peaks(run):
@@ -524,7 +554,7 @@ def test_what_recordings_do_not_allow_is_said_in_a_sentence():
         sentences.decays(()),
         sentences.break_aways(nothing),
         sentences.inertia(None, None, Estimate(0.03, 0.001), None, None),
-        sentences.spectra(None, (), None),
+        sentences.spectra(None, (), None, Estimate(7.27, 0.01)),
     ]
     assert all(f.missing and not f.sentences for f in found)
 
@@ -579,13 +609,13 @@ def test_noise_of_a_swing_is_shared_with_the_next():
 def test_what_the_damping_leaves_open_is_in_the_error_of_the_decay_map():
     def mapped(level):
         none = np.zeros(0)
-        return friction_map.FrictionMap("free.csv", none, none, Estimate(0.05, 1e-3), level)
+        return friction_map.FrictionMap("free.csv", none, none, Estimate(0.05, 1e-3), level, 0.03)
 
-    found = friction_map.with_loss(mapped(Estimate(5e-3, 3e-5)), mapped(Estimate(4.96e-3, 3e-5)))
+    found = friction_map.with_error_of(mapped(Estimate(5e-3, 3e-5)), mapped(Estimate(4.96e-3, 3e-5)))
     assert found.level.value == 5e-3
     assert found.level.standard_error == pytest.approx(5e-5)
-    assert friction_map.with_loss(None, None) is None
-    assert friction_map.with_loss(mapped(None), mapped(Estimate(5e-3, 3e-5))).level is None
+    assert friction_map.with_error_of(mapped(None), None).level is None
+    assert friction_map.with_error_of(mapped(None), mapped(Estimate(5e-3, 3e-5))).level is None
 
 
 def test_break_away_on_a_staircase_lies_between_two_stairs():

@@ -365,7 +365,9 @@ def test_a_parameter_at_the_end_of_its_range_is_named():
         fitted, (), None, None, ("a", "b"), fitted.values, np.eye(2), (), (), np.ones((2, 2)), {}, ()
     )
     assert found.at_an_end() == ["b"]
-    assert any(s.startswith("b stands at the end of its range") for s in sentences.joint(found, ()).sentences)
+    assert any(
+        s.startswith("b stands at the end of its range") for s in sentences.joint(found, (), ()).sentences
+    )
 
 
 def test_slopes_along_the_ridge():
@@ -581,7 +583,7 @@ def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
     assert found.simulated == pytest.approx(found.slope.value, abs=0.03)
     assert found.softens is False
     assert abs(found.beyond.value) < 0.01
-    said = sentences.spectra(seen_sweeps(), (), found).sentences[-1]
+    said = sentences.spectra(seen_sweeps(), (), found, results.Estimate(7.27, 0.01)).sentences[-1]
     assert "nothing is left for a softening link" in said
 
 
@@ -590,7 +592,10 @@ def test_a_softening_link_moves_its_resonance_beyond_the_model(tmp_path):
     found = backbone_of_sweeps(tmp_path / "rig", effects)
     assert found.softens
     assert -0.1 < found.beyond.value < -0.02
-    assert "a softening link" in sentences.spectra(seen_sweeps(), (), found).sentences[-1]
+    assert (
+        "a softening link"
+        in sentences.spectra(seen_sweeps(), (), found, results.Estimate(7.27, 0.01)).sentences[-1]
+    )
 
 
 def seen_sweeps():
@@ -608,7 +613,10 @@ def test_a_backbone_that_was_not_simulated_is_no_softening():
     )
     assert found.moves
     assert found.softens is None
-    assert "no softening of the link by itself" in sentences.spectra(seen_sweeps(), (), found).sentences[-1]
+    assert (
+        "no softening of the link by itself"
+        in sentences.spectra(seen_sweeps(), (), found, results.Estimate(7.27, 0.01)).sentences[-1]
+    )
 
 
 def test_the_limit_of_even_chains_knows_a_clamp_that_gives():

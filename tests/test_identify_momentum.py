@@ -100,7 +100,8 @@ def test_total_inertia_and_payload_from_slews_hold_the_truth(noisy):
     assert high - low < 0.008 * total
     names = ("bending_stiffness", "tip_mass")
     values = np.array([truth[name] for name in names])
-    found = SimpleNamespace(names=names, values=values, errors=1e-3 * values, intervals={})
+    told = {n: Estimate(float(v), 1e-3 * float(v)) for n, v in zip(names, values, strict=True)}
+    found = SimpleNamespace(names=names, values=values, errors=1e-3 * values, estimate=told.__getitem__)
     tip_mass = identification._payload(declared, found, hub, whole)
     low, high = tip_mass.interval
     assert low < truth["tip_mass"] < high

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from twin.diagnosis import AdoptedEffect, Diagnosis
+from twin.diagnosis import Diagnosis
 from twin.parameters import Parameter
-from twin.rig_file import header, number, parameter_lines
+from twin.rig_file import effect_lines, header, parameter_lines
 
 FILE = "augmented-rig.toml"
 
@@ -42,7 +41,13 @@ def to_toml(diagnosis: Diagnosis) -> str:
     for parameter in diagnosis.fitted.parameters.values():
         lines += _parameter_lines(diagnosis, parameter)
     for effect in diagnosis.effects:
-        lines += _effect_lines(effect)
+        lines += effect_lines(
+            effect.name,
+            effect.parameters,
+            effect.standard_errors,
+            effect.units,
+            f"probability {effect.probability:.3g} among the candidates tried",
+        )
     lines += diagnosis.correlations.lines()
     return "\n".join(lines) + "\n"
 
@@ -53,17 +58,3 @@ def _parameter_lines(diagnosis: Diagnosis, parameter: Parameter) -> Iterator[str
         return parameter_lines(parameter)
     source = f"fitted to the recordings of {diagnosis.campaign}; declared {moved.declared:.6g}"
     return parameter_lines(replace(parameter, source=source), moved.standard_error)
-
-
-def _effect_lines(effect: AdoptedEffect) -> Iterator[str]:
-    yield ""
-    yield f"[effects.{effect.name}]  # probability {effect.probability:.3g} among the candidates tried"
-    for name, value in effect.parameters.items():
-        error = effect.standard_errors.get(name, math.nan)
-        comment = [effect.units.get(name, "")] if effect.units.get(name, "1") != "1" else []
-        comment += [f"standard error {error:.2g}"] if math.isfinite(error) else []
-        yield f"{name} = {number(value)}" + (f"  # {', '.join(comment)}" if comment else "")
-    known = {name: error for name, error in effect.standard_errors.items() if math.isfinite(error)}
-    if known:
-        yield from ("", f"[standard_errors.{effect.name}]")
-        yield from (f"{name} = {number(error)}" for name, error in known.items())

@@ -17,7 +17,7 @@ import numpy as np
 
 from twin import chain, mjcf, mjcf_sensing
 from twin.diagnosis import Diagnosis
-from twin.effects import REGISTRY, Drive, Effect
+from twin.effects import REGISTRY, Drive
 from twin.model import Effects, Model
 from twin.recording import Sensor
 
@@ -101,7 +101,7 @@ def _with_gain(gauge: Sensor, gain: float) -> Sensor:
 
 def _misreads(name: str) -> bool:
     """Whether an effect shapes what sensors report in a way that is not written."""
-    return type(REGISTRY[name]).sensing is not Effect.sensing and not mjcf_sensing.says(name)
+    return REGISTRY[name].misreads and not mjcf_sensing.says(name)
 
 
 def _comment(diagnosis: Diagnosis, left_out: tuple[str, ...]) -> str:

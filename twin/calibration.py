@@ -10,6 +10,7 @@ import numpy as np
 
 from twin import chain, defects, driven, fit, limit, observe, search, timing
 from twin.campaign import Campaign
+from twin.effects import REGISTRY
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
@@ -64,13 +65,14 @@ def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress =
     """
     noise = noises(campaign)
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
-    model = Model(campaign.rig, campaign.sensors, shape, step=SEARCH_STEP)
+    model = Model(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
     progress("reading the recordings")
     readings, odd = defects.without_defects(campaign.fit, campaign.sensors)
     sound, cuts = sound_stretches(readings, noise, model)
     progress("calibrating")
     # Some tenths of a millisecond decide more than many an effect does, but less than a calibration.
-    options = [_roughly(clock, sound, noise, model, pool) for clock in timing.clocks(sound)]
+    errors = campaign.effect_errors
+    options = [_roughly(clock, sound, noise, model, errors, pool) for clock in timing.clocks(sound)]
     rough = min(options, key=lambda option: option.fit.cost)
     bench, base = _calibrated(rough.bench, model, rough.fit)
     return Calibration(model, tuple(readings), bench, base, rough.clock, (*odd, *cuts, *rough.notes))
@@ -91,6 +93,7 @@ def _roughly(
     recordings: Sequence[Recording],
     noise: Mapping[str, float],
     model: Model,
+    errors: Mapping[str, Mapping[str, float]],
     pool: ThreadPoolExecutor,
 ) -> _Rough:
     """Moves declared parameters within their uncertainty, commands held on this clock; the chain is a rough one."""
@@ -99,7 +102,12 @@ def _roughly(
     left_out = [note for _, notes in pairs for note in notes]
     notes = (*left_out, *timing.told(clock), *_out_of_reach(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
-    unknowns = (*fit.calibration(model), fit.clock(bench.prepared), *fit.start_unknowns(bench.prepared))
+    unknowns = (
+        *fit.calibration(model, [p for name in model.effects for p in REGISTRY[name].replaces]),
+        *fit.known_effects(model, errors, bench.channels()),
+        fit.clock(bench.prepared),
+        *fit.start_unknowns(bench.prepared),
+    )
     limit.move(bench, model, starts, limit.ROUGH)
     x = search.roughly(bench, model, starts, unknowns)
     return _Rough(clock, bench, fit.minimise(bench, model, starts, unknowns, x, iterations=20), notes)

@@ -59,6 +59,8 @@ class Campaign:
       fit: recordings that may be used to find and fit.
       static: static load test, if there is one.
       warnings: what is odd in the data, a sentence each.
+      effects: effects that are known to act on the rig -> their parameters, SI.
+      effect_errors: the same -> standard errors of these; a parameter without one is known only roughly.
     """
 
     name: str
@@ -68,6 +70,8 @@ class Campaign:
     static: StaticTest | None = None
     warnings: tuple[str, ...] = ()
     _held_out: tuple[Recording, ...] = field(default=(), repr=False)
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    effect_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sensors", MappingProxyType(dict(self.sensors)))
@@ -78,7 +82,7 @@ class Campaign:
 
     def __reduce__(self):
         seen = (self.name, self.rig, dict(self.sensors), self.fit, self.static, self.warnings)
-        return (type(self), (*seen, self._held_out))
+        return (type(self), (*seen, self._held_out, self.effects, self.effect_errors))
 
 
 def read_campaign(folder: str | os.PathLike[str]) -> Campaign:

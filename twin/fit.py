@@ -122,11 +122,16 @@ def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
         scale = relative * abs(parameter.value)
         if name not in _RIGID and name not in replaced and scale > 0:
             # Within the uncertainty: what would have to move further is not calibration.
-            # A rough value may be off by a factor either way, and stays positive.
-            low, high = parameter.value / (1 + _REACH * relative), parameter.value * (1 + _REACH * relative)
-            bounds = (max(low, parameter.bounds[0]), min(high, parameter.bounds[1]))
+            bounds = declared_range(parameter, _REACH)
             found.append(Unknown("rig", name, parameter.value, scale, True, bounds))
     return found
+
+
+def declared_range(parameter: Parameter, deviations: float) -> tuple[float, float]:
+    """Values so many deviations about a declared one; a rough one may be off by a factor, and stays positive."""
+    factor = 1 + deviations * relative_uncertainty(parameter)
+    low, high = parameter.bounds
+    return max(parameter.value / factor, low), min(parameter.value * factor, high)
 
 
 def clock(prepared: Sequence[Prepared]) -> Unknown:
@@ -150,6 +155,20 @@ def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen
         for p in REGISTRY[effect].free(values)
         if p.channel is None or p.channel in seen
     ]
+
+
+def known_effects(model: Model, errors: Mapping[str, Mapping[str, float]], seen: set[str]) -> list[Unknown]:
+    """Parameters of the effects that a model begins with; those with a standard error (effect -> name) have a prior."""
+    found = []
+    for effect, values in model.effects.items():
+        for u in effect_unknowns(model, effect, values, seen):
+            error = errors.get(effect, {}).get(u.name)
+            if error is None:
+                found.append(u)
+            elif error > 0:
+                scale = error * u.start**2 if u.inverse else error
+                found.append(replace(u, scale=scale, prior=True))
+    return found
 
 
 @dataclass(frozen=True)

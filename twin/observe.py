@@ -58,7 +58,8 @@ def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Rec
         far = _outliers(values, sigma)
         if far.any():
             channels[name] = np.where(far, np.nan, values)
-            notes.append(f"{recording.name}: {far.sum()} outliers in {name} left out")
+            many = f"{far.sum()} outlier{'s' if far.sum() > 1 else ''}"
+            notes.append(f"{recording.name}: {many} in {name} left out")
     return recording.replace(channels=channels), notes
 
 

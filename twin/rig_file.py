@@ -61,6 +61,27 @@ def parameter_lines(parameter: Parameter, standard_error: float | None = None) -
     yield f"source = {_text(parameter.source)}"
 
 
+def effect_lines(
+    name: str,
+    values: Mapping[str, float],
+    errors: Mapping[str, float],
+    units: Mapping[str, str],
+    comment: str,
+) -> Iterator[str]:
+    """Yields the table of an effect, and that of the standard errors of its parameters that are known."""
+    yield ""
+    yield f"[effects.{name}]  # {comment}"
+    for key, value in values.items():
+        error = errors.get(key, math.nan)
+        said = [units.get(key, "")] if units.get(key, "1") != "1" else []
+        said += [f"standard error {error:.2g}"] if math.isfinite(error) else []
+        yield f"{key} = {number(value)}" + (f"  # {', '.join(said)}" if said else "")
+    known = {key: error for key, error in errors.items() if math.isfinite(error)}
+    if known:
+        yield from ("", f"[standard_errors.{name}]")
+        yield from (f"{key} = {number(error)}" for key, error in known.items())
+
+
 def number(value: float) -> str:
     """Returns a number as TOML, with all its digits."""
     return repr(float(value))  # "inf" and "nan" are TOML too

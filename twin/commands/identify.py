@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +23,7 @@ from twin.outputs import check_writable
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from twin.campaign import Campaign
     from twin.identify.identification import Identification
 
 
@@ -37,16 +39,24 @@ def identify(
     ] = None,
     json_file: JsonFile = None,
     force: Force = False,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Parameter file (TOML) to declare the rig by, with the effects that it is known to have.",
+            show_default="as the campaign declares it",
+        ),
+    ] = None,
 ) -> None:
     """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
     from twin.campaign import files_of, read_campaign
     from twin.identify import deliver
 
     folder = deliver.FOLDER.chosen(out, campaign, force)
-    read = (*files_of(campaign), *(() if against is None else files_of(against)))
+    read = (*files_of(campaign), rig, *(() if against is None else files_of(against)))
     written = deliver.FOLDER.written(folder, json_file)
     check_writable(json_file, made=folder, beside=written, read=read)
-    given = read_campaign(campaign)
+    given = _known(read_campaign(campaign), rig)
     other = read_campaign(against) if against is not None else None
     with progress() as report:
         report(COMPILING)
@@ -58,6 +68,17 @@ def identify(
         if json_file is not None:
             write_json(json_file, found.to_json())
     _print(found, paths if json_file is None else {**paths, "JSON": json_file})
+
+
+def _known(campaign: Campaign, file: Path | None) -> Campaign:
+    """The campaign, its rig and what acts on it declared by a parameter file, if there is one."""
+    if file is None:
+        return campaign
+    from twin.rig_file import read_rig_file, read_uncertainty
+
+    rig, effects = read_rig_file(file)
+    errors, _ = read_uncertainty(file)
+    return replace(campaign, rig=rig, effects=effects, effect_errors=errors)
 
 
 def _held_out(found: Identification) -> Table:
@@ -81,7 +102,7 @@ def _print(found: Identification, paths: dict[str, Path]) -> None:
     screen = console()
     screen.print(f"{found.campaign}: identified", highlight=False, markup=False)
     table = Table("parameter", "declared", "identified (95 % interval)", "unit", "not determined", box=None)
-    for name, p in found.parameters.items():
+    for name, p in found.numbers.items():
         table.add_row(
             name, f"{p.declared:.5g}", shown(p.estimate), p.unit, found.not_determined.get(name, "")
         )

@@ -141,6 +141,11 @@ class Effect:
         """Whether the parameters make no sense one by one."""
         return bool(self.along)
 
+    @property
+    def misreads(self) -> bool:
+        """Whether it is in what sensors report."""
+        return type(self).sensing is not Effect.sensing
+
     def neutral(self, rig: Mapping[str, float]) -> dict[str, float]:
         """Values at which the model is exactly the one without this effect."""
         return {p.name: rig[p.name] if p.neutral is None else p.neutral for p in self.parameters}

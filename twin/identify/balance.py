@@ -2,7 +2,8 @@
 
 The hub, cut off from its link, obeys J0 theta_tt = tau - f - r, with r what the modelled link takes when its root
 moves as the hub was measured, in the limit of fine chains: one of 12 segments is off by a thousandth of J0, and by some
-percent of f. With f a constant for each direction it is linear in its unknowns.
+percent of f. With f a constant for each direction it is linear in its unknowns. What effects that are known to act
+put on the hub is part of tau.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 from scipy.signal import butter, sosfiltfilt
 
-from twin import limit
+from twin import limit, planar
 from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
-from twin.identify.results import TWO_SIDED_95, Estimate
+from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate
 from twin.low_pass import low_passed
 from twin.model import Model, Start
-from twin.view import View, move
+from twin.view import Hub, View, hub_motion, move
 
 HUB_BAND = 20.0
 """Corner of the low-pass on all signals [Hz]."""
@@ -53,6 +54,11 @@ class Balance:
     friction: np.ndarray
     determination: float
 
+    @property
+    def believed(self) -> bool:
+        """Whether it explains enough for its numbers to be estimates."""
+        return self.determination >= EXPLAINED
+
 
 @dataclass(frozen=True)
 class _Rows:
@@ -65,26 +71,31 @@ class _Rows:
 
 
 def of_hub(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance | None:
-    """The hub's balance over all recordings with a free hub; None where they say too little.
+    """The hub's balance over all recordings with a free hub; None where they say too little, or a play is known of.
 
     Args:
       data: recordings, and where in them the hub slides.
       model: its link, sensors and torque limit count; its hub does not.
       starts: states at the first samples.
     """
-    return _balance(data, model, starts)
+    return None if model.plant.gap > 0 else _balance(data, model, starts)
 
 
-def with_loss(found: Balance, lossier: Balance | None) -> Balance:
-    """The hub's balance, its errors grown by what the uncertainty of the link's damping changes.
+def by_laws(model: Model, time: np.ndarray, hub: Hub) -> np.ndarray:
+    """Torque (m) of the known effects on the hub along its motion, friction apart [N m]."""
+    return planar.hub_laws(model.plant, time, hub.angle, hub.rate, np.zeros(len(time)))
 
-    Losses of the link that the model has not look like friction of the hub.
+
+def with_error_of(found: Balance, other: Balance | None) -> Balance:
+    """The hub's balance, its errors grown by that of something else that it takes as known.
+
+    Losses of the link that the model has not look like friction of the hub, and so does what an effect brakes.
 
     Args:
       found: the balance.
-      lossier: the same with the damping ratio one standard error larger.
+      other: the same with that one standard error larger.
     """
-    if lossier is None:
+    if other is None:
         return found
 
     def grown(a: Estimate, b: Estimate) -> Estimate:
@@ -92,9 +103,9 @@ def with_loss(found: Balance, lossier: Balance | None) -> Balance:
 
     return replace(
         found,
-        inertia=grown(found.inertia, lossier.inertia),
-        coulomb={d: grown(level, lossier.coulomb[d]) for d, level in found.coulomb.items()},
-        both=grown(found.both, lossier.both),
+        inertia=grown(found.inertia, other.inertia),
+        coulomb={d: grown(level, other.coulomb[d]) for d, level in found.coulomb.items()},
+        both=grown(found.both, other.both),
     )
 
 
@@ -186,19 +197,19 @@ def _usable(prepared: Prepared, view: View, model: Model) -> bool:
 
 
 def _torques(prepared: Prepared, view: View, model: Model, start: Start) -> _Rows | None:
-    t, low = view.time, _low_pass(view.time, HUB_BAND)
+    t, low, hub = view.time, _low_pass(view.time, HUB_BAND), hub_motion(view, model)
     required = _required(prepared, view, model, start)
-    link = twice_averaged(required - model.declared["hub_inertia"] * view.acceleration)
+    link = twice_averaged(required - model.declared["hub_inertia"] * hub.acceleration)
     # Friction behind the low-pass that the measured motion has passed.
     forward, backward = (low_passed(s, float(t[1] - t[0]), view.band) for s in shares(view))
-    columns = np.column_stack([low(v) for v in (twice_averaged(view.acceleration), forward, -backward)])
+    columns = np.column_stack([low(v) for v in (twice_averaged(hub.acceleration), forward, -backward)])
     kept = binary_erosion(view.sliding, iterations=int(_REACH / HUB_BAND / (t[1] - t[0])))
     if not kept.any():
         return None
     # The measured motion has passed one low-pass more than the torque.
     torque = low_passed(mean_torque(model, prepared.recording, t), float(t[1] - t[0]), view.band)
-    right = low(torque - link)
-    return _Rows(columns[kept], right[kept], view.rate[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
+    right = low(torque + by_laws(model, t, hub) - link)
+    return _Rows(columns[kept], right[kept], hub.rate[kept], ((t - t[0]) / _BLOCK).astype(int)[kept])
 
 
 def shares(view: View) -> tuple[np.ndarray, np.ndarray]:

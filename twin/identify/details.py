@@ -57,6 +57,7 @@ def friction_map(found: FrictionMap) -> dict[str, Any]:
         "coulomb_friction": found.coulomb.tolist(),
         "equivalent_damping_ratio": found.damping.tolist(),
         "measured": estimate(found.measured, "1"),
+        "initial_tip_deflection": found.deflection,
         "level": None if found.level is None else estimate(found.level, "N*m"),
     }
 
@@ -80,7 +81,7 @@ def levels(friction: StaticFriction, hub: Balance | None) -> dict[str, Any]:
     return {
         "static_friction": _by_direction(friction.by_direction),
         "static_angle_spread": friction.angle_spread,
-        "coulomb_friction": _by_direction({} if hub is None else hub.coulomb),
+        "coulomb_friction": _by_direction(hub.coulomb if hub is not None and hub.believed else {}),
         "coulomb_determination": None if hub is None else hub.determination,
     }
 

@@ -31,6 +31,10 @@ _LEVELS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5])
 """Coulomb frictions that are tried, in parts of the model's."""
 _CLOSER = np.array([0.94, 1.0, 1.06])
 """The same, in parts of what they gave."""
+_ROUNDS, _AS_LARGE = (
+    4,
+    1e-3,
+)  # in which simulated swings are made as large as the measured ones, up to which ratio
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,7 @@ class FrictionMap:
       damping: (n) equivalent damping ratios of their decays [1].
       measured: equivalent damping ratio of the measured decay.
       level: Coulomb friction; None where the map does not rise through the measured ratio.
+      deflection: of the tip at the release, by the size of the swings; as declared where there is no level [m].
     """
 
     recording: str
@@ -50,21 +55,22 @@ class FrictionMap:
     damping: np.ndarray
     measured: Estimate
     level: Estimate | None
+    deflection: float
 
 
-def with_loss(found: FrictionMap | None, lossier: FrictionMap | None) -> FrictionMap | None:
-    """The map, the error of its level grown by what the uncertainty of the link's damping changes.
+def with_error_of(found: FrictionMap, other: FrictionMap | None) -> FrictionMap:
+    """The map, the error of its level grown by that of something else that it takes as known.
 
     What the link loses more, friction takes less: 1 % of a damping ratio of 0.034 is 0.6 to 0.9 % of 0.0055 N m.
 
     Args:
-      found: the map; None without a release.
-      lossier: the same with the damping ratio one standard error larger.
+      found: the map.
+      other: the same with that one standard error larger.
     """
-    if found is None or lossier is None or found.level is None or lossier.level is None:
+    if other is None or found.level is None or other.level is None:
         return found
     level = found.level
-    error = math.hypot(level.standard_error, level.value - lossier.level.value)
+    error = math.hypot(level.standard_error, level.value - other.level.value)
     return replace(found, level=Estimate(level.value, error))
 
 
@@ -93,26 +99,64 @@ def _read(
 ) -> FrictionMap | None:
     """The map of one release; None where it swings too seldom."""
     recording, noise = prepared.recording, prepared.noise.get(channel, 0.0)
-    swings = _swings(recording, channel, frequency, noise)
-    runs: dict[float, np.ndarray] = {}
+    swings, deflection = _swings(recording, channel, frequency, noise), recording.initial_tip_deflection
+    assert deflection is not None
+
+    @functools.cache
+    def simulated(level: float, deflection: float) -> np.ndarray:
+        return _swings(_released(model, prepared, start, level, deflection), channel, frequency, noise)
 
     def damping(count: int, level: float) -> float:
-        if level not in runs:
-            runs[level] = _swings(_released(model, prepared, start, level), channel, frequency, noise)
-        return _equivalent(runs[level][:count]).value if len(runs[level]) >= count else math.nan
+        _, run = _as_large(functools.partial(simulated, level), swings[:count], deflection)
+        return _equivalent(run).value if len(run) == count else math.nan
 
     found = None
     # The last swing may be cut short by a hub that sticks on its way; a little more friction takes the one before too.
     for count in range(len(swings) - 1, _LEAST_SWINGS - 1, -1):
-        measured = _equivalent(swings[:count], _scatter(count, recording.period, frequency, noise))
+        scatter = _scatter(count, recording.period, frequency, noise)
+        measured = _equivalent(swings[:count], scatter)
         known = _mapped(functools.partial(damping, count), model.declared["coulomb_friction"] * _LEVELS)
         rough = _inverse(*known, measured)
         if rough is not None:
             known = _mapped(functools.partial(damping, count), rough.value * _CLOSER, known)
-        found = FrictionMap(recording.name, *known, measured, _inverse(*known, measured))
-        if found.level is not None:
-            break
+        level = _inverse(*known, measured)
+        found = FrictionMap(recording.name, *known, measured, level, deflection)
+        if level is not None:
+            level = _with_size(level, measured, swings[:count], scatter)
+            size, _ = _as_large(functools.partial(simulated, level.value), swings[:count], deflection)
+            return replace(found, level=level, deflection=size)
     return found
+
+
+def _as_large(
+    simulated: Callable[[float], np.ndarray], swings: np.ndarray, deflection: float
+) -> tuple[float, np.ndarray]:
+    """The deflection [m] from which simulated swings are as large as those measured (n), and these swings.
+
+    It is near the one that is declared, `deflection`.
+
+    A ruler is read to a millimetre, the gauge says better how far the tip was drawn aside; and a given friction takes
+    the larger a part of a swing the smaller it is.
+    """
+    run = simulated(deflection)[: len(swings)]
+    for _ in range(_ROUNDS):
+        if len(run) < _LEAST_SWINGS:
+            break
+        ratio = math.exp(float(np.log(swings[: len(run)] / run).mean()))
+        if abs(ratio - 1) < _AS_LARGE:
+            break
+        deflection *= ratio
+        run = simulated(deflection)[: len(swings)]
+    return deflection, run
+
+
+def _with_size(level: Estimate, measured: Estimate, swings: np.ndarray, scatter: np.ndarray) -> Estimate:
+    """The level, its error with that of the size of the swings (n): friction goes in proportion to it."""
+    x = _centred(len(swings))
+    slope = measured.standard_error / level.standard_error if level.standard_error > 0 else math.inf
+    pulls = -x / (x @ x) / math.pi / slope + level.value / len(swings)
+    pulls = pulls / swings
+    return replace(level, standard_error=math.sqrt(float(pulls @ scatter @ pulls)))
 
 
 def _mapped(
@@ -174,17 +218,23 @@ def _equivalent(swings: np.ndarray, scatter: np.ndarray | None = None) -> Estima
     A swing is half a period: ln(a_k/a_k+1) = pi zeta/sqrt(1 - zeta^2). That friction bends the line is no error: it
     bends the simulated one as much.
     """
-    x = np.arange(len(swings)) - (len(swings) - 1) / 2
+    x = _centred(len(swings))
     slope = float(x @ np.log(swings) / (x @ x))
     pulls = x / swings / (x @ x)
     error = 0.0 if scatter is None else math.sqrt(float(pulls @ scatter @ pulls))
     return Estimate(-slope / math.pi, error / math.pi)
 
 
-def _released(model: Model, prepared: Prepared, start: Start, level: float) -> Recording:
-    """The release, simulated with this Coulomb friction [N m]."""
+def _centred(count: int) -> np.ndarray:
+    """Indices of swings (count) about the middle one."""
+    return np.arange(count) - (count - 1) / 2
+
+
+def _released(model: Model, prepared: Prepared, start: Start, level: float, deflection: float) -> Recording:
+    """The release from this deflection [m], simulated with this Coulomb friction [N m]."""
     tried = model.replace(declared=model.declared.replace("tried", coulomb_friction=level))
-    return simulate(tried, prepared.recording, reading_start(tried, prepared, start))
+    recording = prepared.recording.replace(initial_tip_deflection=deflection)
+    return simulate(tried, recording, reading_start(tried, prepared, start))
 
 
 def _inverse(levels: np.ndarray, damping: np.ndarray, measured: Estimate) -> Estimate | None:

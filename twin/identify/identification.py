@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from twin import beam, fit, modal, search
 from twin.campaign import Campaign
+from twin.effects import REGISTRY
 from twin.fit import Prepared
 from twin.identify import (
     against,
@@ -42,9 +43,11 @@ from twin.identify.held_out import HeldOutError
 from twin.identify.joint import Joint, with_link
 from twin.identify.momentum import Momentum
 from twin.identify.results import (
+    TWO_SIDED_95,
     Estimate,
     Finding,
     Identified,
+    IntervalBy,
     Kind,
     Mode,
     mode_json,
@@ -69,7 +72,8 @@ class Identification:
     Attributes:
       campaign: its name.
       rig: as declared.
-      parameters: by name.
+      parameters: of the rig, by name.
+      effects: the same of the effects that it is known to have, by effect.parameter.
       modes: seen in the recordings.
       not_determined: parameter -> why the recordings do not say it.
       findings: what each procedure found, or what it lacks.
@@ -82,6 +86,7 @@ class Identification:
       spectrum: response of the link to the torque; None where no torque excites a broad band.
       moved: how the first resonance moves with amplitude; None where too few recordings tell.
       joint: the joint estimate.
+      figures: what it makes of the whole rig: name, value, unit.
       held_out: errors on held-out recordings, which are simulated once, at the end.
       notes: what is odd in the recordings, or was assumed of them.
       compared: its peaks beside those of another campaign of the rig; None where none was named.
@@ -103,16 +108,24 @@ class Identification:
     spectrum: Response | None
     moved: Backbone | None
     joint: Joint
+    figures: tuple[tuple[str, Estimate, str], ...]
     held_out: tuple[HeldOutError, ...] = ()
     notes: tuple[str, ...] = ()
     compared: Comparison | None = None
+    effects: Mapping[str, Identified] = field(default_factory=dict)
     wall_s: float = 0.0
+
+    @property
+    def numbers(self) -> dict[str, Identified]:
+        """All parameters, of the rig and of its effects."""
+        return {**self.parameters, **self.effects}
 
     def to_json(self) -> dict[str, Any]:
         """Returns the answer as a dictionary of plain values."""
         return {
             "campaign": self.campaign,
             "parameters": {name: parameter_json(p) for name, p in self.parameters.items()},
+            "effects": {name: parameter_json(p) for name, p in self.effects.items()},
             "modes": [mode_json(mode) for mode in self.modes],
             "not_determined": dict(self.not_determined),
             "findings": [
@@ -155,7 +168,7 @@ def identify(
         friction = break_away.read(found.data, model, starts)
         progress("balancing torques")
         hub = _hub_balance(found)
-        whole = momentum.of_rig(found.data, model)
+        whole = _momentum(found)
         as_read = _with_static(search.fine(model), friction)
         released = _friction_map(found, as_read)
     load = static_test.read(campaign)
@@ -165,9 +178,11 @@ def identify(
     compared = against.compare(campaign, other, found.fit.model.declared) if other is not None else None
     figures = _figures(campaign.rig, found)
     total = found.figure(beam.rigid_inertia, campaign.rig)
+    small = found.figure(lambda p: _first(beam.modes(p, 1)), campaign.rig)
     tip_mass = _payload(campaign.rig, found, hub, whole)
     methods = _methods(campaign.rig, found, decays, friction, hub, load, released, tip_mass)
-    parameters = {name: _identified(campaign.rig, name, found, methods[name]) for name in found.names}
+    identified = {name: _identified(campaign, name, found, methods[name]) for name in found.names}
+    parameters = {name: p for name, p in identified.items() if name in campaign.rig}
     rig = campaign.rig.replace("identified", **{name: p.value for name, p in parameters.items()})
     progress("predicting the held-out recordings")
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
@@ -177,16 +192,17 @@ def identify(
         rig=campaign.rig,
         parameters=parameters,
         modes=(*(_clamped_mode(d) for d in decays), *free_modes),
-        not_determined=_not_determined(parameters, found),
+        effects={name: p for name, p in identified.items() if name not in campaign.rig},
+        not_determined=_not_determined(identified, found),
         findings=(
             sentences.static(load, _declared(campaign.rig, "bending_stiffness")),
             sentences.decays(decays),
             sentences.break_aways(friction),
             sentences.coulomb(hub, released, found, friction.level),
             sentences.inertia(hub, whole, total, tip_mass, found),
-            sentences.spectra(seen, free_modes, moved),
+            sentences.spectra(seen, free_modes, moved, small),
             *([sentences.compared(compared)] if compared is not None else []),
-            sentences.joint(found, figures),
+            sentences.joint(found, figures, predicted),
         ),
         notes=(*campaign.warnings, *found.notes, *left_out),
         compared=compared,
@@ -199,6 +215,7 @@ def identify(
         spectrum=seen,
         moved=moved,
         joint=found,
+        figures=figures,
         held_out=predicted,
         wall_s=time.perf_counter() - began,
     )
@@ -206,28 +223,50 @@ def identify(
 
 def _hub_balance(found: Joint) -> Balance | None:
     model, starts = found.fit.model, found.fit.starts
-    hub, lossier = balance.of_hub(found.data, model, starts), _lossier(found, model)
-    if hub is None or lossier is None:
-        return hub
-    return balance.with_loss(hub, balance.of_hub(found.data, lossier, starts))
+    hub = balance.of_hub(found.data, model, starts)
+    if hub is None:
+        return None
+    for other in _off_by_an_error(found, model):
+        hub = balance.with_error_of(hub, balance.of_hub(found.data, other, starts))
+    return hub
+
+
+def _momentum(found: Joint) -> Momentum | None:
+    model = found.fit.model
+    whole = momentum.of_rig(found.data, model)
+    if whole is None:
+        return None
+    # The link's damping takes nothing from the momentum of the whole.
+    for other in _off_by_an_error(found, model, losses=False):
+        whole = momentum.with_error_of(whole, momentum.of_rig(found.data, other))
+    return whole
 
 
 def _friction_map(found: Joint, model: Model) -> FrictionMap | None:
     starts = found.fit.starts
-    released, lossier = friction_map.read(model, found.prepared, starts), _lossier(found, model)
-    if released is None or lossier is None:
-        return released
-    return friction_map.with_loss(released, friction_map.read(lossier, found.prepared, starts))
-
-
-def _lossier(found: Joint, model: Model) -> Model | None:
-    """The model, its link's damping one standard error larger; None where that is exact."""
-    if "damping_ratio" not in found.names:
+    released = friction_map.read(model, found.prepared, starts)
+    if released is None:
         return None
-    k = found.names.index("damping_ratio")
-    most = model.declared.parameters["damping_ratio"].bounds[1]
-    more = min(float(found.values[k] + found.errors[k]), most)
-    return model.replace(declared=model.declared.replace("lossier", damping_ratio=more))
+    for other in _off_by_an_error(found, model):
+        released = friction_map.with_error_of(released, friction_map.read(other, found.prepared, starts))
+    return released
+
+
+def _off_by_an_error(found: Joint, model: Model, losses: bool = True) -> list[Model]:
+    """The model with what balances take as known one standard error larger, each in turn.
+
+    That are the parameters of its effects and, with `losses`, the link's damping, where they are not exact.
+    """
+    models = []
+    for name, value, error in zip(found.names, found.values, found.errors, strict=True):
+        effect, _, parameter = name.partition(".")
+        if parameter:
+            more = {**model.effects[effect], parameter: float(value + error)}
+            models.append(model.replace(effects={**model.effects, effect: more}))
+        elif losses and name == "damping_ratio":
+            damping = min(float(value + error), model.declared.parameters[name].bounds[1])
+            models.append(model.replace(declared=model.declared.replace("lossier", damping_ratio=damping)))
+    return models
 
 
 def _backbone(campaign: Campaign, found: Joint, model: Model) -> Backbone | None:
@@ -297,7 +336,7 @@ def _methods(
     tip_mass: Estimate | None,
 ) -> dict[str, dict[str, Estimate]]:
     """Parameter -> procedure -> what it says by itself."""
-    if hub is not None and hub.determination < sentences.EXPLAINED:
+    if hub is not None and not hub.believed:
         hub = None
     own: dict[str, dict[str, Estimate]] = {name: {} for name in found.names}
     said = {
@@ -307,21 +346,21 @@ def _methods(
         ("static_friction", "break-away"): friction.level,
         ("coulomb_friction", "hub-balance"): hub.both if hub else None,
         ("coulomb_friction", "decay-map"): released.level if released else None,
-        ("hub_inertia", "hub-balance"): with_link(hub.inertia, found) if hub else None,
+        ("hub_inertia", "hub-balance"): with_link(hub.inertia, found) if hub and hub.inertia.told else None,
         ("tip_mass", "slews"): tip_mass,
     }
     for (name, method), value in said.items():
         if value is not None and name in own:
             own[name][method] = value
-    for name, v, e in zip(found.names, found.values, found.errors, strict=True):
+    for name in found.names:
         if name != "static_friction":
-            own[name]["joint"] = Estimate(float(v), float(e), found.intervals.get(name))
+            own[name]["joint"] = found.estimate(name)
     return own
 
 
 def _payload(rig: Rig, found: Joint, hub: Balance | None, whole: Momentum | None) -> Estimate | None:
     """The tip mass by the two balances, the link as declared; None where one of them is not believed."""
-    if hub is None or whole is None or min(hub.determination, whole.determination) < sentences.EXPLAINED:
+    if hub is None or whole is None or not (hub.believed and whole.believed and hub.inertia.told):
         return None
     link = {name: _declared(rig, name) for name in ("length", "linear_density", "tip_inertia")}
     return balance.payload(whole.inertia, with_link(hub.inertia, found), link)
@@ -367,15 +406,31 @@ def _first_clamped(rig: Rig) -> float:
     return _first(beam.modes(rig, 1, "clamped"))
 
 
-def _identified(rig: Rig, name: str, found: Joint, methods: dict[str, Estimate]) -> Identified:
+def _identified(campaign: Campaign, name: str, found: Joint, methods: dict[str, Estimate]) -> Identified:
+    """What was found of a parameter of the rig, or of effect.parameter of an effect that it is known to have."""
     # The static level is in no motion: what is read at break-aways is all that there is beside the declaration.
-    best = "break-away" if name == "static_friction" else "joint"
-    value = methods.get(best, _declared(rig, name))
-    parameter = rig.parameters[name]
-    prior = joint.prior_deviation(rig, name)
-    return Identified(
-        value.value, value.standard_error, parameter.unit, parameter.value, prior, methods, value.profile
+    best = methods.get("break-away" if name == "static_friction" else "joint")
+    unit, declared, prior, reach = _known_before(campaign, name)
+    if best is None:
+        return Identified(declared, prior or 0.0, unit, declared, prior, methods, reach, "declaration")
+    by: IntervalBy = (
+        "profile" if name in found.intervals else "covariance" if best.profile is None else "range"
     )
+    return Identified(best.value, best.standard_error, unit, declared, prior, methods, best.profile, by)
+
+
+def _known_before(
+    campaign: Campaign, name: str
+) -> tuple[str, float, float | None, tuple[float, float] | None]:
+    """Unit, declared value, its standard deviation and 95 % interval, if they are known."""
+    if name in campaign.rig:
+        known = campaign.rig.parameters[name]
+        reach = fit.declared_range(known, TWO_SIDED_95)
+        return known.unit, known.value, joint.prior_deviation(campaign.rig, name), reach
+    effect, _, parameter = name.partition(".")
+    declared = campaign.effects[effect]
+    error = campaign.effect_errors.get(effect, {}).get(parameter)
+    return REGISTRY[effect].units(declared)[parameter], declared[parameter], error, None
 
 
 def _not_determined(parameters: Mapping[str, Identified], found: Joint) -> dict[str, str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -19,9 +19,9 @@ from scipy.stats import norm
 from twin import calibration, disagreement, fit, limit, ridge, scatter, timing
 from twin.campaign import Campaign
 from twin.driven import DrivenData
-from twin.fit import Fit, Prepared, Workbench
+from twin.fit import Fit, Prepared, Unknown, Workbench
 from twin.identify.profile import Profile
-from twin.identify.results import Estimate, positive
+from twin.identify.results import TWO_SIDED_95, Estimate, positive
 from twin.low_pass import MOTION_BANDS
 from twin.parameters import Rig
 from twin.recording import Recording
@@ -32,6 +32,8 @@ from twin.timing import Clock
 BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the motion of the hub [Hz]: an identification follows its harmonics further up."""
 _ITERATIONS = 4
+_CONTRADICTED = 4.0  # times as much variance as the noise makes, from which recordings contradict each other
+_NUISANCES = ("clock", "start")  # what is fitted, and is no parameter of the rig
 _CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to
 _TIED = 0.9  # correlation from which two parameters are said to move together
 _END = 1e-6  # share of a range up to which a value stands at its end
@@ -47,7 +49,8 @@ class Joint:
       readings: the fit recordings, without readings that are no measurements.
       bench: what it was fitted on.
       clock: when commands act.
-      names: (p) parameters of the rig that were free.
+      names: (p) parameters that were free: those of the rig, and effect.parameter of the effects that it is known to
+        have.
       values: (p) estimate.
       covariance: (p x p).
       recordings: that were fitted.
@@ -107,13 +110,30 @@ class Joint:
         found = []
         for u, value in zip(self.fit.unknowns, self.fit.values, strict=True):
             low, high = u.bounds
-            if u.owner == "rig" and min(value - low, high - value) < _END * (high - low):
-                found.append(u.name)
+            if u.owner not in _NUISANCES and min(value - low, high - value) < _END * (high - low):
+                found.append(_name(u))
         return found
+
+    def estimate(self, name: str) -> Estimate:
+        """A parameter with its interval: by its profile where there is one, and within the range looked at."""
+        k = self.names.index(name)
+        said = Estimate(float(self.values[k]), float(self.errors[k]), self.intervals.get(name))
+        low, high = self.range_of(name)
+        first, last = said.interval
+        return (
+            said
+            if low <= first and last <= high
+            else replace(said, profile=(max(first, low), min(last, high)))
+        )
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Values of a parameter that are looked at."""
+        unknown = next(u for u in self.fit.unknowns if u.owner not in _NUISANCES and _name(u) == name)
+        return _turned(unknown, *unknown.bounds)
 
     def open_ends(self, name: str) -> list[str]:
         """Sides, "lower" and "upper", on which a profile's interval ends where the range does."""
-        [low, high] = next(u.bounds for u in self.fit.unknowns if u.owner == "rig" and u.name == name)
+        low, high = self.range_of(name)
         near = _END * (high - low)
         first, last = self.intervals[name]
         return [side for side, gap in (("lower", first - low), ("upper", high - last)) if gap < near]
@@ -131,7 +151,10 @@ class Joint:
         values = {**rig, **dict(zip(self.names, self.values, strict=True))}
         here = of(values)
         slopes = np.array(
-            [(of({**values, n: values[n] * 1.001}) - here) / (values[n] * 1e-3) for n in self.names]
+            [
+                (of({**values, n: values[n] * 1.001}) - here) / (values[n] * 1e-3) if n in rig else 0.0
+                for n in self.names
+            ]
         )
         return positive(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
 
@@ -156,24 +179,40 @@ def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = 
     rest = said.by_declaration + np.outer(left, left)
     full = disagreement.widened(said.by_noise, rest, *said.influences(), disagreement.most(base))
     progress("looking along the likelihood")
-    rises = _rises(bench, base)
-    intervals = _profiles(bench, base, np.sqrt(np.diag(full)), said, rises)
-    mine = [i for i, u in enumerate(base.unknowns) if u.owner == "rig"]
-    names = tuple(base.unknowns[i].name for i in mine)
+    errors = np.sqrt(np.diag(full))
+    rises = _rises(bench, base, errors)
+    intervals = _profiles(bench, base, errors, said, rises)
+    mine = [i for i, u in enumerate(base.unknowns) if u.owner not in _NUISANCES]
+    names = tuple(_name(base.unknowns[i]) for i in mine)
+    # Of a stiffness that may be infinite, a fit moves one over it.
+    turns = np.array([-1 / base.values[i] ** 2 if base.unknowns[i].inverse else 1.0 for i in mine])
     return Joint(
         base,
         start.readings,
         bench,
         start.clock,
         names,
-        base.values[mine],
-        full[np.ix_(mine, mine)],
+        np.array([base.unknowns[i].turned(float(base.values[i])) for i in mine]),
+        full[np.ix_(mine, mine)] * np.outer(turns, turns),
         recordings,
         _odd(recordings, names, distances[:, mine]),
         rises[mine],
-        {name: intervals[i] for i, name in zip(mine, names, strict=True) if i in intervals},
+        {
+            n: _turned(base.unknowns[i], *intervals[i])
+            for i, n in zip(mine, names, strict=True)
+            if i in intervals
+        },
         (*start.notes, *timing.said(base)),
     )
+
+
+def _name(unknown: Unknown) -> str:
+    return unknown.name if unknown.owner == "rig" else f"{unknown.owner}.{unknown.name}"
+
+
+def _turned(unknown: Unknown, *ends: float) -> tuple[float, float]:
+    low, high = sorted(unknown.turned(end) for end in ends)
+    return low, high
 
 
 def prior_deviation(rig: Rig, name: str) -> float:
@@ -216,22 +255,27 @@ def _odd(
 def _profiles(
     bench: Workbench, base: Fit, errors: np.ndarray, said: Evidence, rises: np.ndarray
 ) -> dict[int, tuple[float, float]]:
-    """Unknown -> 95 % interval by the profile, where the likelihood (p x 2 rises) is no ellipse."""
+    """Unknown -> 95 % interval by the profile, where the likelihood (p x 2 rises) is no ellipse within its range."""
     low, high = _ELLIPTIC
     ratios = errors**2 / np.diag(said.inverse)
-    odd = np.flatnonzero(((rises < low) | (rises > high)).any(axis=1))
+    half, ends = TWO_SIDED_95 * errors, np.array([u.bounds for u in base.unknowns])
+    cut = (base.values - half < ends[:, 0]) | (base.values + half > ends[:, 1])
+    mine = np.array([u.owner not in _NUISANCES for u in base.unknowns])
+    # Where recordings contradict each other their errors are not those of the likelihood, and no rise of it is theirs.
+    contradicted = errors**2 > _CONTRADICTED * np.diag(said.covariance)
+    odd = np.flatnonzero(mine & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))
     return {int(k): Profile(bench, base, int(k), float(errors[k]), float(ratios[k])).interval() for k in odd}
 
 
-def _rises(bench: Workbench, base: Fit) -> np.ndarray:
-    """Rise of the cost (p x 2) two standard errors to either side, over the 2 of an ellipse, others giving way."""
+def _rises(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:
+    """Rise of the cost (p x 2) two standard errors (p) to either side, over that of an ellipse, others giving way."""
     information, _ = fit.normal_equations(bench, base)
     covariance = np.linalg.pinv(information, hermitian=True)
     low, high = np.array([u.bounds for u in base.unknowns]).T
     points, expected = [], []
     for k in range(len(base.values)):
         for side in (-2.0, 2.0):
-            away = side * covariance[:, k] / np.sqrt(covariance[k, k])
+            away = side * errors[k] * covariance[:, k] / covariance[k, k]
             points.append(np.clip(base.values + away, low, high))
             moved = points[-1] - base.values
             expected.append(0.5 * moved @ information @ moved)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_simpson, simpson
@@ -21,13 +21,14 @@ from scipy.ndimage import binary_dilation, label
 
 from twin import beam, on_grid
 from twin.driven import DrivenData
+from twin.effects import REGISTRY
 from twin.fit import Prepared
 from twin.grid_means import mean_torque
-from twin.identify.balance import clustered, gauges, shares
-from twin.identify.results import Estimate, student
+from twin.identify.balance import by_laws, clustered, gauges, shares
+from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate, student
 from twin.low_pass import BAND, REACH
 from twin.model import Model
-from twin.view import View
+from twin.view import View, hub_motion
 
 _SHAPES = 2  # gauges that tell what the drive bends the link to from its first free mode
 _MORE = 2  # runs beyond the number of unknowns: Student's interval of fewer says nothing
@@ -46,9 +47,16 @@ class Momentum:
     inertia: Estimate
     determination: float
 
+    @property
+    def believed(self) -> bool:
+        """Whether it explains enough for its number to be an estimate."""
+        return self.determination >= EXPLAINED
+
 
 def of_rig(data: DrivenData, model: Model) -> Momentum | None:
     """The balance over all recordings with a free hub and two gauges; None where they say too little.
+
+    None, too, where effects are known that come between motor and hub, or between motion and readings.
 
     The hub's angle is what is regressed, since its noise is white: J is one over the factor of drive's impulse.
 
@@ -57,6 +65,8 @@ def of_rig(data: DrivenData, model: Model) -> Momentum | None:
       model: its sensors and torque limit count, and its rig for the length of the window and for the momentum that a
         bent link lacks, some parts in a thousand.
     """
+    if model.plant.gap > 0 or any(REGISTRY[name].misreads for name in model.effects):
+        return None
     pairs = zip(data.prepared, data.views, strict=True)
     runs = [run for p, v in pairs if _usable(p, model) for run in _runs(p, v, model)]
     unknowns = _SHAPES + 3
@@ -76,6 +86,23 @@ def of_rig(data: DrivenData, model: Model) -> Momentum | None:
         student(inertia, inertia * math.sqrt(covariance[0, 0]) / float(x[0]), len(runs) - unknowns),
         1 - float(left @ left) / float(y @ y),
     )
+
+
+def with_error_of(found: Momentum, other: Momentum | None) -> Momentum:
+    """The balance, the error of its inertia grown by that of something else that it takes as known.
+
+    Args:
+      found: the balance.
+      other: the same with that one standard error larger.
+    """
+    if other is None:
+        return found
+    inertia, change = found.inertia, abs(found.inertia.value - other.inertia.value)
+    low, high = inertia.interval
+    half = math.hypot((high - low) / 2, TWO_SIDED_95 * change)
+    error = math.hypot(inertia.standard_error, change)
+    interval = (inertia.value - half, inertia.value + half)
+    return replace(found, inertia=Estimate(inertia.value, error, interval))
 
 
 def lacking(
@@ -139,7 +166,8 @@ def _signals(prepared: Prepared, view: View, model: Model) -> np.ndarray:
     positions = [model.sensors[g].position for g in names]
     filtered = [view.measured[g] / h for g, h in zip(names, half, strict=True)]
     bends = [on_grid.resampled(prepared.recording, g, t)[0] / h for g, h in zip(names, half, strict=True)]
-    impulse = _integral(mean_torque(model, prepared.recording, t), t)
+    drive = mean_torque(model, prepared.recording, t) + by_laws(model, t, hub_motion(view, model))
+    impulse = _integral(drive, t)
     impulse -= lacking(filtered, positions, t, view.rate, model.declared)
     friction = [_integral(_integral(share, t), t) for share in shares(view)]
     return np.column_stack([view.reading, _integral(impulse, t), *bends, *friction])

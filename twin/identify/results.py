@@ -11,8 +11,12 @@ import numpy as np
 from scipy.stats import t as students_t
 
 Boundary = Literal["clamped", "free"]
+IntervalBy = Literal["covariance", "profile", "range", "declaration"]
 Kind = Literal["bending", "not bending", "unknown"]
 
+EXPLAINED = 0.9
+"""Share of what it balances that a balance has to explain to be believed."""
+_UNTOLD = 0.5  # relative error from which a number is not given
 TWO_SIDED_95 = 1.96
 """Standard errors to either side of a value that make a 95 % interval, where errors are normal."""
 
@@ -38,6 +42,11 @@ class Estimate:
             return self.profile
         half = TWO_SIDED_95 * self.standard_error
         return self.value - half, self.value + half
+
+    @property
+    def told(self) -> bool:
+        """Whether the error leaves something of the value."""
+        return self.standard_error <= _UNTOLD * abs(self.value)
 
     def scaled(self, factor: float) -> Estimate:
         """The number in another unit, `factor` of which make one of its own; above zero."""
@@ -96,7 +105,9 @@ class Identified:
       declared: what the campaign says.
       declared_error: standard deviation of what it says; None where it says nothing.
       methods: procedure -> what it says by itself.
-      profile: 95 % interval by the profile of the likelihood, where errors are not normal.
+      profile: 95 % interval where errors are not normal.
+      interval_by: what the interval is by: the covariance, the profile of the likelihood, the range that was looked at,
+        which cuts it short, or the declaration, where the recordings say nothing.
     """
 
     value: float
@@ -106,6 +117,7 @@ class Identified:
     declared_error: float | None = None
     methods: Mapping[str, Estimate] = field(default_factory=dict)
     profile: tuple[float, float] | None = None
+    interval_by: IntervalBy = "covariance"
 
     @property
     def estimate(self) -> Estimate:
@@ -169,7 +181,7 @@ def parameter_json(found: Identified) -> dict[str, Any]:
         "value": found.value,
         "standard_error": found.standard_error,
         "interval": list(found.estimate.interval),
-        "interval_by": "covariance" if found.profile is None else "profile",
+        "interval_by": found.interval_by,
         "unit": found.unit,
         "declared": found.declared,
         "methods": {

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from twin.correlations import of_covariance
+from twin.effects import REGISTRY
 from twin.identify.identification import Identification
 from twin.parameters import Parameter
-from twin.rig_file import header, parameter_lines
+from twin.rig_file import effect_lines, header, parameter_lines
 
 FILE = "identified-rig.toml"
 
@@ -18,6 +19,12 @@ def to_toml(found: Identification) -> str:
     lines = header(found.campaign, "as it was identified")
     for parameter in found.rig.parameters.values():
         lines += _parameter_lines(found, parameter)
+    for effect, values in found.joint.fit.model.effects.items():
+        known = {name: found.effects.get(f"{effect}.{name}") for name in values}
+        errors = {name: p.standard_error for name, p in known.items() if p is not None}
+        lines += effect_lines(
+            effect, values, errors, REGISTRY[effect].units(values), "known, and identified with the rig"
+        )
     lines += of_covariance(found.joint.names, found.joint.covariance).lines()
     return "\n".join(lines) + "\n"
 
@@ -26,7 +33,11 @@ def _parameter_lines(found: Identification, parameter: Parameter) -> Iterator[st
     identified = found.parameters.get(parameter.name)
     if identified is None:
         return parameter_lines(parameter)
-    source = f"identified from the recordings of {found.campaign}; declared {identified.declared:.6g}"
+    why = found.not_determined.get(parameter.name)
+    told = "identified from" if why is None else "not determined by"
+    source = f"{told} the recordings of {found.campaign}; declared {identified.declared:.6g}"
+    if why is not None:
+        source += f"; {why}"
     return parameter_lines(
         replace(parameter, value=identified.value, source=source), identified.standard_error
     )

@@ -13,17 +13,15 @@ from twin.identify.balance import Balance
 from twin.identify.break_away import StaticFriction
 from twin.identify.decay import Decay
 from twin.identify.friction_map import FrictionMap
+from twin.identify.held_out import HeldOutError
 from twin.identify.joint import Joint, with_link
 from twin.identify.momentum import Momentum
 from twin.identify.results import Estimate, Finding, Mode, disagreement
 from twin.identify.spectra import Response
 from twin.identify.static_test import LOADS, OddRow, StaticTest
 
-EXPLAINED = 0.9
-"""Share of the torque that the hub's balance has to explain to be believed."""
 _FEWEST, _MOST = 4, 9  # digits of a number
 _ODD_SHOWN = 3  # contradictions between recordings
-_UNTOLD = 0.5  # relative error from which a figure that follows from the estimate is not given
 _APART = 3.0  # standard errors of the difference from which two estimates are said to disagree
 
 
@@ -175,9 +173,15 @@ def coulomb(
     if hub is None and released is None:
         return Finding("coulomb", title, (), "no recording in which a free hub slides for long enough")
     said = _of_balance(hub, found) if hub else []
-    if hub and level and hub.both.value > level.value and disagreement(hub.both, level) > _APART:
+    if hub and not hub.believed:
+        hub = None
+    sliding = (
+        hub.both if hub else found.estimate("coulomb_friction") if "coulomb_friction" in found.names else None
+    )
+    if sliding and level and sliding.value > level.value and disagreement(sliding, level) > _APART:
+        whose = "That" if hub else f"The joint estimate, {shown(sliding, 'N m')},"
         said.append(
-            "That is more than the resting hub bore, which dry friction cannot be: part of it grows with the rate."
+            f"{whose} is more than the resting hub bore, which dry friction cannot be: part of it grows with the rate."
         )
     if released is None:
         said.append(
@@ -191,7 +195,8 @@ def coulomb(
     else:
         said.append(
             f"By the decay of the unclamped link ({released.recording}), with an equivalent damping ratio of "
-            f"{shown(released.measured)} and a map by simulation: {shown(released.level, 'N m')}."
+            f"{shown(released.measured)} and a map by simulation from {1e3 * released.deflection:.3g} mm, with which "
+            f"the swings are as large as measured: {shown(released.level, 'N m')}."
         )
         if hub:
             said.append(agreement(hub.both, released.level, ("The balance", "the decay")))
@@ -199,19 +204,20 @@ def coulomb(
 
 
 def _of_balance(hub: Balance, found: Joint) -> list[str]:
+    explained = f"explains {100 * hub.determination:.3g} % of the torque's variance"
+    if not hub.believed:
+        return [
+            f"The hub's torque balance {explained}: the hub obeys other laws beside, and it tells no level."
+        ]
     said = [
         f"By the hub's torque balance: {shown(hub.both, 'N m')}.",
         f"Towards positive angles {shown(hub.coulomb[1], 'N m')}, "
         f"towards negative ones {shown(hub.coulomb[-1], 'N m')}.",
-        f"The balance explains {100 * hub.determination:.3g} % of the torque's variance.",
+        f"The balance {explained}.",
     ]
-    if hub.determination < EXPLAINED:
+    if "coulomb_friction" in found.names:
         said.append(
-            "What is left is large: the hub obeys other laws beside, and these numbers are no estimates."
-        )
-    elif "coulomb_friction" in found.names:
-        said.append(
-            agreement(hub.both, _joint(found, "coulomb_friction"), ("The balance", "the joint estimate"))
+            agreement(hub.both, found.estimate("coulomb_friction"), ("The balance", "the joint estimate"))
         )
     return said
 
@@ -228,12 +234,9 @@ def inertia(
     if hub is None and whole is None:
         return Finding("inertia", title, (), "no recording in which a free hub slides for long enough")
     said = []
-    if hub is not None and hub.determination >= EXPLAINED:
-        j0 = hub.inertia if found is None else with_link(hub.inertia, found)
-        said.append(f"J0 = {shown(j0, 'kg m^2')} by the hub's torque balance.")
-        if found is not None and "hub_inertia" in found.names:
-            said.append(agreement(j0, _joint(found, "hub_inertia"), ("It", "the joint estimate")))
-    if whole is not None and whole.determination >= EXPLAINED:
+    if hub is not None and hub.believed:
+        said += _of_hub(hub.inertia if found is None else with_link(hub.inertia, found), found)
+    if whole is not None and whole.believed:
         said.append(f"J = {shown(whole.inertia, 'kg m^2')} of the whole rig by its angular momentum.")
         said.append(agreement(whole.inertia, total, ("It", "that of the joint estimate")))
     elif said and whole is not None:
@@ -251,7 +254,7 @@ def inertia(
             f"Payload {shown(tip_mass, 'kg')} by (J - J0 - rho l^3/3 - J_p)/l^2, the link and J_p as declared."
         )
         if found is not None and "tip_mass" in found.names:
-            said.append(agreement(tip_mass, _joint(found, "tip_mass"), ("It", "the joint estimate")))
+            said.append(agreement(tip_mass, found.estimate("tip_mass"), ("It", "the joint estimate")))
     if not said:
         return Finding(
             "inertia", title, (), "the balance explains too little of the hub's torque: other laws act on it"
@@ -259,8 +262,20 @@ def inertia(
     return Finding("inertia", title, tuple(said))
 
 
-def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | None) -> Finding:
-    """The frequency responses."""
+def _of_hub(inertia: Estimate, found: Joint | None) -> list[str]:
+    if not inertia.told:
+        share = 100 * inertia.standard_error / abs(inertia.value)
+        return [f"The hub's torque balance does not tell J0: its standard error is {share:.0f} % of it."]
+    said = [f"J0 = {shown(inertia, 'kg m^2')} by the hub's torque balance."]
+    if found is not None and "hub_inertia" in found.names:
+        said.append(agreement(inertia, found.estimate("hub_inertia"), ("It", "the joint estimate")))
+    return said
+
+
+def spectra(
+    found: Response | None, modes: Sequence[Mode], moved: Backbone | None, small: Estimate
+) -> Finding:
+    """The frequency responses; `small` is the first frequency of small vibration by the joint estimate."""
     title = "Spectra of torque sweeps"
     if found is None:
         return Finding("spectra", title, (), "no recording from rest whose torque excites a broad band")
@@ -274,6 +289,12 @@ def spectra(found: Response | None, modes: Sequence[Mode], moved: Backbone | Non
         damping = f", damping ratio {shown(mode.damping_ratio)}" if mode.damping_ratio else ""
         what = "a bending mode of this rig" if mode.kind == "bending" else "no bending mode of this rig"
         said.append(f"{shown(mode.frequency, 'Hz')}{damping}: {what}.")
+    first = min((m.frequency for m in modes if m.kind == "bending"), key=lambda f: f.value, default=None)
+    if first is not None and small.told and disagreement(first, small) > _APART:
+        said.append(
+            f"By the joint estimate the first mode has {shown(small, 'Hz')} in small vibration: friction of the hub "
+            "and large bends move the peak of a sweep."
+        )
     if moved is None:
         said.append(
             f"How the resonance moves with amplitude: fewer than {LEAST_SWEEPS} recordings show it by themselves."
@@ -354,8 +375,10 @@ def _appeared(peak: PairedPeak, campaign: str) -> str:
     return f"{where}, but {100 * peak.height:.0f} % of its height is here too: its kind stays open."
 
 
-def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding:
-    """The joint estimate: what moves together, what follows from it, and how the errors were checked."""
+def joint(
+    found: Joint, figures: Sequence[tuple[str, Estimate, str]], predicted: Sequence[HeldOutError]
+) -> Finding:
+    """The joint estimate: what moves together, what follows from it, how it was checked, and what it predicts."""
     count = len(found.recordings)
     said = [
         f"{len(found.names)} parameters from {count} recording{'s' if count > 1 else ''}, "
@@ -364,16 +387,16 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
     for a, b, r in found.tied()[:5]:
         way = "together" if r > 0 else "against each other"
         power, error = found.combination(a, b)
-        alone = [100 * e.standard_error / abs(e.value) for e in (_joint(found, a), _joint(found, b))]
+        alone = [100 * e.standard_error / abs(e.value) for e in (found.estimate(a), found.estimate(b))]
         said.append(
             f"{a} and {b} move {way} (correlation {r:.3f}): {a} times {b} to the power {power:.2g} is known to "
             f"{100 * error:.2g} %, each alone to {alone[0]:.2g} and {alone[1]:.2g} %."
         )
     for what, value, unit in figures:
-        if value.standard_error > _UNTOLD * abs(value.value):
-            said.append(f"Together they do not tell {what.removesuffix(' of')}.")
-        else:
+        if value.told:
             said.append(f"Together they give {what} {shown(value, unit)}.")
+        else:
+            said.append(f"Together they do not tell {what.removesuffix(' of').removesuffix(',')}.")
     said += [
         f"{name} stands at the end of its range: what was declared of it is wrong, or the model lacks something."
         for name in found.at_an_end()
@@ -396,7 +419,27 @@ def joint(found: Joint, figures: Sequence[tuple[str, Estimate, str]]) -> Finding
         said.append(
             "Two standard errors away the likelihood is what the covariance says, in every parameter."
         )
-    return Finding("joint", "Joint estimate", tuple(said))
+    return Finding("joint", "Joint estimate", (*said, *_of_held_out(predicted)))
+
+
+def _of_held_out(errors: Sequence[HeldOutError]) -> list[str]:
+    """How far the identified rig is off recordings that were held out, at worst."""
+    hub = max(
+        (e for e in errors if e.channel == "hub_angle"), key=lambda e: e.windowed / e.noise, default=None
+    )
+    steps = [(e.by_steps / e.noise, e) for e in errors if e.by_steps is not None]
+    link = max(steps, key=lambda pair: pair[0], default=None)
+    parts = []
+    if hub is not None:
+        parts.append(f"{hub.windowed / hub.noise:.2g} noise levels of hub_angle in windows ({hub.recording})")
+    if link is not None:
+        parts.append(f"{link[0]:.2g} of {link[1].channel} by steps ({link[1].recording})")
+    if not parts:
+        return []
+    return [
+        f"Held-out recordings are predicted to {' and '.join(parts)} at worst. The noise alone is 1: well above it, "
+        "sticking begins or ends at another instant, or the model lacks something that `twin diagnose` looks for."
+    ]
 
 
 def _open(sides: Sequence[str]) -> str:
@@ -405,8 +448,3 @@ def _open(sides: Sequence[str]) -> str:
         return ""
     ends = f"{' and '.join(sides)} end{'s are those' if len(sides) > 1 else ' is that'}"
     return f", and its {ends} of the range looked at"
-
-
-def _joint(found: Joint, name: str) -> Estimate:
-    k = found.names.index(name)
-    return Estimate(float(found.values[k]), float(found.errors[k]))
