@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -55,13 +56,19 @@ class Calibration:
         return self.bench.data
 
 
-def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Calibration:
+def calibrate(
+    campaign: Campaign,
+    pool: ThreadPoolExecutor,
+    progress: Progress = silent,
+    told: Mapping[str, float] = MappingProxyType({}),
+) -> Calibration:
     """Calibrates the declared model on the fit recordings.
 
     Args:
       campaign: the recordings; held-out ones are not looked at.
       pool: threads for the simulations.
       progress: told of every stage.
+      told: parameter of the rig -> where to begin, if not as declared.
     """
     noise = noises(campaign)
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
@@ -71,11 +78,19 @@ def calibrate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress =
     sound, cuts = sound_stretches(readings, noise, model)
     progress("calibrating")
     # Some tenths of a millisecond decide more than many an effect does, but less than a calibration.
-    errors = campaign.effect_errors
-    options = [_roughly(clock, sound, noise, model, errors, pool) for clock in timing.clocks(sound)]
+    known = _Known(campaign.effect_errors, told)
+    options = [_roughly(clock, sound, noise, model, known, pool) for clock in timing.clocks(sound)]
     rough = min(options, key=lambda option: option.fit.cost)
     bench, base = _calibrated(rough.bench, model, rough.fit)
     return Calibration(model, tuple(readings), bench, base, rough.clock, (*odd, *cuts, *rough.notes))
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Standard errors of the effects that a rig has (effect -> name), and where its parameters begin."""
+
+    errors: Mapping[str, Mapping[str, float]]
+    told: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -93,7 +108,7 @@ def _roughly(
     recordings: Sequence[Recording],
     noise: Mapping[str, float],
     model: Model,
-    errors: Mapping[str, Mapping[str, float]],
+    known: _Known,
     pool: ThreadPoolExecutor,
 ) -> _Rough:
     """Moves declared parameters within their uncertainty, commands held on this clock; the chain is a rough one."""
@@ -104,12 +119,12 @@ def _roughly(
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
     unknowns = (
         *fit.calibration(model, [p for name in model.effects for p in REGISTRY[name].replaces]),
-        *fit.known_effects(model, errors, bench.channels()),
+        *fit.known_effects(model, known.errors, bench.channels()),
         fit.clock(bench.prepared),
         *fit.start_unknowns(bench.prepared),
     )
     limit.move(bench, model, starts, limit.ROUGH)
-    x = search.roughly(bench, model, starts, unknowns)
+    x = search.roughly(bench, model, starts, unknowns, known.told)
     return _Rough(clock, bench, fit.minimise(bench, model, starts, unknowns, x, iterations=20), notes)
 
 

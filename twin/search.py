@@ -45,14 +45,21 @@ def _fine_shape(model: Model) -> ChainShape:
 
 
 def roughly(
-    bench: Workbench, model: Model, starts: Sequence[Start], unknowns: Sequence[Unknown]
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    told: Mapping[str, float],
 ) -> np.ndarray:
     """Where the fit of a rig starts: as declared, or for a rig known only roughly, the best of a coarse grid.
+
+    What is `told` of a parameter otherwise, by a test of its own, say, goes before its declaration.
 
     A link whose frequencies are far off is in another valley than the right one: stiffness and damping, where their
     uncertainty is large, are tried over their range first.
     """
-    x = np.array([u.start for u in unknowns])
+    first = [told.get(u.name, u.start) if u.owner == "rig" else u.start for u in unknowns]
+    x = np.array([np.clip(value, *u.bounds) for value, u in zip(first, unknowns, strict=True)])
     for name in ("bending_stiffness", "damping_ratio", "bending_stiffness"):
         for index, u in enumerate(unknowns):
             if u.name == name and u.prior and u.scale > _ROUGH * abs(u.start):

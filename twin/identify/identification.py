@@ -160,7 +160,8 @@ def identify(
     """
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
-        found = joint.estimate(campaign, pool, progress)
+        load = static_test.read(campaign)
+        found = joint.estimate(campaign, pool, progress, _told_before(campaign, load))
         progress("reading decays and break-aways")
         sound = replace(campaign, fit=found.readings)
         decays = ring_downs(sound) or decays_at_rest(found.prepared)
@@ -171,7 +172,6 @@ def identify(
         whole = _momentum(found)
         as_read = _with_static(search.fine(model), friction)
         released = _friction_map(found, as_read)
-    load = static_test.read(campaign)
     seen = spectra.response(sound.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
     moved = _backbone(sound, found, as_read)
@@ -219,6 +219,22 @@ def identify(
         held_out=predicted,
         wall_s=time.perf_counter() - began,
     )
+
+
+def _told_before(campaign: Campaign, load: StaticTest | None) -> dict[str, float]:
+    """Stiffness and damping ratio by the procedures that need no simulation, where they tell more than is declared."""
+    rig, decays = campaign.rig, ring_downs(campaign)
+    said = [
+        ("bending_stiffness", load.stiffness if load else None),
+        ("bending_stiffness", _stiffness_by_frequency(rig, decays) if decays else None),
+        ("damping_ratio", _damping(rig, decays) if decays else None),
+    ]
+    told: dict[str, Estimate] = {}
+    for name, value in said:
+        known = told.get(name, _declared(rig, name))
+        if value is not None and value.standard_error < known.standard_error:
+            told[name] = value
+    return {name: value.value for name, value in told.items()}
 
 
 def _hub_balance(found: Joint) -> Balance | None:

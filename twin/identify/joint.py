@@ -26,7 +26,7 @@ from twin.low_pass import MOTION_BANDS
 from twin.parameters import Rig
 from twin.recording import Recording
 from twin.scatter import Evidence
-from twin.search import Progress, silent
+from twin.search import Progress
 from twin.timing import Clock
 
 BANDS = (100.0, *MOTION_BANDS)
@@ -166,9 +166,18 @@ def with_link(inertia: Estimate, found: Joint) -> Estimate:
     return Estimate(inertia.value, float(np.hypot(inertia.standard_error, inertia.value * scale)))
 
 
-def estimate(campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent) -> Joint:
-    """Fits all declared parameters within their uncertainty, and checks the errors."""
-    start = calibration.calibrate(campaign, pool, progress)
+def estimate(
+    campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, told: Mapping[str, float]
+) -> Joint:
+    """Fits all declared parameters within their uncertainty, and checks the errors.
+
+    Args:
+      campaign: the recordings.
+      pool: threads for the simulations.
+      progress: told of every stage.
+      told: parameter -> value by a procedure of its own, from which the fit starts.
+    """
+    start = calibration.calibrate(campaign, pool, progress, told)
     progress("fitting in the limit of a fine chain")
     bench = Workbench(DrivenData(start.prepared, start.base.model, BANDS), pool)
     base, left = _in_the_limit(bench, start.base)
