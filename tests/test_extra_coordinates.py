@@ -63,13 +63,14 @@ def test_motor_crosses_the_gap_before_the_hub_moves():
     assert rates[2, 0] > 0.1
 
 
-def test_motor_comes_back_from_a_flank_as_a_linear_dashpot_lets_it():
+@pytest.mark.parametrize("loss", [planar.CONTACT_LOSS, 0.05, 0.5])
+def test_motor_comes_back_from_a_flank_as_a_linear_dashpot_lets_it(loss):
     # T. Schwager, T. Poeschel, Granular Matter 9 (2007): a contact that never pulls.
-    plant = planar.with_backlash(PLANT, 0.01, MOTOR)
+    plant = planar.with_backlash(PLANT, 0.01, MOTOR, loss)
     phi, omega = np.append(REST, 0.0), np.append(REST, 2.0)
     time = np.array([0.0, 0.0025 + 0.004])  # the free way to the flank, and out of the contact of some 1.6 ms
     _, rates, _ = planar.simulate(plant, *NO_DRIVE, time, phi, omega, 0, True, 2e-6)
-    loss, swing = planar.CONTACT_LOSS, math.sqrt(1 - planar.CONTACT_LOSS**2)
+    swing = math.sqrt(1 - loss**2)
     angle = math.atan2(2 * loss * swing, swing**2 - loss**2)
     assert -rates[-1, -1] / 2.0 == pytest.approx(math.exp(-loss / swing * (math.pi - angle)), rel=1e-3)
 

@@ -271,6 +271,28 @@ def test_errors_are_those_of_coloured_noise():
     assert (np.mean(weighed, axis=0) < 0.4 * true).all()
 
 
+def test_a_rough_cost_adds_what_a_parabola_takes_to_rise_by_it():
+    """As impacts in a play do: half a standard error away a residual is another one, by two nats of cost."""
+    rng = np.random.default_rng(6)
+    noise, jump = rng.standard_normal(1000), rng.standard_normal(1000)
+    smooth = Bench([noise], wave)
+    fitted = ridge.refined(smooth, smooth.start(0.0, 0.0))
+    slopes, added = ridge.looked_along(smooth, fitted)
+    assert np.abs(added).max() < 1e-3 * fitted.covariance[0, 0]
+    # Across all that the fit knows, so that its cost alone changes.
+    known = np.column_stack([noise, slopes.jacobian])
+    jump -= known @ np.linalg.lstsq(known, jump, rcond=None)[0]
+    jump *= np.sqrt(4.0) / np.linalg.norm(jump)
+    near = 0.5 * np.sqrt(np.diag(fitted.covariance)).min()
+
+    def rough(a, b):
+        away = np.linalg.norm(np.array([a, b]) - fitted.values) > near
+        return wave(a, b) + jump * away
+
+    _, added = ridge.looked_along(Bench([noise], rough), fitted)
+    assert added == pytest.approx(2 * 2.0 * fitted.covariance, rel=0.1)
+
+
 def test_a_recording_that_contradicts_the_others_is_seen():
     rng = np.random.default_rng(1)
     noises = [rng.standard_normal(2500) for _ in range(4)]

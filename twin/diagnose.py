@@ -202,7 +202,9 @@ def with_errors(found: Found, sound: Workbench) -> Found:
 
 def _sure(bench: Workbench, best: Fit) -> Fit:
     """The fit with its slopes where it stands, and honest errors."""
-    return disagreement.sure(bench, ridge.with_slopes(bench, best))
+    smooth, by_roughness = ridge.looked_along(bench, best)
+    sure = disagreement.sure(bench, smooth)
+    return replace(sure, covariance=sure.covariance + by_roughness)
 
 
 def _parameters(names: Iterable[str]) -> list[EffectParameter]:

@@ -96,6 +96,7 @@ class Plant(NamedTuple):
     patch_on: int = 0  # variable of a looked-up torque on the hub: 1 its angle, 2 its rate, 3 time, 0 none
     patch_x: np.ndarray = np.zeros(2)  # (k) values of the variable
     patch_y: np.ndarray = np.zeros(2)  # (k) N m
+    contact_loss: float = CONTACT_LOSS  # damping ratio of a motor with play on its flanks
 
     @property
     def is_shaken(self) -> bool:
@@ -115,10 +116,17 @@ def with_torsion(plant: Plant, inertia: float, stiffness: float, damping: float)
     return _with_extra(plant, inertia, place)._replace(torsion_stiffness=stiffness, torsion_damping=damping)
 
 
-def with_backlash(plant: Plant, gap: float, motor_inertia: float) -> Plant:
-    """A plant whose motor, with its part of the hub's inertia [kg m^2], has a play `gap` [rad] against the hub."""
+def with_backlash(plant: Plant, gap: float, motor_inertia: float, loss: float = CONTACT_LOSS) -> Plant:
+    """A plant whose motor has a play against the hub.
+
+    Args:
+      plant: the plant.
+      gap: the play in all [rad].
+      motor_inertia: the motor's part of the hub's inertia [kg m^2].
+      loss: damping ratio of the motor on the flanks [1].
+    """
     behind = _with_extra(plant, motor_inertia, len(plant.lengths))
-    return behind._replace(gap=gap, motor_inertia=motor_inertia)
+    return behind._replace(gap=gap, motor_inertia=motor_inertia, contact_loss=loss)
 
 
 def without_motor(plant: Plant) -> Plant:
@@ -222,7 +230,7 @@ def cogging(plant, angle):
 @_inlined
 def contact_damping(plant):
     """Of a flank of the play [N m s/rad]."""
-    return 2 * CONTACT_LOSS * np.sqrt(CONTACT_STIFFNESS * plant.motor_inertia)
+    return 2 * plant.contact_loss * np.sqrt(CONTACT_STIFFNESS * plant.motor_inertia)
 
 
 @_inlined

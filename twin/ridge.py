@@ -7,6 +7,7 @@ over one standard error to either side, they are not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +33,16 @@ def refined(bench: Workbench, base: Fit) -> Fit:
 
 def with_slopes(bench: Workbench, base: Fit) -> Fit:
     """The fit with its slopes by differences along the axes of its ellipse; zero for what moves nothing."""
+    return looked_along(bench, base)[0]
+
+
+def looked_along(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
+    """The fit with its slopes, and the covariance (p x p) that the roughness of its cost adds.
+
+    Impacts in a play make a cost rough: a standard error away it rises by more or less than half, and its least value
+    is anywhere within what this hides. Along each axis of the ellipse the variance is so much larger as a parabola
+    takes to rise by the roughness.
+    """
     mine = np.flatnonzero(seen(base))
     information = fit.normal_equations(bench, base)[0][np.ix_(mine, mine)]
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -40,14 +51,25 @@ def with_slopes(bench: Workbench, base: Fit) -> Fit:
     axes[mine] = scale[:, None] * vectors / np.sqrt(np.maximum(size, 1e-12))
     low, high = np.array([u.bounds for u in base.unknowns]).T
     ends = [np.clip(base.values + side * axis, low, high) for axis in axes.T for side in (1, -1)]
+    points = [*ends, base.values]
     found = bench.residuals(
-        [(*fit.placed_both(base.model, base.starts, base.unknowns, x), None) for x in ends]
+        [(*fit.placed_both(base.model, base.starts, base.unknowns, x), None) for x in points]
     )
     apart = np.array(ends[::2]) - np.array(ends[1::2])
-    change = np.array(found[::2]) - np.array(found[1::2])
+    change = np.array(found[:-1:2]) - np.array(found[1::2])
     jacobian = np.zeros_like(base.jacobian)
     jacobian[:, mine] = np.linalg.lstsq(apart[:, mine], change, rcond=None)[0].T
-    return replace(base, jacobian=jacobian)
+    costs = [fit.cost_of(bench, base.unknowns, x, r) for x, r in zip(points, found, strict=True)]
+    rises = np.array(costs[:-1]) - costs[-1]
+    roughness = np.abs(rises - _parabola(bench, base, ends)).reshape(-1, 2).mean(axis=1)
+    return replace(base, jacobian=jacobian), (2 * roughness * axes) @ axes.T
+
+
+def _parabola(bench: Workbench, base: Fit, points: Sequence[np.ndarray]) -> np.ndarray:
+    """What the cost rises by at some points (k) as the slopes at the fit say."""
+    information, gradient = fit.normal_equations(bench, base)
+    moves = [x - base.values for x in points]
+    return np.array([gradient @ m + 0.5 * m @ information @ m for m in moves])
 
 
 def seen(base: Fit) -> np.ndarray:

@@ -269,7 +269,8 @@ def _profiles(
     ratios = errors**2 / np.diag(said.inverse)
     half, ends = TWO_SIDED_95 * errors, np.array([u.bounds for u in base.unknowns])
     cut = (base.values - half < ends[:, 0]) | (base.values + half > ends[:, 1])
-    mine = np.array([u.owner not in _NUISANCES for u in base.unknowns])
+    # The static level is read at break-aways, not here.
+    mine = np.array([u.owner not in _NUISANCES and u.name != "static_friction" for u in base.unknowns])
     # Where recordings contradict each other their errors are not those of the likelihood, and no rise of it is theirs.
     contradicted = errors**2 > _CONTRADICTED * np.diag(said.covariance)
     odd = np.flatnonzero(mine & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))
