@@ -274,7 +274,13 @@ def _profiles(
     # Where recordings contradict each other their errors are not those of the likelihood, and no rise of it is theirs.
     contradicted = errors**2 > _CONTRADICTED * np.diag(said.covariance)
     odd = np.flatnonzero(mine & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))
-    return {int(k): Profile(bench, base, int(k), float(errors[k]), float(ratios[k])).interval() for k in odd}
+    inside = np.clip(np.column_stack([base.values - half, base.values + half]), ends[:, :1], ends[:, 1:])
+    found = {}
+    for k in odd:
+        first, last = Profile(bench, base, int(k), float(errors[k]), float(ratios[k])).interval()
+        # Others that are not quite at their best make a profile too steep, never too flat.
+        found[int(k)] = min(first, float(inside[k, 0])), max(last, float(inside[k, 1]))
+    return found
 
 
 def _rises(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:

@@ -402,7 +402,7 @@ def joint(
         for name in found.at_an_end()
     ]
     said += [
-        f"Without {recording} {name} moves by {distance:.1f} standard errors of the move: the recordings contradict "
+        f"Without {recording} {name} moves by {distance:.3g} standard errors of the move: the recordings contradict "
         "each other, which the model does not explain."
         for recording, name, distance in found.odd[:_ODD_SHOWN]
     ]
