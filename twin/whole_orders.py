@@ -41,7 +41,7 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     kept = [k for k in range(len(best.unknowns)) if k != index]
     unknowns = [best.unknowns[k] for k in kept]
     whole = float(np.round(best.values[index]))
-    values = best.values[kept] + _moved_along(best, index)[kept] * (whole - best.values[index])
+    values = best.values[kept] + _moved_along(bench, best, index)[kept] * (whole - best.values[index])
     effects = {name: dict(p) for name, p in best.model.effects.items()}
     effects[order.owner][order.name] = whole
     model = best.model.replace(effects=effects)
@@ -53,7 +53,9 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     return fit.minimise(bench, model, best.starts, unknowns, values, slopes, _ITERATIONS)
 
 
-def _moved_along(best: Fit, index: int) -> np.ndarray:
+def _moved_along(bench: Workbench, best: Fit, index: int) -> np.ndarray:
     """How the likeliest values of all unknowns (p) move with that of one."""
-    variance = best.covariance[index, index]
-    return best.covariance[:, index] / variance if variance > 0 else np.zeros(len(best.unknowns))
+    information, _ = fit.normal_equations(bench, best)
+    covariance = np.linalg.pinv(information, hermitian=True)
+    variance = covariance[index, index]
+    return covariance[:, index] / variance if variance > 0 else np.zeros(len(best.unknowns))
