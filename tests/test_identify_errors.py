@@ -32,6 +32,7 @@ from twin.identify import (
     against,
     backbone,
     break_away,
+    identification,
     joint,
     near_modes,
     profile,
@@ -40,6 +41,7 @@ from twin.identify import (
     spectra,
 )
 from twin.identify.against import Comparison
+from twin.identify.results import Identified
 from twin.look import look
 from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
@@ -379,6 +381,17 @@ def test_recordings_that_disagree_say_nothing_of_the_declaration():
     influences, variances = np.array([[0.2], [-0.2]]), np.full((2, 1), 1e-4)
     widened = disagreement.widened(1e-4 * ONE, ONE, influences, variances, ANY)
     assert widened[0, 0] == pytest.approx(1 + 400e-4)
+
+
+def test_what_is_not_determined_is_said_with_why():
+    told = {
+        name: Identified(1.0, error, "m", 1.0, 0.1)
+        for name, error in (("known", 0.02), ("news", 0.08), ("jumps", 1e-8), ("ends", 0.01))
+    }
+    found = SimpleNamespace(at_an_end=lambda: ["ends"], tied=list)
+    said = identification._not_determined(told, found)
+    assert set(said) == {"news", "jumps", "ends"}
+    assert "jumps about it" in said["jumps"]
 
 
 def test_a_parameter_at_the_end_of_its_range_is_named():

@@ -63,6 +63,7 @@ from twin.search import Progress, silent
 
 _CLEAR = 0.02  # relative error of a frequency up to which a decay at rest is one
 _KNOWN_BEFORE = 0.7  # of the declared uncertainty: an error above it is hardly news
+_TOO_SURE = 1e-5  # of the declared uncertainty: an error below it is one of slopes that are none
 
 
 @dataclass(frozen=True)
@@ -354,6 +355,7 @@ def _methods(
     """Parameter -> procedure -> what it says by itself."""
     if hub is not None and not hub.believed:
         hub = None
+    inertia = with_link(hub.inertia, found) if hub else None
     own: dict[str, dict[str, Estimate]] = {name: {} for name in found.names}
     said = {
         ("bending_stiffness", "static"): load.stiffness if load else None,
@@ -362,7 +364,7 @@ def _methods(
         ("static_friction", "break-away"): friction.level,
         ("coulomb_friction", "hub-balance"): hub.both if hub else None,
         ("coulomb_friction", "decay-map"): released.level if released else None,
-        ("hub_inertia", "hub-balance"): with_link(hub.inertia, found) if hub and hub.inertia.told else None,
+        ("hub_inertia", "hub-balance"): inertia if inertia and inertia.told else None,
         ("tip_mass", "slews"): tip_mass,
     }
     for (name, method), value in said.items():
@@ -460,6 +462,8 @@ def _not_determined(parameters: Mapping[str, Identified], found: Joint) -> dict[
                 if partners
                 else "the recordings say no more of it than the campaign does"
             )
+        elif p.declared_error and p.standard_error < _TOO_SURE * p.declared_error:
+            said[name] = "the likelihood jumps about it, and so small an error is none"
     return said
 
 

@@ -36,8 +36,7 @@ def _parameter_lines(found: Identification, parameter: Parameter) -> Iterator[st
     why = found.not_determined.get(parameter.name)
     told = "identified from" if why is None else "not determined by"
     source = f"{told} the recordings of {found.campaign}; declared {identified.declared:.6g}"
+    error = identified.standard_error
     if why is not None:
-        source += f"; {why}"
-    return parameter_lines(
-        replace(parameter, value=identified.value, source=source), identified.standard_error
-    )
+        source, error = f"{source}; {why}", max(error, identified.declared_error or 0.0)
+    return parameter_lines(replace(parameter, value=identified.value, source=source), error)
