@@ -31,7 +31,7 @@ from twin.identify import (
 from twin.identify.backbone import Backbone, backbone
 from twin.identify.break_away import StaticFriction
 from twin.identify.deliver import FOLDER
-from twin.identify.results import Estimate, disagreement, pooled
+from twin.identify.results import Estimate, Mode, disagreement, pooled
 from twin.model import Model, Start, simulate
 from twin.recording import Recording, Sensor
 from twin.rig_file import effect_lines, header, parameter_lines, read_rig_file
@@ -492,6 +492,13 @@ def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
     rig, effects = read_rig_file(tmp_path / "out" / FOLDER.files["rig"])
     assert effects == {"viscous-friction": {"viscous": pytest.approx(law["value"])}}
     assert rig["hub_inertia"] == pytest.approx(said["parameters"]["hub_inertia"]["value"])
+
+
+@pytest.mark.parametrize(("peak", "said"), [(6.5, True), (7.26, False), (18.4, False)])
+def test_a_peak_that_friction_has_moved_is_said_to_be(peak, said):
+    mode = Mode("free", Estimate(peak, 0.02), None, "bending", "s.csv, strain_base")
+    found = sentences.spectra(spectra.response([fed_back(0)]), (mode,), None, Estimate(7.27, 0.01)).sentences
+    assert any("small vibration" in sentence for sentence in found) == said
 
 
 def test_beside_itself_a_campaign_has_its_own_peaks(run):

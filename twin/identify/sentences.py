@@ -16,6 +16,7 @@ from twin.identify.friction_map import FrictionMap
 from twin.identify.held_out import HeldOutError
 from twin.identify.joint import Joint, with_link
 from twin.identify.momentum import Momentum
+from twin.identify.near_modes import SOFTER
 from twin.identify.results import Estimate, Finding, Mode, disagreement
 from twin.identify.spectra import Response
 from twin.identify.static_test import LOADS, OddRow, StaticTest
@@ -289,8 +290,12 @@ def spectra(
         damping = f", damping ratio {shown(mode.damping_ratio)}" if mode.damping_ratio else ""
         what = "a bending mode of this rig" if mode.kind == "bending" else "no bending mode of this rig"
         said.append(f"{shown(mode.frequency, 'Hz')}{damping}: {what}.")
-    first = min((m.frequency for m in modes if m.kind == "bending"), key=lambda f: f.value, default=None)
-    if first is not None and small.told and disagreement(first, small) > _APART:
+    firsts = [
+        m.frequency
+        for m in modes
+        if m.kind == "bending" and abs(m.frequency.value / small.value - 1) < SOFTER
+    ]
+    if firsts and small.told and disagreement(firsts[0], small) > _APART:
         said.append(
             f"By the joint estimate the first mode has {shown(small, 'Hz')} in small vibration: friction of the hub "
             "and large bends move the peak of a sweep."
