@@ -442,8 +442,9 @@ def _of_held_out(errors: Sequence[HeldOutError]) -> list[str]:
     if not parts:
         return []
     return [
-        f"Held-out recordings are predicted to {' and '.join(parts)} at worst. The noise alone is 1: well above it, "
-        "sticking begins or ends at another instant, or the model lacks something that `twin diagnose` looks for."
+        f"Held-out recordings are predicted to {' and '.join(parts)} at worst. Noise alone is 1, by steps less: "
+        "well above it, sticking begins or ends at another instant, or the model lacks something that `twin diagnose` "
+        "looks for."
     ]
 
 
