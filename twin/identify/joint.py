@@ -131,6 +131,12 @@ class Joint:
         unknown = next(u for u in self.fit.unknowns if u.owner not in _NUISANCES and _name(u) == name)
         return _turned(unknown, *unknown.bounds)
 
+    def not_elliptic(self) -> list[str]:
+        """Parameters in which the likelihood two standard errors away is not that of an ellipse."""
+        low, high = _ELLIPTIC
+        odd = ((self.rises < low) | (self.rises > high)).any(axis=1)
+        return [name for name, k in zip(self.names, odd, strict=True) if k and name != "static_friction"]
+
     def open_ends(self, name: str) -> list[str]:
         """Sides, "lower" and "upper", on which a profile's interval ends where the range does."""
         low, high = self.range_of(name)

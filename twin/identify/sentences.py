@@ -409,18 +409,24 @@ def joint(
     said += [
         f"Without {recording} {name} moves by {distance:.3g} standard errors of the move: the recordings contradict "
         "each other, which the model does not explain."
-        for recording, name, distance in found.odd[:_ODD_SHOWN]
+        for recording, name, distance in (found.odd[:_ODD_SHOWN] if count > 1 else ())
     ]
     if count == 1:
         said.append("There is no other recording that it could be checked against.")
     elif not found.odd:
         said.append("No recording moves the estimate by more than chance when it is left out.")
     said += [
-        f"The likelihood is not elliptic in {name}: by its profile the 95 % interval is {low:.5g} to {high:.5g}"
+        f"The likelihood is not elliptic in {name}: the 95 % interval, by its profile, is {low:.5g} to {high:.5g}"
         f"{_open(found.open_ends(name))}."
         for name, (low, high) in found.intervals.items()
     ]
-    if not found.intervals:
+    rest = [name for name in found.not_elliptic() if name not in found.intervals]
+    if rest:
+        said.append(
+            f"The likelihood is not elliptic in {', '.join(rest)}, but where recordings contradict each other "
+            "its profile tells no interval: theirs are those of the covariance."
+        )
+    elif not found.intervals:
         said.append(
             "Two standard errors away the likelihood is what the covariance says, in every parameter."
         )
