@@ -134,8 +134,11 @@ class Joint:
     def not_elliptic(self) -> list[str]:
         """Parameters in which the likelihood two standard errors away is not that of an ellipse."""
         low, high = _ELLIPTIC
-        odd = ((self.rises < low) | (self.rises > high)).any(axis=1)
-        return [name for name, k in zip(self.names, odd, strict=True) if k and name != "static_friction"]
+        return [
+            name
+            for name, rises in zip(self.names, self.rises, strict=True)
+            if name != "static_friction" and (rises.min() < low or rises.max() > high)
+        ]
 
     def open_ends(self, name: str) -> list[str]:
         """Sides, "lower" and "upper", on which a profile's interval ends where the range does."""
