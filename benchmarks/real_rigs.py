@@ -49,8 +49,8 @@ def _quantities(found: Identification) -> Iterator[tuple[str, str]]:
     for name, p in found.numbers.items():
         for method, value in p.methods.items():
             yield f"{name} [{p.unit}], {method}", shown(value)
-    for what, value, unit in found.figures:
-        yield f"{what.removesuffix(' of').rstrip(',')} [{unit}]", shown(value) if value.told else "not told"
+    for what, (value, unit) in found.figures.items():
+        yield f"{what} [{unit}]", shown(value) if value.told else "not told"
     for decay in found.decays:
         yield f"clamped, {decay.recording} [Hz]", shown(decay.frequency)
         yield f"damping ratio, {decay.recording}", shown(decay.damping_ratio)

@@ -401,7 +401,7 @@ def test_a_parameter_at_the_end_of_its_range_is_named():
     )
     assert found.at_an_end() == ["b"]
     assert any(
-        s.startswith("b stands at the end of its range") for s in sentences.joint(found, (), ()).sentences
+        s.startswith("b stands at the end of its range") for s in sentences.joint(found, {}, ()).sentences
     )
 
 

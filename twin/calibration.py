@@ -11,7 +11,6 @@ import numpy as np
 
 from twin import chain, defects, driven, fit, limit, observe, search, timing
 from twin.campaign import Campaign
-from twin.effects import REGISTRY
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
 from twin.model import Model
@@ -118,7 +117,7 @@ def _roughly(
     notes = (*left_out, *timing.told(clock), *_out_of_reach(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
     unknowns = (
-        *fit.calibration(model, [p for name in model.effects for p in REGISTRY[name].replaces]),
+        *fit.calibration(model),
         *fit.known_effects(model, known.errors, bench.channels()),
         fit.clock(bench.prepared),
         *fit.start_unknowns(bench.prepared),

@@ -118,11 +118,12 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
 
 def _correlations(fit: Fit) -> Correlations:
     """Of the rig's parameters and the effects' own; a number that stands for its inverse turns its sign."""
-    kept = [i for i, u in enumerate(fit.unknowns) if u.owner not in ("start", "clock")]
+    kept = [i for i, u in enumerate(fit.unknowns) if u.of_rig]
     unknowns = [fit.unknowns[i] for i in kept]
-    names = [u.name if u.owner == "rig" else f"{u.owner}.{u.name}" for u in unknowns]
     sign = np.array([-1.0 if u.inverse else 1.0 for u in unknowns])
-    return of_covariance(names, fit.covariance[np.ix_(kept, kept)] * np.outer(sign, sign))
+    return of_covariance(
+        [u.full_name for u in unknowns], fit.covariance[np.ix_(kept, kept)] * np.outer(sign, sign)
+    )
 
 
 def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:

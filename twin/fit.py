@@ -100,6 +100,16 @@ class Unknown:
     recording: int | None = None
     inverse: bool = False
 
+    @property
+    def of_rig(self) -> bool:
+        """Whether it is a parameter of the rig or of its effects, and not of one recording or of the card."""
+        return self.owner not in ("clock", "start")
+
+    @property
+    def full_name(self) -> str:
+        """The parameter as a parameter file names it in its correlations: those of effects by effect.parameter."""
+        return self.name if self.owner == "rig" else f"{self.owner}.{self.name}"
+
     def turned(self, value: float) -> float:
         """The parameter's value for the number that a fit moves, and the other way round."""
         if not self.inverse:
@@ -114,13 +124,18 @@ def relative_uncertainty(parameter: Parameter) -> float:
     return parameter.uncertainty
 
 
-def calibration(model: Model, replaced: Sequence[str] = ()) -> list[Unknown]:
+def replaced(model: Model) -> set[str]:
+    """Declared parameters that a model's effects take over."""
+    return {p for name in model.effects for p in REGISTRY[name].replaces}
+
+
+def calibration(model: Model) -> list[Unknown]:
     """Declared parameters that may move within their uncertainty."""
-    found = []
+    found, gone = [], replaced(model)
     for name, parameter in model.declared.parameters.items():
         relative = relative_uncertainty(parameter)
         scale = relative * abs(parameter.value)
-        if name not in _RIGID and name not in replaced and scale > 0:
+        if name not in _RIGID and name not in gone and scale > 0:
             # Within the uncertainty: what would have to move further is not calibration.
             bounds = declared_range(parameter, _REACH)
             found.append(Unknown("rig", name, parameter.value, scale, True, bounds))

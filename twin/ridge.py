@@ -33,43 +33,55 @@ def refined(bench: Workbench, base: Fit) -> Fit:
 
 def with_slopes(bench: Workbench, base: Fit) -> Fit:
     """The fit with its slopes by differences along the axes of its ellipse; zero for what moves nothing."""
-    return looked_along(bench, base)[0]
+    axes, ends = _axes(base, fit.normal_equations(bench, base)[0])
+    return _sloped(base, ends, _residuals(bench, base, ends))
 
 
 def looked_along(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
-    """The fit with its slopes, and the covariance (p x p) that the roughness of its cost adds.
+    """The fit with its slopes as `with_slopes`, and the covariance (p x p) that the roughness of its cost adds.
 
     Impacts in a play make a cost rough: a standard error away it rises by more or less than half, and its least value
     is anywhere within what this hides. Along each axis of the ellipse the variance is so much larger as a parabola
     takes to rise by the roughness.
     """
+    information, gradient = fit.normal_equations(bench, base)
+    axes, ends = _axes(base, information)
+    # The residual where it stands may be of other data than these.
+    *found, here = _residuals(bench, base, [*ends, base.values])
+    level = fit.cost_of(bench, base.unknowns, base.values, here)
+    rises = [fit.cost_of(bench, base.unknowns, x, r) - level for x, r in zip(ends, found, strict=True)]
+    moves = [x - base.values for x in ends]
+    parabola = [gradient @ m + 0.5 * m @ information @ m for m in moves]
+    roughness = np.abs(np.array(rises) - parabola).reshape(-1, 2).mean(axis=1)
+    return _sloped(base, ends, found), (2 * roughness * axes) @ axes.T
+
+
+def _axes(base: Fit, information: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The axes (p x k) of the ellipse of a fit, a standard error long, and their ends (2 k) within the ranges."""
     mine = np.flatnonzero(seen(base))
-    information = fit.normal_equations(bench, base)[0][np.ix_(mine, mine)]
+    information = information[np.ix_(mine, mine)]
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     size, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     axes = np.zeros((len(base.values), len(mine)))
     axes[mine] = scale[:, None] * vectors / np.sqrt(np.maximum(size, 1e-12))
     low, high = np.array([u.bounds for u in base.unknowns]).T
-    ends = [np.clip(base.values + side * axis, low, high) for axis in axes.T for side in (1, -1)]
-    points = [*ends, base.values]
-    found = bench.residuals(
+    return axes, [np.clip(base.values + side * axis, low, high) for axis in axes.T for side in (1, -1)]
+
+
+def _residuals(bench: Workbench, base: Fit, points: Sequence[np.ndarray]) -> list[np.ndarray]:
+    return bench.residuals(
         [(*fit.placed_both(base.model, base.starts, base.unknowns, x), None) for x in points]
     )
+
+
+def _sloped(base: Fit, ends: Sequence[np.ndarray], found: Sequence[np.ndarray]) -> Fit:
+    """The fit with the slopes that residuals at the ends of its axes show."""
+    mine = np.flatnonzero(seen(base))
     apart = np.array(ends[::2]) - np.array(ends[1::2])
-    change = np.array(found[:-1:2]) - np.array(found[1::2])
+    change = np.array(found[::2]) - np.array(found[1::2])
     jacobian = np.zeros_like(base.jacobian)
     jacobian[:, mine] = np.linalg.lstsq(apart[:, mine], change, rcond=None)[0].T
-    costs = [fit.cost_of(bench, base.unknowns, x, r) for x, r in zip(points, found, strict=True)]
-    rises = np.array(costs[:-1]) - costs[-1]
-    roughness = np.abs(rises - _parabola(bench, base, ends)).reshape(-1, 2).mean(axis=1)
-    return replace(base, jacobian=jacobian), (2 * roughness * axes) @ axes.T
-
-
-def _parabola(bench: Workbench, base: Fit, points: Sequence[np.ndarray]) -> np.ndarray:
-    """What the cost rises by at some points (k) as the slopes at the fit say."""
-    information, gradient = fit.normal_equations(bench, base)
-    moves = [x - base.values for x in points]
-    return np.array([gradient @ m + 0.5 * m @ information @ m for m in moves])
+    return replace(base, jacobian=jacobian)
 
 
 def seen(base: Fit) -> np.ndarray:

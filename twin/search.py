@@ -256,7 +256,7 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
 
 def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
     """What a fit of this model may move: declared parameters that no effect replaces, effects, first states."""
-    replaced = {p for name in model.effects for p in REGISTRY[name].replaces}
+    replaced = fit.replaced(model)
     kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
     kept += [u for u in base.unknowns if u.owner == "clock"]
     starts = [u for u in base.unknowns if u.owner == "start"]

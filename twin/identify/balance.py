@@ -20,7 +20,7 @@ from twin import limit, planar
 from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
-from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate
+from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate, grown
 from twin.low_pass import low_passed
 from twin.model import Model, Start
 from twin.view import Hub, View, hub_motion, move
@@ -86,7 +86,7 @@ def by_laws(model: Model, time: np.ndarray, hub: Hub) -> np.ndarray:
     return planar.hub_laws(model.plant, time, hub.angle, hub.rate, np.zeros(len(time)))
 
 
-def with_error_of(found: Balance, other: Balance | None) -> Balance:
+def with_error_of(found: Balance, other: Balance) -> Balance:
     """The hub's balance, its errors grown by that of something else that it takes as known.
 
     Losses of the link that the model has not look like friction of the hub, and so does what an effect brakes.
@@ -95,12 +95,6 @@ def with_error_of(found: Balance, other: Balance | None) -> Balance:
       found: the balance.
       other: the same with that one standard error larger.
     """
-    if other is None:
-        return found
-
-    def grown(a: Estimate, b: Estimate) -> Estimate:
-        return Estimate(a.value, math.hypot(a.standard_error, a.value - b.value))
-
     return replace(
         found,
         inertia=grown(found.inertia, other.inertia),

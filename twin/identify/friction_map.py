@@ -18,7 +18,7 @@ from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from twin.fit import Prepared, reading_start
 from twin.identify import decay
-from twin.identify.results import Estimate
+from twin.identify.results import Estimate, grown
 from twin.model import Model, Start, simulate
 from twin.recording import Recording
 
@@ -31,10 +31,8 @@ _LEVELS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5])
 """Coulomb frictions that are tried, in parts of the model's."""
 _CLOSER = np.array([0.94, 1.0, 1.06])
 """The same, in parts of what they gave."""
-_ROUNDS, _AS_LARGE = (
-    4,
-    1e-3,
-)  # in which simulated swings are made as large as the measured ones, up to which ratio
+_ROUNDS = 4  # in which simulated swings are made as large as the measured ones
+_AS_LARGE = 1e-3  # relative difference up to which they are
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ class FrictionMap:
     deflection: float
 
 
-def with_error_of(found: FrictionMap, other: FrictionMap | None) -> FrictionMap:
+def with_error_of(found: FrictionMap, other: FrictionMap) -> FrictionMap:
     """The map, the error of its level grown by that of something else that it takes as known.
 
     What the link loses more, friction takes less: 1 % of a damping ratio of 0.034 is 0.6 to 0.9 % of 0.0055 N m.
@@ -67,11 +65,9 @@ def with_error_of(found: FrictionMap, other: FrictionMap | None) -> FrictionMap:
       found: the map.
       other: the same with that one standard error larger.
     """
-    if other is None or found.level is None or other.level is None:
+    if found.level is None or other.level is None:
         return found
-    level = found.level
-    error = math.hypot(level.standard_error, level.value - other.level.value)
-    return replace(found, level=Estimate(level.value, error))
+    return replace(found, level=grown(found.level, other.level))
 
 
 def read(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> FrictionMap | None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.ndimage import label
@@ -61,7 +61,9 @@ from twin.parameters import Rig
 from twin.planar import STUCK
 from twin.search import Progress, silent
 
+_Read = TypeVar("_Read")
 _CLEAR = 0.02  # relative error of a frequency up to which a decay at rest is one
+_FREE, _TOTAL = "a first frequency, hub free", "a total inertia"
 _KNOWN_BEFORE = 0.7  # of the declared uncertainty: an error above it is hardly news
 _TOO_SURE = 1e-5  # of the declared uncertainty: an error below it is one of slopes that are none
 
@@ -87,7 +89,7 @@ class Identification:
       spectrum: response of the link to the torque; None where no torque excites a broad band.
       moved: how the first resonance moves with amplitude; None where too few recordings tell.
       joint: the joint estimate.
-      figures: what it makes of the whole rig: name, value, unit.
+      figures: what it makes of the whole rig: name -> figure, unit.
       held_out: errors on held-out recordings, which are simulated once, at the end.
       notes: what is odd in the recordings, or was assumed of them.
       compared: its peaks beside those of another campaign of the rig; None where none was named.
@@ -109,7 +111,7 @@ class Identification:
     spectrum: Response | None
     moved: Backbone | None
     joint: Joint
-    figures: tuple[tuple[str, Estimate, str], ...]
+    figures: Mapping[str, tuple[Estimate, str]]
     held_out: tuple[HeldOutError, ...] = ()
     notes: tuple[str, ...] = ()
     compared: Comparison | None = None
@@ -134,9 +136,7 @@ class Identification:
                 for f in self.findings
             ],
             **({} if self.compared is None else {"against": self.compared.to_json()}),
-            "total_inertia": details.total_inertia(
-                self.whole, self.joint.figure(beam.rigid_inertia, self.rig)
-            ),
+            "total_inertia": details.total_inertia(self.whole, self.figures[_TOTAL][0]),
             "backbone": None if self.moved is None else details.backbone(self.moved),
             "friction_map": None if self.released is None else details.friction_map(self.released),
             "loss_laws": [details.loss_law(d) for d in self.decays],
@@ -178,8 +178,7 @@ def identify(
     moved = _backbone(sound, found, as_read)
     compared = against.compare(campaign, other, found.fit.model.declared) if other is not None else None
     figures = _figures(campaign.rig, found)
-    total = found.figure(beam.rigid_inertia, campaign.rig)
-    small = found.figure(lambda p: _first(beam.modes(p, 1)), campaign.rig)
+    (total, _), (small, _) = figures[_TOTAL], figures[_FREE]
     tip_mass = _payload(campaign.rig, found, hub, whole)
     methods = _methods(campaign.rig, found, decays, friction, hub, load, released, tip_mass)
     identified = {name: _identified(campaign, name, found, methods[name]) for name in found.names}
@@ -240,33 +239,40 @@ def _told_before(campaign: Campaign, load: StaticTest | None) -> dict[str, float
 
 def _hub_balance(found: Joint) -> Balance | None:
     model, starts = found.fit.model, found.fit.starts
-    hub = balance.of_hub(found.data, model, starts)
-    if hub is None:
-        return None
-    for other in _off_by_an_error(found, model):
-        hub = balance.with_error_of(hub, balance.of_hub(found.data, other, starts))
-    return hub
+    others = _off_by_an_error(found, model)
+    return _with_errors(lambda m: balance.of_hub(found.data, m, starts), balance.with_error_of, model, others)
 
 
 def _momentum(found: Joint) -> Momentum | None:
     model = found.fit.model
-    whole = momentum.of_rig(found.data, model)
-    if whole is None:
-        return None
     # The link's damping takes nothing from the momentum of the whole.
-    for other in _off_by_an_error(found, model, losses=False):
-        whole = momentum.with_error_of(whole, momentum.of_rig(found.data, other))
-    return whole
+    others = _off_by_an_error(found, model, losses=False)
+    return _with_errors(lambda m: momentum.of_rig(found.data, m), momentum.with_error_of, model, others)
 
 
 def _friction_map(found: Joint, model: Model) -> FrictionMap | None:
-    starts = found.fit.starts
-    released = friction_map.read(model, found.prepared, starts)
-    if released is None:
+    others = _off_by_an_error(found, model)
+
+    def read(tried: Model) -> FrictionMap | None:
+        return friction_map.read(tried, found.prepared, found.fit.starts)
+
+    return _with_errors(read, friction_map.with_error_of, model, others)
+
+
+def _with_errors(
+    read: Callable[[Model], _Read | None],
+    grown: Callable[[_Read, _Read], _Read],
+    model: Model,
+    others: Sequence[Model],
+) -> _Read | None:
+    """What is read with a model, its errors grown by what is read with others, where they tell something."""
+    found = read(model)
+    if found is None:
         return None
-    for other in _off_by_an_error(found, model):
-        released = friction_map.with_error_of(released, friction_map.read(other, found.prepared, starts))
-    return released
+    for other in others:
+        if (moved := read(other)) is not None:
+            found = grown(found, moved)
+    return found
 
 
 def _off_by_an_error(found: Joint, model: Model, losses: bool = True) -> list[Model]:
@@ -490,19 +496,17 @@ def _first(found: beam.Modes) -> float:
     return float(found.frequencies[0]) / (2 * np.pi)
 
 
-def _figures(rig: Rig, found: Joint) -> tuple[tuple[str, Estimate, str], ...]:
-    """What the joint estimate makes of the whole rig: name, value, unit."""
-    return (
-        (
-            "a first frequency, hub clamped, of",
+def _figures(rig: Rig, found: Joint) -> dict[str, tuple[Estimate, str]]:
+    """What the joint estimate makes of the whole rig: name -> figure, unit."""
+    return {
+        "a first frequency, hub clamped": (
             found.figure(lambda p: _first(beam.modes(p, 1, "clamped")), rig),
             "Hz",
         ),
-        ("a first frequency, hub free, of", found.figure(lambda p: _first(beam.modes(p, 1)), rig), "Hz"),
-        ("a total inertia of", found.figure(beam.rigid_inertia, rig), "kg m^2"),
-        (
-            "a tip stiffness 3 EI/l^3 of",
+        _FREE: (found.figure(lambda p: _first(beam.modes(p, 1)), rig), "Hz"),
+        _TOTAL: (found.figure(beam.rigid_inertia, rig), "kg m^2"),
+        "a tip stiffness 3 EI/l^3": (
             found.figure(lambda p: 3 * p["bending_stiffness"] / p["length"] ** 3, rig),
             "N/m",
         ),
-    )
+    }

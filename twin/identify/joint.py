@@ -33,7 +33,6 @@ BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the motion of the hub [Hz]: an identification follows its harmonics further up."""
 _ITERATIONS = 4
 _CONTRADICTED = 4.0  # times as much variance as the noise makes, from which recordings contradict each other
-_NUISANCES = ("clock", "start")  # what is fitted, and is no parameter of the rig
 _CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to
 _TIED = 0.9  # correlation from which two parameters are said to move together
 _END = 1e-6  # share of a range up to which a value stands at its end
@@ -110,8 +109,8 @@ class Joint:
         found = []
         for u, value in zip(self.fit.unknowns, self.fit.values, strict=True):
             low, high = u.bounds
-            if u.owner not in _NUISANCES and min(value - low, high - value) < _END * (high - low):
-                found.append(_name(u))
+            if u.of_rig and min(value - low, high - value) < _END * (high - low):
+                found.append(u.full_name)
         return found
 
     def estimate(self, name: str) -> Estimate:
@@ -128,7 +127,7 @@ class Joint:
 
     def range_of(self, name: str) -> tuple[float, float]:
         """Values of a parameter that are looked at."""
-        unknown = next(u for u in self.fit.unknowns if u.owner not in _NUISANCES and _name(u) == name)
+        unknown = next(u for u in self.fit.unknowns if u.of_rig and u.full_name == name)
         return _turned(unknown, *unknown.bounds)
 
     def not_elliptic(self) -> list[str]:
@@ -200,8 +199,8 @@ def estimate(
     errors = np.sqrt(np.diag(full))
     rises = _rises(bench, base, errors)
     intervals = _profiles(bench, base, errors, said, rises)
-    mine = [i for i, u in enumerate(base.unknowns) if u.owner not in _NUISANCES]
-    names = tuple(_name(base.unknowns[i]) for i in mine)
+    mine = [i for i, u in enumerate(base.unknowns) if u.of_rig]
+    names = tuple(base.unknowns[i].full_name for i in mine)
     # Of a stiffness that may be infinite, a fit moves one over it.
     turns = np.array([-1 / base.values[i] ** 2 if base.unknowns[i].inverse else 1.0 for i in mine])
     return Joint(
@@ -222,10 +221,6 @@ def estimate(
         },
         (*start.notes, *timing.said(base)),
     )
-
-
-def _name(unknown: Unknown) -> str:
-    return unknown.name if unknown.owner == "rig" else f"{unknown.owner}.{unknown.name}"
 
 
 def _turned(unknown: Unknown, *ends: float) -> tuple[float, float]:
@@ -262,7 +257,9 @@ def _allowed(distances: np.ndarray) -> float:
 def _odd(
     recordings: tuple[str, ...], names: tuple[str, ...], distances: np.ndarray
 ) -> tuple[tuple[str, str, float], ...]:
-    """Recording, parameter and distance (k x p) wherever one disagrees with the others, the farthest first."""
+    """Recording, parameter and distance (k x p) wherever one disagrees with others, the farthest first."""
+    if len(recordings) < 2:
+        return ()
     found = [
         (recordings[i], names[k], float(abs(distances[i, k])))
         for i, k in zip(*np.nonzero(np.abs(distances) > _allowed(distances)), strict=True)
@@ -279,7 +276,7 @@ def _profiles(
     half, ends = TWO_SIDED_95 * errors, np.array([u.bounds for u in base.unknowns])
     cut = (base.values - half < ends[:, 0]) | (base.values + half > ends[:, 1])
     # The static level is read at break-aways, not here.
-    mine = np.array([u.owner not in _NUISANCES and u.name != "static_friction" for u in base.unknowns])
+    mine = np.array([u.of_rig and u.name != "static_friction" for u in base.unknowns])
     # Where recordings contradict each other their errors are not those of the likelihood, and no rise of it is theirs.
     contradicted = errors**2 > _CONTRADICTED * np.diag(said.covariance)
     odd = np.flatnonzero(mine & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))

@@ -25,7 +25,7 @@ from twin.effects import REGISTRY
 from twin.fit import Prepared
 from twin.grid_means import mean_torque
 from twin.identify.balance import by_laws, clustered, gauges, shares
-from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate, student
+from twin.identify.results import EXPLAINED, Estimate, grown, student
 from twin.low_pass import BAND, REACH
 from twin.model import Model
 from twin.view import View, hub_motion
@@ -88,21 +88,14 @@ def of_rig(data: DrivenData, model: Model) -> Momentum | None:
     )
 
 
-def with_error_of(found: Momentum, other: Momentum | None) -> Momentum:
-    """The balance, the error of its inertia grown by that of something else that it takes as known.
+def with_error_of(found: Momentum, other: Momentum) -> Momentum:
+    """The balance, its error grown by that of something else that it takes as known.
 
     Args:
       found: the balance.
       other: the same with that one standard error larger.
     """
-    if other is None:
-        return found
-    inertia, change = found.inertia, abs(found.inertia.value - other.inertia.value)
-    low, high = inertia.interval
-    half = math.hypot((high - low) / 2, TWO_SIDED_95 * change)
-    error = math.hypot(inertia.standard_error, change)
-    interval = (inertia.value - half, inertia.value + half)
-    return replace(found, inertia=Estimate(inertia.value, error, interval))
+    return replace(found, inertia=grown(found.inertia, other.inertia))
 
 
 def lacking(

@@ -60,6 +60,17 @@ def positive(value: float, standard_error: float) -> Estimate:
     return Estimate(value, standard_error, (value / factor, value * factor))
 
 
+def grown(estimate: Estimate, other: Estimate) -> Estimate:
+    """A number whose error has that of something else in it, one standard error of which makes it the other one."""
+    change = abs(estimate.value - other.value)
+    error = math.hypot(estimate.standard_error, change)
+    if estimate.profile is None:
+        return Estimate(estimate.value, error)
+    low, high = estimate.profile
+    half = math.hypot((high - low) / 2, TWO_SIDED_95 * change)
+    return Estimate(estimate.value, error, (estimate.value - half, estimate.value + half))
+
+
 def student(value: float, scatter: float, free: int, known: float = 0.0) -> Estimate:
     """A number whose error was read off the scatter of few readings: an interval of Student's distribution.
 

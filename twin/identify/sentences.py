@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from scipy.constants import g
 
@@ -381,7 +381,7 @@ def _appeared(peak: PairedPeak, campaign: str) -> str:
 
 
 def joint(
-    found: Joint, figures: Sequence[tuple[str, Estimate, str]], predicted: Sequence[HeldOutError]
+    found: Joint, figures: Mapping[str, tuple[Estimate, str]], predicted: Sequence[HeldOutError]
 ) -> Finding:
     """The joint estimate: what moves together, what follows from it, how it was checked, and what it predicts."""
     count = len(found.recordings)
@@ -397,11 +397,12 @@ def joint(
             f"{a} and {b} move {way} (correlation {r:.3f}): {a} times {b} to the power {power:.2g} is known to "
             f"{100 * error:.2g} %, each alone to {alone[0]:.2g} and {alone[1]:.2g} %."
         )
-    for what, value, unit in figures:
+    for what, (value, unit) in figures.items():
         if value.told:
-            said.append(f"Together they give {what} {shown(value, unit)}.")
+            comma = "," if "," in what else ""
+            said.append(f"Together they give {what}{comma} of {shown(value, unit)}.")
         else:
-            said.append(f"Together they do not tell {what.removesuffix(' of').removesuffix(',')}.")
+            said.append(f"Together they do not tell {what}.")
     said += [
         f"{name} stands at the end of its range: what was declared of it is wrong, or the model lacks something."
         for name in found.at_an_end()
@@ -409,7 +410,7 @@ def joint(
     said += [
         f"Without {recording} {name} moves by {distance:.3g} standard errors of the move: the recordings contradict "
         "each other, which the model does not explain."
-        for recording, name, distance in (found.odd[:_ODD_SHOWN] if count > 1 else ())
+        for recording, name, distance in found.odd[:_ODD_SHOWN]
     ]
     if count == 1:
         said.append("There is no other recording that it could be checked against.")
