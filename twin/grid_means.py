@@ -38,6 +38,13 @@ def in_cells(values: np.ndarray) -> np.ndarray:
     return (sliding_window_view(extended, _TAPS) @ _between()).ravel()
 
 
+def at_cells(values: np.ndarray) -> np.ndarray:
+    """What holds at the nearest instant of the grid (m), in each such cell (c)."""
+    extended = np.pad(values, 1, "edge")
+    first = CELLS // 2
+    return np.pad(np.repeat(extended, CELLS)[first:], (0, first), "edge")
+
+
 @functools.cache
 def _between() -> np.ndarray:
     """Weights (taps x cells) of the instants about a step for a signal at its cells."""
