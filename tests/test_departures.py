@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twin import chain, departures, fit, hub_balance, planar
+from twin import chain, departures, falling_friction, fit, hub_balance, planar
 from twin.calibration import noises
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
@@ -193,9 +193,9 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
         return np.std((low_passed(hub_balance.hub_laws(view, twin, motion), GRID) - exact)[100:-100])
 
     put_back = error()
-    monkeypatch.setattr(hub_balance, "_ROUNDS", 1)
+    monkeypatch.setattr(falling_friction, "_ROUNDS", 1)
     once = error()
-    monkeypatch.setattr(hub_balance, "_ROUNDS", 0)
+    monkeypatch.setattr(falling_friction, "_ROUNDS", 0)
     assert put_back < 0.5 * once < 0.5 * error()
     assert put_back < 0.03 * np.std(exact)
 

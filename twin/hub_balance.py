@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin import planar, play
+from twin import falling_friction, planar, play
 from twin.fit import Prepared
-from twin.grid_means import at_cells, cell, in_cells, mean_torque, of_cells, twice_averaged
-from twin.low_pass import BAND, GRID, REACH, low_passed
+from twin.grid_means import mean_torque, twice_averaged
+from twin.low_pass import BAND, GRID, low_passed
 from twin.model import Model, Motion
 from twin.view import View
 
-_ROUNDS = 8  # in which friction that falls with the speed is found along with the motion that it makes
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
 _BLIND = 0.004  # s from a break-away to the first visible motion
@@ -45,33 +44,10 @@ def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
 def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
     """Torque (m) of sliding friction [N m], its mean over a grid step."""
     if model.plant.stribeck_velocity > 0:
-        return _falling_friction(view, model, motion)
+        return falling_friction.along(view, model, motion)
     angle, rate = motion.angles[:, 0], motion.rates[:, 0]
     mean = planar.mean_friction(model.plant, angle, rate, np.gradient(rate))
     return np.where(motion.modes == 0, 0.0, mean)
-
-
-def _falling_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
-    """Torque (m) of sliding friction that falls with the speed [N m], as `_sliding_friction`.
-
-    Where the hub turns round it is at its peak for a few milliseconds, hardly more than a grid step: it is found in
-    cells of one. The filter of the motion rounds off what friction does to the hub there: what it has taken is put
-    back, as far as friction has made it. Not where the hub may stick: noise that turns a creeping hub round would grow.
-    """
-    angle, measured = in_cells(motion.angles[:, 0]), in_cells(motion.rates[:, 0])
-    resting = at_cells(motion.modes == 0)
-    sure = at_cells(binary_dilation(view.sliding, iterations=round(REACH / 2 / GRID)))
-    period, inertia = cell(view.time), model.chain.free_hub_inertia()
-
-    def at(rate: np.ndarray) -> np.ndarray:
-        return np.where(resting, 0.0, planar.mean_friction(model.plant, angle, rate, np.gradient(rate)))
-
-    friction, taken = at(measured), np.zeros(len(measured))
-    for _ in range(_ROUNDS):
-        pushed = (np.cumsum(friction) - friction / 2) * period / inertia
-        taken = (taken + pushed - low_passed(pushed, period, view.band)) / 2
-        friction = at(measured + np.where(sure, taken, 0.0))
-    return of_cells(friction)
 
 
 def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
