@@ -73,6 +73,28 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
     assert told["coulomb_positive"] == told["coulomb_negative"] == 1.0
 
 
+def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramps):
+    data, twin, starts = ramps
+    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in LEVELS.items()]
+    off, error = 0.004, 0.002
+    x = np.array(list(LEVELS.values())) + [off, 0.0, -0.5 * off, 0.0]
+    # Half a unit of Coulomb friction less for one of static friction more, and no word of the other direction.
+    covariance = error**2 * np.diag([1.0, 1.0, 0.25 + 0.01, 1.0])
+    covariance[0, 2] = covariance[2, 0] = -0.5 * error**2
+    none = np.zeros(0)
+    best = fit.Fit(twin, tuple(starts), tuple(unknowns), x, covariance, none, none, 0.0, none)
+    found = polish.with_static_levels(data, best)
+    values, errors = (
+        dict(zip(LEVELS, found.values, strict=True)),
+        dict(zip(LEVELS, found.errors, strict=True)),
+    )
+    assert values["coulomb_positive"] == pytest.approx(LEVELS["coulomb_positive"], abs=1e-4)
+    assert errors["coulomb_positive"] == pytest.approx(0.1 * error, rel=0.1)
+    assert values["coulomb_negative"] == LEVELS["coulomb_negative"]
+    assert errors["coulomb_negative"] == error
+    assert found.model.effects["asymmetric-friction"] == values
+
+
 def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell(ramps, monkeypatch):
     data, twin, starts = ramps
     off = {**LEVELS, "static_positive": 1.2 * LEVELS["static_positive"]}

@@ -8,7 +8,7 @@ where no recording shows that, they are those with which whole runs keep closest
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -59,14 +59,39 @@ def polish(
 def with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | None = None) -> Fit:
     """The fit with its static levels read; with a pool, those that no rest tells are looked for by whole runs."""
     x, errors = _read_levels(data, best)
+    best = _moved_along(best, {k: x[k] for k in errors}, errors)
+    looked_for = dict[int, float]()
+    x = np.array([x[k] if u.name in _STATIC else best.values[k] for k, u in enumerate(best.unknowns)])
     if pool is not None:
         open_yet = [k for k, u in enumerate(best.unknowns) if u.name in _STATIC and k not in errors]
-        x = _scanned(Workbench(fit.FreeData(data.prepared), pool), best, x, open_yet, errors)
+        x = _scanned(Workbench(fit.FreeData(data.prepared), pool), best, x, open_yet, looked_for)
     covariance = best.covariance.copy()
-    for index, error in errors.items():
+    for index, error in looked_for.items():
         covariance[index, :] = covariance[:, index] = 0.0
         covariance[index, index] = error**2
-    return replace(best, model=fit.placed(best.model, best.unknowns, x), values=x, covariance=covariance)
+    model, starts = fit.placed_both(best.model, best.starts, best.unknowns, x)
+    return replace(best, model=model, starts=starts, values=x, covariance=covariance)
+
+
+def _moved_along(best: Fit, levels: Mapping[int, float], errors: Mapping[int, float]) -> Fit:
+    """The fit with levels as they are read, and the other values as likely as they are beside these.
+
+    A friction that falls from its static level with the speed is fitted together with it: known better from elsewhere,
+    the level takes the speed along. A reading that says less than the fit takes nothing along.
+    """
+    x, covariance = best.values.copy(), best.covariance.copy()
+    for k, level in levels.items():
+        variance, read = covariance[k, k], errors[k] ** 2
+        if read < variance:
+            along = covariance[:, k] / variance
+            x += along * (level - x[k])
+            covariance -= np.outer(along, along) * (variance - read)
+        else:
+            covariance[k, :] = covariance[:, k] = 0.0
+            covariance[k, k] = read
+        x[k] = level
+    x = np.clip(x, *np.transpose([u.bounds for u in best.unknowns]))
+    return replace(best, values=x, covariance=covariance)
 
 
 def _read_levels(data: DrivenData, result: Fit) -> tuple[np.ndarray, dict[int, float]]:
