@@ -292,7 +292,19 @@ def test_a_rough_cost_adds_what_a_parabola_takes_to_rise_by_it():
         return wave(a, b) + jump * away
 
     _, added = ridge.looked_along(Bench([noise], rough), fitted)
-    assert added == pytest.approx(2 * 2.0 * fitted.covariance, rel=0.1)
+    # The smaller of two normal deviations is 1.71 times smaller than one of them; these two are as large.
+    assert added == pytest.approx(1.71 * 2 * 2.0 * fitted.covariance, rel=0.1)
+
+
+def test_a_cost_that_jumps_on_one_side_makes_a_value_no_less_certain():
+    """As a torque read at the instants of its steps does, where its delay passes a whole number of samples."""
+    rng = np.random.default_rng(6)
+    noise, jump = rng.standard_normal(1000), 5.0 * rng.standard_normal(1000)
+    smooth = Bench([noise], wave)
+    fitted = ridge.refined(smooth, smooth.start(0.0, 0.0))
+    beyond = fitted.values[0] + 1e-3 * fitted.errors[0]
+    _, added = ridge.looked_along(Bench([noise], lambda a, b: wave(a, b) + jump * (a > beyond)), fitted)
+    assert np.abs(added).max() < 1e-2 * fitted.covariance[0, 0]
 
 
 def test_a_recording_that_contradicts_the_others_is_seen():
