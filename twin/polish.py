@@ -18,6 +18,7 @@ from twin import breakaway, chain, fit, releases
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
 from twin.model import Model
+from twin.releases import Level
 
 _SEGMENTS, _STEP = 6, 1e-3
 _LIKELY = 2.0  # log likelihood below the best up to which a value is within two standard errors
@@ -58,22 +59,20 @@ def polish(
 
 def with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | None = None) -> Fit:
     """The fit with its static levels read; with a pool, those that no rest tells are looked for by whole runs."""
-    x, errors = _read_levels(data, best)
-    best = _moved_along(best, {k: x[k] for k in errors}, errors)
-    looked_for = dict[int, float]()
-    x = np.array([x[k] if u.name in _STATIC else best.values[k] for k, u in enumerate(best.unknowns)])
+    read, rough = _read_levels(data, best)
+    best = _moved_along(best, read)
+    x, covariance, errors = best.values.copy(), best.covariance.copy(), dict[int, float]()
+    x[list(rough)] = list(rough.values())
     if pool is not None:
-        open_yet = [k for k, u in enumerate(best.unknowns) if u.name in _STATIC and k not in errors]
-        x = _scanned(Workbench(fit.FreeData(data.prepared), pool), best, x, open_yet, looked_for)
-    covariance = best.covariance.copy()
-    for index, error in looked_for.items():
+        x = _scanned(Workbench(fit.FreeData(data.prepared), pool), best, x, list(rough), errors)
+    for index, error in errors.items():
         covariance[index, :] = covariance[:, index] = 0.0
         covariance[index, index] = error**2
     model, starts = fit.placed_both(best.model, best.starts, best.unknowns, x)
     return replace(best, model=model, starts=starts, values=x, covariance=covariance)
 
 
-def _moved_along(best: Fit, levels: Mapping[int, float], errors: Mapping[int, float]) -> Fit:
+def _moved_along(best: Fit, levels: Mapping[int, Level]) -> Fit:
     """The fit with levels as they are read, and the other values as likely as they are beside these.
 
     A friction that falls from its static level with the speed is fitted together with it: known better from elsewhere,
@@ -81,33 +80,33 @@ def _moved_along(best: Fit, levels: Mapping[int, float], errors: Mapping[int, fl
     """
     x, covariance = best.values.copy(), best.covariance.copy()
     for k, level in levels.items():
-        variance, read = covariance[k, k], errors[k] ** 2
+        variance, read = covariance[k, k], level.error**2
         if read < variance:
             along = covariance[:, k] / variance
-            x += along * (level - x[k])
+            x += along * (level.value - x[k])
             covariance -= np.outer(along, along) * (variance - read)
         else:
             covariance[k, :] = covariance[:, k] = 0.0
             covariance[k, k] = read
-        x[k] = level
+        x[k] = level.value
     x = np.clip(x, *np.transpose([u.bounds for u in best.unknowns]))
     return replace(best, values=x, covariance=covariance)
 
 
-def _read_levels(data: DrivenData, result: Fit) -> tuple[np.ndarray, dict[int, float]]:
-    """The values (p) of a fit, its static levels read where rests end, and the errors of those that are known well."""
+def _read_levels(data: DrivenData, result: Fit) -> tuple[dict[int, Level], dict[int, float]]:
+    """Static levels among the unknowns of a fit, by their places: as rests tell them, and about where others are."""
     read = releases.levels(data, result.model, result.starts)
-    x, errors = result.values.copy(), dict[int, float]()
+    known, about = dict[int, Level](), dict[int, float]()
     for j, u in enumerate(result.unknowns):
         asked = _STATIC.get(u.name, ())
         seen = [read[d] for d in asked if d in read]
         if seen:
-            level = releases.together(seen)
-            x[j], errors[j] = np.clip(level.value, *u.bounds), level.error
+            known[j] = releases.together(seen)
         elif asked:
             rough = breakaway.levels(breakaway.find(result.model, data.prepared, result.starts))
-            x[j] = np.clip(max((rough[d] for d in asked if d in rough), default=x[j]), *u.bounds)
-    return x, errors
+            level = max((rough[d] for d in asked if d in rough), default=result.values[j])
+            about[j] = float(np.clip(level, *u.bounds))
+    return known, about
 
 
 def _scanned(
