@@ -303,8 +303,10 @@ def test_a_cost_that_jumps_on_one_side_makes_a_value_no_less_certain():
     smooth = Bench([noise], wave)
     fitted = ridge.refined(smooth, smooth.start(0.0, 0.0))
     beyond = fitted.values[0] + 1e-3 * fitted.errors[0]
-    _, added = ridge.looked_along(Bench([noise], lambda a, b: wave(a, b) + jump * (a > beyond)), fitted)
+    cliff = Bench([noise], lambda a, b: wave(a, b) + jump * (a > beyond))
+    slopes, added = ridge.looked_along(cliff, fitted)
     assert np.abs(added).max() < 1e-2 * fitted.covariance[0, 0]
+    np.testing.assert_allclose(slopes.jacobian, fitted.jacobian, atol=1e-3)
 
 
 def test_a_recording_that_contradicts_the_others_is_seen():

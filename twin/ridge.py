@@ -18,6 +18,9 @@ from twin.fit import Fit, Workbench
 _ROUNDS = 2
 _NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
 _HALVES = 3  # times that a step which makes things worse is halved
+_CLIFF = (
+    10.0  # times as far off a parabola as on the other side, and by more than a nat, is a cost that jumps
+)
 _OF_SMALLER = 1.0 + 0.5 * np.sqrt(2.0)
 """Mean size of one of two normal deviations, over that of the smaller: 1/(2 - sqrt(2))."""
 
@@ -45,7 +48,8 @@ def looked_along(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
     Impacts in a play make a cost rough: a standard error away it rises by more or less than half, and its least value
     is anywhere within what this hides. Along each axis of the ellipse the variance is so much larger as a parabola
     takes to rise by the roughness. That shows to both sides: a cost that jumps on one side, where a torque that is
-    read at the instants of its steps is late by a sample more, bounds a value and makes it no less certain.
+    read at the instants of its steps is late by a sample more, bounds a value and makes it no less certain; slopes are
+    those of the other side then.
     """
     information, gradient = fit.normal_equations(bench, base)
     axes, ends = _axes(base, information)
@@ -55,7 +59,10 @@ def looked_along(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
     rises = [fit.cost_of(bench, base.unknowns, x, r) - level for x, r in zip(ends, found, strict=True)]
     moves = [x - base.values for x in ends]
     parabola = [gradient @ m + 0.5 * m @ information @ m for m in moves]
-    roughness = _OF_SMALLER * np.abs(np.array(rises) - parabola).reshape(-1, 2).min(axis=1)
+    off = np.abs(np.array(rises) - parabola).reshape(-1, 2)
+    for k in np.flatnonzero((off > 1.0) & (off > _CLIFF * off[:, ::-1])):
+        ends[k], found[k] = base.values, here
+    roughness = _OF_SMALLER * off.min(axis=1)
     return _sloped(base, ends, found), (2 * roughness * axes) @ axes.T
 
 
