@@ -5,13 +5,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import chain
+from twin import chain, driven_residual, fit
 from twin.calibration import calibrate
 from twin.campaign import read_campaign
+from twin.driven import DrivenData
+from twin.low_pass import GRID
 from twin.modal import held_response
 from twin.model import Model, Start, simulate
 from twin.mujoco_chain import MujocoChain
-from twin.recording import Recording
+from twin.recording import Recording, Sensor
 from twin.rigs import preset
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -92,3 +94,32 @@ def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_we
     make_campaign(tmp_path, {}, seed, experiments=slews, perturb=1.5, dirty=["jitter"], force=True)
     with ThreadPoolExecutor(2) as pool:
         assert calibrate(read_campaign(tmp_path), pool).clock == "stamped"
+
+
+def test_a_late_sensor_and_a_late_drive_leave_the_same_though_a_run_ends_in_motion():
+    time, samples, noise = np.arange(0, 3.0, GRID), 4, 3e-4
+    channels = ("torque_command", "hub_angle", "strain_base")
+    asked = Recording("", time, {c: np.zeros_like(time) for c in channels})
+    torque = np.where(time < 0.5, 0.0, 0.1 * np.sin(2 * np.pi * 7 * time))
+    resonant = asked.replace(channels={**asked.channels, "torque_command": torque})
+    sensors = {"strain_base": Sensor("strain_base", position=0.02, half_thickness=0.0008)}
+    rig = preset("bossi2009")
+    model = Model(rig, sensors, chain.fit_shape(rig, 5), step=2.5e-4)
+    late = {"delay": samples * GRID}
+    late_sensor = {"sensor-delay": {**late, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}}
+    sensor, drive = model.replace(effects=late_sensor), model.replace(effects={"actuator-delay": late})
+    read = dict(simulate(sensor, resonant, Start()).channels)
+    read["hub_angle"] = read["hub_angle"] + np.random.default_rng(5).normal(scale=noise, size=len(time))
+    measured = resonant.replace(channels=read)
+    prepared, _ = fit.prepare(measured, {"hub_angle": noise, "strain_base": 2e-6})
+    [view] = DrivenData([prepared], model).views
+    [first, then] = [driven_residual.missing(view, prepared, m, prepared.start) for m in (sensor, drive)]
+    # The residual of a late sensor stands at the time of the drive, which is before that of the reading.
+    shown = np.flatnonzero(view.sliding[2 * samples :] & view.sliding[: -2 * samples])
+    off = first["hub_torque"][shown] - then["hub_torque"][shown + samples]
+    assert shown[-1] > len(time) - 0.1 / GRID
+    assert np.abs(off).max() < 0.01 * view.noise["hub_torque"]
+    # What the filters make of the end would be whitened together with all the rest.
+    assert np.abs(then["hub_torque"]).max() < 5 * view.noise["hub_torque"]
+    strains = first["strain_base"] - then["strain_base"]
+    assert np.abs(strains[shown]).max() < view.noise["strain_base"]

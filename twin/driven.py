@@ -20,12 +20,12 @@ from twin.fit import Prepared
 from twin.look import look
 from twin.low_pass import BAND, GRID, MOTION_BANDS
 from twin.model import Model, Start
+from twin.view import LEFT_OUT
 
 BLOCK = 1.5
 """Length of the stretches over each of which the size of the misfit is taken as one [s]."""
 SINGLE = ("break_away", "departure")
 """Channels of instants that are independent of one another; the filter makes those of the others alike."""
-_LAST = 0.06  # s left out at the end: a sensor that is late says nothing of them
 _SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
 
@@ -54,7 +54,7 @@ class DrivenData:
         for i, (view, p) in enumerate(zip(self.views, self.prepared, strict=True)):
             late = view.time >= view.time[0] + (_SETTLING if p.recording.start == "unknown" else 0.0)
             if p.hub is not None:
-                late &= view.time <= view.time[-1] - _LAST
+                late &= view.time <= view.time[-1] - LEFT_OUT
             named = {c: view.known[c] & late for c in view.measured}
             if p.hub is not None:
                 named["hub_torque"] = view.sliding & late

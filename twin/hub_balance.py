@@ -12,7 +12,7 @@ from twin.fit import Prepared
 from twin.grid_means import mean_torque, twice_averaged
 from twin.low_pass import BAND, GRID, low_passed
 from twin.model import Model, Motion
-from twin.view import View
+from twin.view import LEFT_OUT, View, is_read
 
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
@@ -22,8 +22,10 @@ _BLIND = 0.004  # s from a break-away to the first visible motion
 def unmodelled(
     view: View, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray
 ) -> np.ndarray:
-    """Torque (m) on the hub that the model does not account for [N m], where the hub slides."""
-    return low_passed(twice_averaged(required) - hub_laws(view, model, motion), GRID) - delivered
+    """Torque (m) on the hub that the model does not account for [N m], where the hub slides and is read."""
+    left = twice_averaged(required) - hub_laws(view, model, motion) - delivered
+    # Behind that, a filter has taken a motion that goes on for its mirror image: a blow of many noise levels.
+    return low_passed(np.where(is_read(view, model, LEFT_OUT / 2), left, 0.0), GRID)
 
 
 def near_reversals(view: View) -> np.ndarray:
@@ -67,7 +69,7 @@ def break_aways(
     if not view.onsets:
         return parts
     laws = _laws(view, model, motion, np.zeros(len(parts)))
-    borne = delivered + low_passed(laws - required, GRID)
+    borne = low_passed(delivered + laws - required, GRID)
     for k, direction in view.onsets:
         before = slice(k - int(_APPROACH / GRID), k - int(_SMEAR / GRID))
         t = view.time[before] - view.time[k] + _BLIND
@@ -95,13 +97,15 @@ def well_defined(
 
 
 def delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
-    """Torque (m) that reaches the hub, on the grid, filtered [N m]: what the drive delivers, or a play passes on."""
+    """Torque (m) that reaches the hub, on the grid, behind the filter of the motion [N m].
+
+    It is what the drive delivers, or a play passes on.
+    """
     if model.plant.gap > 0:
         torque = play.passed_on(view, prepared, model)
     else:
         torque = mean_torque(model, prepared.recording, view.time)
-    # The measured motion has passed one low-pass more than the torque.
-    return low_passed(low_passed(torque, GRID, view.band), GRID)
+    return low_passed(torque, GRID, view.band)
 
 
 def read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:

@@ -19,6 +19,9 @@ from twin.ringing import Ringing
 
 _EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
 _KEPT = 12  # simulations of a recording that are remembered
+_FEWEST = 8  # instants through which a spline is laid
+LEFT_OUT = 0.06
+"""Span at the end of a recording that is not compared [s]: the filters take what comes behind it for a mirror image."""
 
 
 @dataclass(frozen=True)
@@ -123,13 +126,24 @@ class Hub:
 
 
 def hub_motion(view: View, model: Model) -> Hub:
-    """What the hub does, as the model of its sensor says."""
+    """What the hub does, as the model of its sensor says; what a late one has not read yet goes on as it was."""
     angle = model.hub_angle_of(view.reading, view.time)
     if np.array_equal(angle, view.reading):
         return Hub(angle, view.rate, view.acceleration, view.direction)
-    spline = smooth(view.time, angle)
-    rate = spline(view.time, 1)
-    return Hub(angle, rate, spline(view.time, 2), np.where(view.direction == 0, 0.0, np.sign(rate)))
+    read = is_read(view, model)
+    read[:_FEWEST] = True
+    spline = smooth(view.time[read], angle[read])
+    last = view.time[read][-1]
+    at, beyond = np.minimum(view.time, last), np.maximum(view.time - last, 0.0)
+    acceleration = spline(at, 2)
+    rate = spline(at, 1) + acceleration * beyond
+    angle = np.where(read, angle, spline(at) + (rate - acceleration * beyond / 2) * beyond)
+    return Hub(angle, rate, acceleration, np.where(view.direction == 0, 0.0, np.sign(rate)))
+
+
+def is_read(view: View, model: Model, left_out: float = 0.0) -> np.ndarray:
+    """Whether the hub's sensor has read an instant (m) before the recording ends, and `left_out` [s] more."""
+    return view.time <= view.time[-1] - model.hub_late - left_out
 
 
 def _between(time: np.ndarray, hub: Hub, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

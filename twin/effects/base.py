@@ -199,6 +199,10 @@ class Effect:
         """Turns true channel values (name -> (m,), SI) into what the sensors report."""
         return channels
 
+    def hub_late(self, p: Mapping[str, float]) -> float:
+        """By how much the hub's reading lags behind its angle [s]."""
+        return 0.0
+
     def hub_angle_of(self, time: np.ndarray, reading: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Hub angle (m,) that the sensor reports as `reading`: the fixed point of reading + angle - report."""
         angle = np.array(reading, dtype=float)

@@ -34,8 +34,11 @@ class SensorDelay(Effect):
             said["motor_torque"] = _held(time, channels["motor_torque"], time - late["motor_torque"])
         return said
 
+    def hub_late(self, p):
+        return p["delay"] if p["hub_angle"] else 0.0
+
     def hub_angle_of(self, time, reading, p):
-        return _read_at(time, reading, time + p["delay"]) if p["hub_angle"] else reading
+        return _read_at(time, reading, time + self.hub_late(p))
 
 
 def _read_at(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
