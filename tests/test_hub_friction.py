@@ -55,6 +55,22 @@ def test_static_levels_are_read_to_some_parts_in_ten_thousand(ramps):
         assert found[direction].error < 2e-3 * LEVELS[name]
 
 
+def test_a_play_makes_static_levels_less_sure(tmp_path):
+    play = {"backlash": {"gap": 0.0146, "motor_inertia_share": 0.39}}
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(7))
+    make_campaign(tmp_path / "rig", play, 7, experiments=[e for e in plan if e.name == "break-away"])
+    campaign = read_campaign(tmp_path / "rig")
+    shape = chain.fit_shape(campaign.rig, 5)
+    known = {"backlash": {**play["backlash"], "contact_loss": planar.CONTACT_LOSS}}
+    twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
+    prepared = [fit.prepare(r, noises(campaign))[0] for r in campaign.fit]
+    found = releases.levels(DrivenData(prepared, twin), twin, [p.start for p in prepared])
+    assert found
+    for level in found.values():
+        assert level.value == pytest.approx(campaign.rig["static_friction"], abs=2 * level.error)
+        assert level.error < 0.02 * level.value
+
+
 def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkeypatch):
     data, twin, starts = ramps
     unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in LEVELS.items()]
