@@ -28,7 +28,7 @@ _SLOWEST = 0.3  # Hz, of an oscillation that is looked for
 _BESIDE = 0.15  # of the frequency of a mode, by which it is another one
 _LOUD = 4.0  # times its usual size at most a residual counts: one event must not pass for an oscillation
 _KNOCK = 0.05  # s, pieces of time in which knocks are looked for
-_SELDOM = 0.05  # share of the pieces that knocks may fall into
+_SELDOM = 0.2  # share of the pieces that knocks may fall into
 DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
 TRAVEL = "hub_travel"
 """How far the hub has turned since it turned round [rad]: what it did before."""
@@ -196,11 +196,11 @@ def _share_of_knocks(found: Unexplained) -> float:
     """Share of the variance in a few short pieces of time, if all others are but noise; 0 if they are not."""
     _, piece = np.unique(np.floor(found.time / _KNOCK), return_inverse=True)
     count, power = np.bincount(piece), np.bincount(piece, found.white**2)
-    quiet = power / count <= np.quantile(power / count, 1 - _SELDOM)
-    if np.sqrt(power[quiet].sum() / count[quiet].sum()) > SOUND:
-        return 0.0
-    share = float(power[~quiet].sum() / power.sum())
-    return share if share > 0.5 else 0.0
+    quietest = np.argsort(power / count)
+    size = np.sqrt(np.cumsum(power[quietest]) / np.cumsum(count[quietest]))
+    quiet = quietest[size <= SOUND]
+    share = 1 - float(power[quiet].sum() / power.sum())
+    return share if share > 0.5 and len(quiet) > (1 - _SELDOM) * len(count) else 0.0
 
 
 def _power(white: np.ndarray, time: np.ndarray, size: int) -> np.ndarray:
