@@ -24,13 +24,13 @@ from machine import describe
 
 from twin import traces
 from twin.campaign import Campaign, read_campaign
-from twin.conclude import errors_of, said, variables
+from twin.conclude import errors_of, said, stated, variables
 from twin.diagnose import diagnose, find
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
 from twin.found import Found
 from twin.polish import polish
-from twin.verdict import alternatives, probabilities, sizes_left
+from twin.verdict import alternatives, sizes_left
 from twin.virtual_rig import make_campaign
 
 
@@ -85,10 +85,7 @@ def _searched(campaign: Campaign) -> dict:
         "verdict": said(found),
         "adopted": [c.effects[-1] for c in found.adopted],
         "ranking": [c.effects[-1] for c in found.rounds[0]],
-        "probabilities": {
-            c.effects[-1]: probabilities(ranked, draws)[c.effects[-1]]
-            for c, ranked, draws in zip(found.adopted, found.rounds, found.draws, strict=False)
-        },
+        "probabilities": stated(found),
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: errors_of(fit, name) for name in fit.model.effects},
         "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
@@ -222,7 +219,14 @@ def _held_out(answers: Sequence[dict]) -> list[str]:
 
 
 def _reliability(answers: Sequence[dict]) -> list[str]:
-    """How often an adopted effect is missing indeed, by the probability stated for it."""
+    """How often an adopted effect is missing indeed, by the probability stated for it and by the verdict."""
+    lines = []
+    for verdict in ("explained", "outside-library"):
+        lines += _stated(verdict, [a for a in answers if a["verdict"] == verdict])
+    return lines
+
+
+def _stated(verdict: str, answers: Sequence[dict]) -> list[str]:
     said = [(p, name in a["missing"]) for a in answers for name, p in a["probabilities"].items()]
     edges = (0.0, 0.6, 0.9, 0.99, 1.0 + 1e-9)
     parts = []
@@ -231,7 +235,7 @@ def _reliability(answers: Sequence[dict]) -> list[str]:
         if inside:
             parts.append(f"{100 * low:.0f} to {100 * min(high, 1):.0f} %: {sum(inside)} of {len(inside)}")
     return (
-        [f"- Adopted effects that are missing indeed, by stated probability: {'; '.join(parts)}."]
+        [f"- Adopted effects that are missing indeed, by stated probability, {verdict}: {'; '.join(parts)}."]
         if parts
         else []
     )

@@ -19,12 +19,23 @@ from twin.polish import Polished
 from twin.report import display
 from twin.traces import Unexplained
 
+_BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
+_SPEEDS = "Record slews of one angle at several speeds."
 _TELLING = {
+    "torque_command": "Record ramps of torque to several levels, both ways.",
+    "hub_angle": "Record the same small motion about several angles of the hub.",
+    "hub_rate": _SPEEDS,
+    "tip_rate": _SPEEDS,
+    "strain_base": _BENDS,
+    "strain_mid": _BENDS,
     "time": "Repeat one run several times: what depends on time alone is another in each.",
     traces.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what holds it back "
     "before it has turned far shows there.",
 }
-"""Variable on which something outside the library depends -> experiment that tells more, where it is not obvious."""
+"""Variable on which something outside the library depends -> experiment that tells more."""
+_AGAIN = "Repeat one run several times: what comes again at the same instants is the rig's, what does not is chance."
+_BESIDE_UNKNOWN = 0.5
+"""That an effect is missing indeed, and does not stand for a part of what has no name, where that is missing, too."""
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
 
 
@@ -89,15 +100,24 @@ def said(found: Found) -> Verdict:
 
 
 def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
-    adopted = []
-    for candidate, ranked, draws in zip(found.adopted, found.rounds, found.draws, strict=False):
+    adopted, shares = [], stated(found)
+    for candidate in found.adopted:
         name = candidate.effects[-1]
         values = dict(polished.augmented.model.effects[name])
         units = REGISTRY[name].units(values)
         errors = errors_of(polished.augmented, name)
-        share = verdict.probabilities(ranked, draws).get(name, 0.0)
-        adopted.append(AdoptedEffect(name, share, values, errors, {n: units[n] for n in values}))
+        adopted.append(AdoptedEffect(name, shares[name], values, errors, {n: units[n] for n in values}))
     return tuple(adopted)
+
+
+def stated(found: Found) -> dict[str, float]:
+    """Probability of each adopted effect that it is missing indeed."""
+    beside = _BESIDE_UNKNOWN if said(found) == "outside-library" else 1.0
+    names = [c.effects[-1] for c in found.adopted]
+    return {
+        name: beside * verdict.probabilities(ranked, draws).get(name, 0.0)
+        for name, ranked, draws in zip(names, found.rounds, found.draws, strict=False)
+    }
 
 
 def errors_of(fit: Fit, name: str) -> dict[str, float]:
@@ -128,8 +148,8 @@ def _correlations(fit: Fit) -> Correlations:
 
 def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
-    told = [channel for channel in verdict.too_large(found) if len(behind[channel].values) > 50]
-    depends = traces.strongest({channel: traces.dependence(behind[channel]) for channel in told})
+    told = [behind[channel] for channel in verdict.too_large(found) if len(behind[channel].values) > 50]
+    depends = traces.strongest(told)
     smooth = verdict.nameless(found)
     if smooth is None:
         return depends
@@ -212,10 +232,11 @@ def _summary(
     if answer == "explained":
         return held
     where = " and ".join(_place(channel) for channel in left)
+    is_not = "are not" if len(left) > 1 else "is not"
     known = f" It depends on {', '.join(_named(name) for name in depends[:3])}." if depends else ""
     part = "explain a part" if len(effects) > 1 else "explains a part"
     partly = f" {names.capitalize()} {part} of it." if effects else ""
-    return f"Something outside the library is missing: {where} is not explained.{known}{partly} {held}"
+    return f"Something outside the library is missing: {where} {is_not} explained.{known}{partly} {held}"
 
 
 def _held_out(predictions: Mapping[str, Prediction]) -> str:
@@ -250,9 +271,6 @@ def _next(
 ) -> str | None:
     if alike and plans:
         return planning.said(plans, alike[0][:2])
-    if answer == "outside-library" and depends:
-        return _TELLING.get(
-            depends[0],
-            f"Repeat a run with {_named(depends[0])} varied on purpose and everything else kept.",
-        )
+    if answer == "outside-library":
+        return _TELLING[depends[0]] if depends else _AGAIN
     return None

@@ -16,6 +16,7 @@ from twin.nameless import Nameless
 from twin.patch import Patch
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS, Recording
+from twin.report import display
 from twin.traces import Unexplained
 
 _LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
@@ -85,7 +86,7 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
             "no function that a simulation knows."
         )
     if smooth is not None and smooth.law.sided and first in smooth.law.variables:
-        name = smooth.law.variable.replace("_", " ")
+        name = display.variable(smooth.law.variable).label
         return (
             f"There is no lookup, because what is left depends on the {name} and turns its sign with the direction of "
             "the hub: no function that a simulation knows."
@@ -95,7 +96,7 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
         return "There is no lookup, because what is left comes at other times, or in another phase, in each recording."
     if not told:
         return "There is no lookup, because no variable alone tells what is left in every recording."
-    name = first.replace("_", " ")
+    name = display.variable(first).label
     if not any(Patch(channel, first, *np.zeros((3, 0))).acts for channel in told):
         return f"There is no lookup, because what is left depends on the {name}: no function that a simulation knows."
     return f"There is no lookup, because too little of the range of the {name} was seen in more than one recording."

@@ -138,7 +138,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     for name in names:
         if name not in chosen:
             found.append(Candidate((*base.model.effects, name), base, min(promise[name], least)))
-    return Explored(sorted(found, key=lambda c: -c.score), slopes)
+    return Explored(sorted(found, key=lambda c: (-c.score, -promise[c.effects[-1]])), slopes)
 
 
 def _far_off(

@@ -168,7 +168,7 @@ def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) 
         pushing = np.asarray(trace.fitted)[samples]
         _send_scalars(stream, f"{entry.root}/unmodelled/fitted", time, pushing, "after", "fitted effect")
     there = np.isfinite(pushing)
-    if not there.any():
+    if entry.diagnosis.verdict == "no-missing-effect" or not there.any():
         return
     torque = np.where(_seen(frames, time[there]), np.interp(frames, time[there], pushing[there]), 0.0)
     origins, vectors = _arrows(entry, frames, torque / max(np.abs(pushing[there]).max(), 1e-12))
@@ -227,7 +227,7 @@ def _story(diagnosis: Diagnosis) -> str:
     """Returns the verdict as markdown."""
     arrow = (
         " The **pink** arrow, on fit recordings, is the torque that the model lacks."
-        if diagnosis.traces
+        if diagnosis.traces and diagnosis.verdict != "no-missing-effect"
         else ""
     )
     lines = [

@@ -109,7 +109,7 @@ def dependence(found: Unexplained) -> list[tuple[str, float]]:
     that explain much more together than either alone, as a friction that wanes does by rate and time, share that.
     Where none does, as when a fault shows in one experiment alone, the means come from the other stretches of all
     recordings, and how far the hub has turned since it turned round is asked, too, on which hysteresis depends. What
-    swings at one frequency, or knocks at instants that nothing tells, depends on time.
+    swings at one frequency depends on time.
     """
     if not np.any(found.values) or not found.variables:
         return []
@@ -121,8 +121,6 @@ def dependence(found: Unexplained) -> list[tuple[str, float]]:
         shares = _seldom(found, shares)
     if "time" in shares:
         shares["time"] = max(shares["time"], _share_of_line(found))
-    if "time" in shares and max(shares.values()) < DEPENDS:
-        shares["time"] = max(shares["time"], _share_of_knocks(found))
     return sorted(shares.items(), key=lambda pair: -pair[1])
 
 
@@ -192,8 +190,11 @@ def _share_of_line(found: Unexplained) -> float:
     return float(gained / np.sum(np.clip(found.white, -most, most) ** 2))
 
 
-def _share_of_knocks(found: Unexplained) -> float:
-    """Share of the variance in a few short pieces of time, if all others are but noise; 0 if they are not."""
+def share_of_knocks(found: Unexplained) -> float:
+    """Share of the variance in a few short pieces of time, if all others are but noise; 0 if they are not.
+
+    A hub that runs into a stop shows so, too, in what its link reads: no variable may tell more of any channel.
+    """
     _, piece = np.unique(np.floor(found.time / _KNOCK), return_inverse=True)
     count, power = np.bincount(piece), np.bincount(piece, found.white**2)
     quietest = np.argsort(power / count)
@@ -282,10 +283,14 @@ def _trace(channel: str, left: Unexplained, explained_by: str | None) -> Trace:
     return Trace(channel, left.time, left.values, variables, left.recording, since_start, explained_by)
 
 
-def strongest(dependences: Mapping[str, list[tuple[str, float]]]) -> tuple[str, ...]:
-    """Variables that explain most over some channels, best first, those that explain next to nothing left out."""
+def strongest(left: Sequence[Unexplained]) -> tuple[str, ...]:
+    """Variables that explain most of some channels, best first, those that explain next to nothing left out.
+
+    Where none explains anything, knocks at instants that nothing tells depend on time.
+    """
     best: dict[str, float] = {}
-    for pairs in dependences.values():
-        for name, share in pairs:
+    for found in left:
+        for name, share in dependence(found):
             best[name] = max(best.get(name, 0.0), share)
-    return tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)
+    told = tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)
+    return told or (("time",) if any(share_of_knocks(found) > 0 for found in left) else ())

@@ -1,4 +1,4 @@
-"""A link that is softer than declared everywhere."""
+"""A link of another stiffness than declared everywhere, mostly softer."""
 
 from twin.effects.base import FAR, Effect, EffectParameter
 

@@ -57,7 +57,7 @@ MEANINGS: Mapping[str, str] = {
     "gravity-tilt": "gravity, because the plane is not level",
     "periodic-disturbance": "a disturbance at one fixed frequency",
     "payload-mass": "another payload than the declared one",
-    "stiffness-loss": "a link that is softer than declared all along",
+    "stiffness-loss": "a link that is softer than declared all along, or stiffer",
     "softening-stiffness": "a link that gets softer the more it bends",
     "torsional-mode": "a lightly damped extra mode of the link",
     "root-compliance": "a clamp between hub and link that gives",
@@ -220,7 +220,7 @@ def headline(diagnosis: Diagnosis) -> str:
             return f"The model lacks {names[0]}: {meaning}."
         return f"The model lacks {_listed(names)}." if names else "The deviation is explained."
     if diagnosis.verdict == "no-missing-effect":
-        return "Nothing is missing: the declared model explains these recordings."
+        return "Nothing is missing: the declared model, calibrated within its uncertainty, explains these recordings."
     if names:
         explain = "explains" if len(names) == 1 else "explain"
         return f"{_listed(names).capitalize()} {explain} part of it; the rest is outside the library."
