@@ -9,8 +9,8 @@ import pytest
 from twin import chain, planning
 from twin.errors import InputError
 from twin.model import Model
+from twin.planner import Planned, to_json, write_torque
 from twin.planner import plan as plan_for
-from twin.planner import to_json, write_torque
 from twin.recording import Sensor
 from twin.rigs import preset
 
@@ -75,7 +75,7 @@ def test_torque_file_is_what_was_simulated(tmp_path):
         rows = list(csv.DictReader(file))
     torque = np.array([float(r["torque_command"]) for r in rows])
     np.testing.assert_allclose(torque, plans[0].experiment.recording["torque_command"], rtol=1e-5)
-    assert to_json(("a", "b"), plans)["experiments"][0]["name"] == "slews"
+    assert to_json(Planned(("a", "b"), plans, 50.0))["experiments"][0]["name"] == "slews"
 
 
 def test_a_decay_that_is_let_go_by_hand_has_no_torque_to_write(tmp_path):
@@ -92,3 +92,11 @@ def test_names_that_are_no_effects_are_refused():
         plan_for(None, ("cable-torsoin", "gravity-tilt"))
     with pytest.raises(InputError, match="given twice"):
         plan_for(None, ("gravity-tilt", "gravity-tilt"))
+
+
+@pytest.mark.parametrize(("score", "speaks"), [(12.3, False), (812.4, True)])
+def test_a_plan_says_whether_the_recordings_speak_for_either_effect(score, speaks):
+    plans = planned({"air-drag": {"coefficient": 0.1}}, {"air-pad-drag": {"viscous": 0.02}}, ["slews"])
+    said = Planned(("air-drag", "air-pad-drag"), plans, score).said()
+    assert "record slews" in said
+    assert ("speak for neither air-drag nor air-pad-drag" in said) != speaks

@@ -6,13 +6,14 @@ import csv
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import diagnose, search
+from twin import diagnose, planning, search, verdict
 from twin.calibration import Calibration, calibrate
 from twin.campaign import Campaign
 from twin.effects import REGISTRY
@@ -22,18 +23,38 @@ from twin.planning import Plan
 from twin.search import Candidate, Progress, silent
 
 
-def plan(
-    campaign: Campaign, between: tuple[str, str] | None = None, progress: Progress = silent
-) -> tuple[tuple[str, str], list[Plan]]:
+@dataclass(frozen=True)
+class Planned:
+    """What would tell two effects apart.
+
+    Attributes:
+      names: of the two.
+      plans: experiments, best first.
+      score: the higher of what either gains in log likelihood over the calibrated model, less its parameters' price.
+    """
+
+    names: tuple[str, str]
+    plans: list[Plan]
+    score: float
+
+    def said(self) -> str:
+        """Returns what to record, and whether these recordings speak for either effect at all."""
+        text = planning.said(self.plans, self.names)
+        if self.score >= verdict.LEAST_SCORE:
+            return text
+        return (
+            f"These recordings speak for neither {self.names[0]} nor {self.names[1]}: the better one gains "
+            f"{self.score:.1f}, less than the {verdict.LEAST_SCORE:g} that a diagnosis asks for. {text}"
+        )
+
+
+def plan(campaign: Campaign, between: tuple[str, str] | None = None, progress: Progress = silent) -> Planned:
     """Fits two effects to a campaign, each alone, and ranks experiments by how far they drive the two apart.
 
     Args:
       campaign: its fit recordings are looked at.
       between: names of two effects; None for the two that explain most.
       progress: told of every stage.
-
-    Returns:
-      The two names, and the experiments, best first.
 
     Raises:
       InputError: a name is not that of an effect, or both are the same.
@@ -46,7 +67,7 @@ def plan(
         progress("simulating experiments")
         plans = diagnose.planned(campaign, pair, pool)
     first, second = (c.effects[-1] for c in pair)
-    return (first, second), plans
+    return Planned((first, second), plans, max(c.score for c in pair))
 
 
 def _check_names(between: tuple[str, str]) -> None:
@@ -92,10 +113,11 @@ def write_torque(plans: Sequence[Plan], path: Path) -> Plan:
     return best
 
 
-def to_json(names: tuple[str, str], plans: list[Plan]) -> dict[str, Any]:
+def to_json(planned: Planned) -> dict[str, Any]:
     """Returns the plan as plain values."""
     return {
-        "between": list(names),
+        "between": list(planned.names),
+        "score": planned.score,
         "experiments": [
             {
                 "name": p.experiment.name,
@@ -104,6 +126,6 @@ def to_json(names: tuple[str, str], plans: list[Plan]) -> dict[str, Any]:
                 "channel": p.channel,
                 "sensor_to_add": p.sensor[0] if p.sensor else None,
             }
-            for p in plans
+            for p in planned.plans
         ],
     }

@@ -12,7 +12,7 @@ from twin.json_file import write_json
 from twin.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.planning import Plan
+    from twin.planner import Planned
 
 
 def plan_experiment(
@@ -40,24 +40,24 @@ def plan_experiment(
         report(COMPILING)
         from twin import planner
 
-        names, plans = planner.plan(given, between, report)
-    written = planner.write_torque(plans, torque_file) if torque_file is not None else None
+        planned = planner.plan(given, between, report)
+    written = planner.write_torque(planned.plans, torque_file) if torque_file is not None else None
     if json_file is not None:
-        write_json(json_file, planner.to_json(names, plans))
-    _print(names, plans)
+        write_json(json_file, planner.to_json(planned))
+    _print(planned)
     if written is not None:
         text = f"{torque_file} has the torque of {written.experiment.name}: {written.experiment.how}"
         console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _print(names: tuple[str, str], plans: list[Plan]) -> None:
+def _print(planned: Planned) -> None:
     from rich.table import Table
 
     from twin import planning
 
     screen = console()
-    screen.print(planning.said(plans, names), highlight=False, markup=False)
+    screen.print(planned.said(), highlight=False, markup=False)
     table = Table("experiment", "what to do", "noise levels apart", "in", "with another sensor", box=None)
-    for row in planning.rows(plans):
+    for row in planning.rows(planned.plans):
         table.add_row(*row)
     screen.print(table, highlight=False)
