@@ -121,6 +121,10 @@ TOML = {
         channel("strain_base", GAUGE.replace("0.001", "0")),
         "channels.strain_base.half_thickness is 0; expected a number > 0",
     ),
+    "no hub angle of a free hub": (
+        toml_text({"torque_command": 'unit = "N*m"', "strain_base": GAUGE}),
+        "channels.hub_angle is missing; expected it for push.csv: only a recording with clamped = true may lack it",
+    ),
     "no torque_command": (
         toml_text({"hub_angle": HUB}),
         "channels.torque_command is missing; expected the torque that drives the rig",
@@ -308,6 +312,10 @@ CSV: dict[str, tuple[str | bytes | dict[str, np.ndarray], str]] = {
     "no torque": (
         TEXT.replace("torque_command", "volts", 1),
         "push.csv, line 1: column 'torque_command' is missing; only a recording with clamped",
+    ),
+    "time in ms": (
+        motion() | {"time": 1000 * motion()["time"]},
+        "push.csv: the samples are 4 s apart by time; expected at most 0.1 s: is it in s?",
     ),
     "strain missing everywhere": (
         motion() | {"strain_base": np.full(500, np.nan)},

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.observe import longest_sound_stretch
+from twin.observe import hub_motion, longest_sound_stretch
 from twin.recording import Recording
 
 TIME = np.arange(0.0, 4.0, 1e-3)
@@ -51,3 +51,12 @@ def test_a_turn_lost_in_unwrapping_ends_a_stretch():
 def test_a_clamped_hub_has_nothing_to_follow():
     held = recording(swing()).replace(clamped=True)
     assert longest_sound_stretch(held, NOISE, STRONGEST) == (held, None)
+
+
+@pytest.mark.parametrize("count", [3, 8, 20])
+def test_a_recording_shorter_than_a_rest_tells_what_it_can(count):
+    angle = 0.1 + 1e-4 * np.random.default_rng(1).normal(size=count)
+    short = Recording("", 0.002 * np.arange(count), {"hub_angle": angle})
+    seen = hub_motion(short, 1e-4)
+    assert seen.observed.shape == (count,)
+    assert not np.isin(seen.observed, [1, -1]).any()

@@ -79,3 +79,8 @@ def test_a_lone_recording_is_named_though_it_is_no_verdict():
     assert (recording, channel) == (0, "strain_base")
     assert size == pytest.approx(30.0, rel=0.2)
     assert verdict.unexplained(found) == ("hub_torque",)
+
+
+def test_a_channel_that_is_quieter_than_declared_is_told():
+    found = seen({"strain_base": [0.1, 0.12, 1.0], "strain_mid": [0.8, 0.9, 0.7], "departure": [0.1]})
+    assert verdict.too_quiet(found) == {"strain_base": pytest.approx(0.12, rel=0.01)}

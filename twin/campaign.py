@@ -20,6 +20,8 @@ from twin.table import Table, read_table, read_text
 
 STATIC = "static.csv"
 _COMMAND = "torque_command"
+_SLOWEST = 0.1
+"""Longest sample period [s]: five samples of the slowest free mode of a long soft link; time in ms would be longer."""
 
 
 @dataclass(frozen=True)
@@ -287,6 +289,11 @@ def _check_recordings(said: schema.CampaignFile, rig: Rig) -> None:
     if uses > 1:
         raise InputError(f"{schema.FILE}: recordings: {file} is listed {uses} times; expected each file once")
     for i, entry in enumerate(said.recordings, start=1):
+        if "hub_angle" not in said.channels and not entry.clamped:
+            raise InputError(
+                f"{schema.FILE}: channels.hub_angle is missing; expected it for {entry.file}: "
+                "only a recording with clamped = true may lack it"
+            )
         deflection = entry.initial_tip_deflection
         if deflection is not None and abs(deflection) >= rig["length"]:
             raise InputError(
@@ -340,6 +347,12 @@ def _time(table: Table, column: str) -> np.ndarray:
         raise InputError(
             f"{table.name}, line {table.lines[back[0] + 1]}: {column} is {after:g} after {before:g}; "
             "expected it to increase strictly"
+        )
+    period = float(np.median(np.diff(time)))
+    if period > _SLOWEST:
+        raise InputError(
+            f"{table.name}: the samples are {period:g} s apart by {column}; expected at most {_SLOWEST:g} s: "
+            "is it in s?"
         )
     return time
 

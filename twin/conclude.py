@@ -75,6 +75,7 @@ def conclude(
             *timing.said(polished.augmented),
             *_assumptions(campaign),
             *_alone(found),
+            *_quiet(found),
             *_nameless(found),
             *_taken_back(found),
             *_unpredictable(predictions),
@@ -177,6 +178,16 @@ def _alone(found: Found) -> list[str]:
         f"{files[i]} alone leaves {size:.2g} noise levels of {_named(channel)} unexplained, no other recording "
         "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
         for i, channel, size in verdict.alone(found)
+    ]
+
+
+def _quiet(found: Found) -> list[str]:
+    """Channels whose declared noise hides what is smaller."""
+    told = {("hub_angle" if c == HUB else c): size for c, size in verdict.too_quiet(found).items()}
+    return [
+        f"{_named(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: what is smaller "
+        "than that was not looked for. Declare the noise that the sensor has, or none: it is estimated then."
+        for channel, size in told.items()
     ]
 
 

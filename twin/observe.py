@@ -174,7 +174,7 @@ def hub_motion(recording: Recording, noise: float) -> HubMotion:
     known = np.isfinite(reading)
     filled = np.interp(time, time[known], reading[known])
     dt = float(np.median(np.diff(time)))
-    window = _odd(_RATE_SPAN / dt, 7)
+    window = _window(_RATE_SPAN / dt, 7, len(time))
     rate = savgol_filter(filled, window, 1, deriv=1, delta=dt)
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
     observed = np.full(len(time), UNSURE, dtype=np.int64)
@@ -217,13 +217,14 @@ def moving_start(recording: Recording) -> Start:
     return Start(hub_angle=float(level), hub_rate=float(slope))
 
 
-def _odd(count: float, least: int) -> int:
-    return max(least, 2 * int(count / 2) + 1)
+def _window(count: float, least: int, most: int) -> int:
+    """An odd number of samples."""
+    return min(max(least, 2 * int(count / 2) + 1), most - 1 + most % 2)
 
 
 def _resting(filled: np.ndarray, noise: float, dt: float) -> np.ndarray:
     """Samples within stretches over which the reading is constant to within its noise."""
-    window = _odd(_REST_SPAN / dt, 9)
+    window = _window(_REST_SPAN / dt, 9, len(filled))
     slope = savgol_filter(filled, window, 1, deriv=1, delta=dt)
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
     mean = savgol_filter(filled, window, 0)

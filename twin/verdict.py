@@ -28,6 +28,8 @@ LEAST_EVIDENCE = 5.0
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
 SOUND = 1.4
 """Noise levels up to which residuals of a right model lie, on dirty recordings too."""
+QUIET = 1 / 3
+"""Noise levels below which a channel's noise is declared too large to be true."""
 UNEXPLAINED = 2.0
 """Noise levels beyond which the worst of a channel's residuals is not explained."""
 LEFT = 0.05
@@ -129,6 +131,16 @@ def _odd(found: Found) -> dict[str, dict[int, float]]:
         if more > max(UNEXPLAINED, 1 + FAR_FROM_CHANCE * deviation):
             worst.add(channel)
     return {channel: sizes for channel, sizes in odd.items() if channel in worst}
+
+
+def too_quiet(found: Found) -> dict[str, float]:
+    """Channel -> size of its residual in declared noise levels, of those that are much quieter than declared."""
+    sizes = sizes_left(found.bench, found.best)
+    usual = {
+        channel: float(np.median([s for (_, c), s in sizes.items() if c == channel and s > 0] or [1.0]))
+        for channel in {c for _, c in sizes} - set(driven.SINGLE)
+    }
+    return {channel: size for channel, size in sorted(usual.items()) if size < QUIET}
 
 
 def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
