@@ -219,14 +219,13 @@ def _held_out(answers: Sequence[dict]) -> list[str]:
 
 
 def _reliability(answers: Sequence[dict]) -> list[str]:
-    """How often an adopted effect is missing indeed, by the probability stated for it and by the verdict."""
-    lines = []
-    for verdict in ("explained", "outside-library"):
-        lines += _stated(verdict, [a for a in answers if a["verdict"] == verdict])
-    return lines
+    """How often an adopted effect is missing indeed, by the verdict and by the probability stated for it."""
+    verdicts = ("explained", "outside-library")
+    return [line for v in verdicts for line in _stated(v, [a for a in answers if a["verdict"] == v])]
 
 
 def _stated(verdict: str, answers: Sequence[dict]) -> list[str]:
+    """The same beside one verdict."""
     said = [(p, name in a["missing"]) for a in answers for name, p in a["probabilities"].items()]
     edges = (0.0, 0.6, 0.9, 0.99, 1.0 + 1e-9)
     parts = []

@@ -79,6 +79,15 @@ def test_unmodelled_torque_belongs_to_fit_recordings(diagnosis, written):
     assert not [e for e in written if e.startswith("/holdout") and "unmodelled" in e]
 
 
+def test_nothing_missing_has_no_arrow(diagnosis, tmp_path):
+    write_rrd(
+        replace(diagnosis, verdict="no-missing-effect", effects=()), tmp_path / "null.rrd", synthetic.SENSORS
+    )
+    found = read(tmp_path / "null.rrd")
+    assert "/fit/04_bang-bang-45/unmodelled/estimated" in found
+    assert not [e for e in found if e.endswith("unmodelled_torque")]
+
+
 def test_torque_of_a_recording_that_begins_with_a_rest_comes_when_it_acts(diagnosis, tmp_path):
     """A clock that does not start at zero; 0.3 s of rest, a rest of 0.2 s later on: no torque is known in them."""
     p, trace = diagnosis.predictions["bang-bang-45.csv"], diagnosis.traces[0]

@@ -21,7 +21,7 @@ from twin.table import Table, read_table, read_text
 STATIC = "static.csv"
 _COMMAND = "torque_command"
 _SLOWEST = 0.1
-"""Longest sample period [s]: five samples of the slowest free mode of a long soft link; time in ms would be longer."""
+"""Longest sample period [s]: five samples of a swing at 2 Hz; periods are longer where time is in ms."""
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ def _check_recordings(said: schema.CampaignFile, rig: Rig) -> None:
     if uses > 1:
         raise InputError(f"{schema.FILE}: recordings: {file} is listed {uses} times; expected each file once")
     for i, entry in enumerate(said.recordings, start=1):
-        if "hub_angle" not in said.channels and not entry.clamped:
+        if "hub_angle" not in said.channels and not _dispensable("hub_angle", entry):
             raise InputError(
                 f"{schema.FILE}: channels.hub_angle is missing; expected it for {entry.file}: "
                 "only a recording with clamped = true may lack it"

@@ -20,7 +20,7 @@ from twin.fit import Prepared
 from twin.look import look
 from twin.low_pass import BAND, GRID, MOTION_BANDS
 from twin.model import Model, Start
-from twin.view import LEFT_OUT
+from twin.view import LEFT_OUT, before_end
 
 BLOCK = 1.5
 """Length of the stretches over each of which the size of the misfit is taken as one [s]."""
@@ -54,7 +54,7 @@ class DrivenData:
         for i, (view, p) in enumerate(zip(self.views, self.prepared, strict=True)):
             late = view.time >= view.time[0] + (_SETTLING if p.recording.start == "unknown" else 0.0)
             if p.hub is not None:
-                late &= view.time <= view.time[-1] - LEFT_OUT
+                late &= before_end(view.time, LEFT_OUT)
             named = {c: view.known[c] & late for c in view.measured}
             if p.hub is not None:
                 named["hub_torque"] = view.sliding & late

@@ -10,7 +10,7 @@ from twin.hub_balance import break_aways, delivered, read_torque, unmodelled
 from twin.low_pass import GRID, low_passed
 from twin.model import Model, Start, reported
 from twin.recording import Recording
-from twin.view import LEFT_OUT, View, is_read, move, whitened
+from twin.view import LEFT_OUT, View, before_end, move, whitened
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
@@ -62,7 +62,8 @@ def missing(view: View, prepared: Prepared, model: Model, start: Start) -> dict[
     if prepared.hub is not None:
         drive_of = delivered(view, prepared, model)
         off = unmodelled(view, model, motion, required, drive_of)
-        parts["hub_torque"] = np.where(view.sliding & is_read(view, model, LEFT_OUT), off, 0.0)
+        read = before_end(view.time, model.hub_late + LEFT_OUT)
+        parts["hub_torque"] = np.where(view.sliding & read, off, 0.0)
         parts["break_away"] = break_aways(view, model, motion, required, drive_of)
         parts["departure"], _ = departures.residual(view.time, prepared, model, motion, view.departures)
     return parts

@@ -12,7 +12,7 @@ from twin.fit import Prepared
 from twin.grid_means import mean_torque, twice_averaged
 from twin.low_pass import BAND, GRID, low_passed
 from twin.model import Model, Motion
-from twin.view import LEFT_OUT, View, is_read
+from twin.view import LEFT_OUT, View, before_end
 
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
@@ -25,7 +25,8 @@ def unmodelled(
     """Torque (m) on the hub that the model does not account for [N m], where the hub slides and is read."""
     left = twice_averaged(required) - hub_laws(view, model, motion) - delivered
     # Behind that, a filter has taken a motion that goes on for its mirror image: a blow of many noise levels.
-    return low_passed(np.where(is_read(view, model, LEFT_OUT / 2), left, 0.0), GRID)
+    read = before_end(view.time, model.hub_late + LEFT_OUT / 2)
+    return low_passed(np.where(read, left, 0.0), GRID)
 
 
 def near_reversals(view: View) -> np.ndarray:

@@ -17,7 +17,7 @@ from twin.model import Model
 from twin.observe import HubMotion
 from twin.planar import STUCK
 from twin.recording import Recording
-from twin.view import LEFT_OUT, View, move
+from twin.view import LEFT_OUT, View, before_end, move
 from twin.view_noise import evened, propagated, sensor_noise, swell, swinging_strains, whitening
 
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
@@ -50,7 +50,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
     direction = np.where(stuck, 0.0, np.sign(rate))
     doubtful = stuck | ~read | _may_stick(rate, acceleration, _unsure(prepared, band), _grip(model))
-    sliding = ~binary_dilation(doubtful, iterations=round(REACH / GRID)) & (time <= time[-1] - LEFT_OUT)
+    sliding = before_end(time, LEFT_OUT) & ~binary_dilation(doubtful, iterations=round(REACH / GRID))
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
     onsets = well_defined(ends, stuck, model.drive(recording).at(time))
     motion = reading, rate, acceleration, direction, sliding

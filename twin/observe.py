@@ -218,7 +218,7 @@ def moving_start(recording: Recording) -> Start:
 
 
 def _window(count: float, least: int, most: int) -> int:
-    """An odd number of samples."""
+    """An odd number of samples about `count`, no less than `least`, unless there are fewer."""
     return min(max(least, 2 * int(count / 2) + 1), most - 1 + most % 2)
 
 

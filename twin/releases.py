@@ -25,7 +25,7 @@ _FOLLOWED = 2.0  # noise levels up to which a run follows the rig
 _APART = 5.0  # standard errors by which two levels differ for sure
 _SLIPS = 0.01
 """Relative error of a level beside a play: a hub first slips by less than is seen and leaves the flank that pushes it,
-so that it is seen to come free at 0.5 to 1.7 % more (virtual rig, flanks of 1000 N m/rad)."""
+so that it is seen to come free at up to 2 % more (virtual rig, flanks of 1000 N m/rad; tests/test_hub_friction.py)."""
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,8 @@ from twin.fit import Fit, Workbench
 _ROUNDS = 2
 _NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
 _HALVES = 3  # times that a step which makes things worse is halved
-_CLIFF = (
-    10.0  # times as far off a parabola as on the other side, and by more than a nat, is a cost that jumps
-)
+_CLIFF = 10.0
+"""Times as far off a parabola as on the other side, and by more than a nat, is a cost that jumps."""
 _OF_SMALLER = 1.0 + 0.5 * np.sqrt(2.0)
 """Mean size of one of two normal deviations, over that of the smaller: 1/(2 - sqrt(2))."""
 

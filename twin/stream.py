@@ -168,7 +168,7 @@ def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) 
         pushing = np.asarray(trace.fitted)[samples]
         _send_scalars(stream, f"{entry.root}/unmodelled/fitted", time, pushing, "after", "fitted effect")
     there = np.isfinite(pushing)
-    if entry.diagnosis.verdict == "no-missing-effect" or not there.any():
+    if not _has_arrow(entry.diagnosis) or not there.any():
         return
     torque = np.where(_seen(frames, time[there]), np.interp(frames, time[there], pushing[there]), 0.0)
     origins, vectors = _arrows(entry, frames, torque / max(np.abs(pushing[there]).max(), 1e-12))
@@ -177,6 +177,11 @@ def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) 
     stream.log(entity, style, static=True)
     columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
     stream.send_columns(entity, [rr.TimeColumn(parts.TIMELINE, duration=frames)], columns)
+
+
+def _has_arrow(diagnosis: Diagnosis) -> bool:
+    """Whether the model lacks a torque: what is left where nothing is missing is noise."""
+    return bool(diagnosis.traces) and diagnosis.verdict != "no-missing-effect"
 
 
 def _seen(instants: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -227,7 +232,7 @@ def _story(diagnosis: Diagnosis) -> str:
     """Returns the verdict as markdown."""
     arrow = (
         " The **pink** arrow, on fit recordings, is the torque that the model lacks."
-        if diagnosis.traces and diagnosis.verdict != "no-missing-effect"
+        if _has_arrow(diagnosis)
         else ""
     )
     lines = [

@@ -190,8 +190,8 @@ def _share_of_line(found: Unexplained) -> float:
     return float(gained / np.sum(np.clip(found.white, -most, most) ** 2))
 
 
-def share_of_knocks(found: Unexplained) -> float:
-    """Share of the variance in a few short pieces of time, if all others are but noise; 0 if they are not.
+def _is_knocks(found: Unexplained) -> bool:
+    """Whether most of the variance is in a few short pieces of time, and all others are but noise.
 
     A hub that runs into a stop shows so, too, in what its link reads: no variable may tell more of any channel.
     """
@@ -200,8 +200,7 @@ def share_of_knocks(found: Unexplained) -> float:
     quietest = np.argsort(power / count)
     size = np.sqrt(np.cumsum(power[quietest]) / np.cumsum(count[quietest]))
     quiet = quietest[size <= SOUND]
-    share = 1 - float(power[quiet].sum() / power.sum())
-    return share if share > 0.5 and len(quiet) > (1 - _SELDOM) * len(count) else 0.0
+    return bool(2 * power[quiet].sum() < power.sum() and len(quiet) > (1 - _SELDOM) * len(count))
 
 
 def _power(white: np.ndarray, time: np.ndarray, size: int) -> np.ndarray:
@@ -293,4 +292,4 @@ def strongest(left: Sequence[Unexplained]) -> tuple[str, ...]:
         for name, share in dependence(found):
             best[name] = max(best.get(name, 0.0), share)
     told = tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)
-    return told or (("time",) if any(share_of_knocks(found) > 0 for found in left) else ())
+    return told or (("time",) if any(map(_is_knocks, left)) else ())

@@ -130,7 +130,7 @@ def hub_motion(view: View, model: Model) -> Hub:
     angle = model.hub_angle_of(view.reading, view.time)
     if np.array_equal(angle, view.reading):
         return Hub(angle, view.rate, view.acceleration, view.direction)
-    read = is_read(view, model)
+    read = before_end(view.time, model.hub_late)
     read[:_FEWEST] = True
     spline = smooth(view.time[read], angle[read])
     last = view.time[read][-1]
@@ -141,9 +141,9 @@ def hub_motion(view: View, model: Model) -> Hub:
     return Hub(angle, rate, acceleration, np.where(view.direction == 0, 0.0, np.sign(rate)))
 
 
-def is_read(view: View, model: Model, left_out: float = 0.0) -> np.ndarray:
-    """Whether the hub's sensor has read an instant (m) before the recording ends, and `left_out` [s] more."""
-    return view.time <= view.time[-1] - model.hub_late - left_out
+def before_end(time: np.ndarray, span: float) -> np.ndarray:
+    """Whether instants (m) lie at least a span before the last [s]."""
+    return time <= time[-1] - span
 
 
 def _between(time: np.ndarray, hub: Hub, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
