@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin import chain, defects, driven, fit, limit, observe, search, timing
+from twin import chain, defects, driven, fit, limit, moving_start, observe, search, timing
 from twin.campaign import Campaign
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
@@ -112,7 +112,7 @@ def _roughly(
 ) -> _Rough:
     """Moves declared parameters within their uncertainty, commands held on this clock; the chain is a rough one."""
     pairs = [fit.prepare(timing.on_clock(r, clock), noise) for r in recordings]
-    data = driven.DrivenData([prepared for prepared, _ in pairs], model)
+    data = driven.DrivenData([moving_start.with_bend(prepared, model) for prepared, _ in pairs], model)
     left_out = [note for _, notes in pairs for note in notes]
     notes = (*left_out, *timing.told(clock), *_out_of_reach(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
@@ -142,7 +142,7 @@ def _out_of_reach(data: driven.DrivenData) -> list[str]:
         )
     return [
         f"{name} could not be used to find anything: the declared link runs away under its motion of the hub. What it "
-        "moves is far from what is declared."
+        "moves is far from what is declared, or it began in a motion too violent to be followed."
         for name in lost
     ]
 

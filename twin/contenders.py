@@ -69,7 +69,7 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     read = [with_static_levels(bench.data, c.fit) for c in alike]
     cost = [free.cost(r) for r in free.residuals([(f.model, f.starts, None) for f in read])]
     closest = alike[int(np.argmin(cost))]
-    if cost[0] - min(cost) < _CLEARLY * free.count.sum():
+    if cost[0] - min(cost) <= _CLEARLY * free.count.sum():
         return ranked
     most = closest.score - 0.5 * verdict.decisive(ranked[0].score)
     rest = [replace(c, score=min(c.score, most)) for c in ranked if c is not closest]

@@ -58,6 +58,8 @@ class DrivenData:
             named = {c: view.known[c] & late for c in view.measured}
             if p.hub is not None:
                 named["hub_torque"] = view.sliding & late
+            # What a link rings with since its first state was estimated is too much for what is told by an instant.
+            if p.hub is not None and p.recording.start == "rest":
                 at_onset = np.zeros(len(view.time), dtype=bool)
                 at_onset[[k for k, _ in view.onsets if 0 < k < len(at_onset)]] = True
                 named["break_away"] = at_onset

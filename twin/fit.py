@@ -76,6 +76,9 @@ def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared,
     return Prepared(clean, known, channels, hub, start), notes
 
 
+Key = tuple[str, str, int | None]
+
+
 @dataclass(frozen=True)
 class Unknown:
     """One number that a fit may move.
@@ -99,6 +102,11 @@ class Unknown:
     bounds: tuple[float, float]
     recording: int | None = None
     inverse: bool = False
+
+    @property
+    def key(self) -> Key:
+        """What tells it from all others of a fit: each recording has first states of its own."""
+        return self.owner, self.name, self.recording
 
     @property
     def of_rig(self) -> bool:
@@ -312,6 +320,11 @@ class GuidedData:
 class FreeData(GuidedData):
     """Recordings beside simulations that only their first samples and their command lead."""
 
+    def counts(self) -> np.ndarray:
+        """As of guided ones, but 0 where the rig was already moving: what leads there is not known well enough."""
+        begun = [self.prepared[g.recording].recording.start == "unknown" for g in self.groups]
+        return np.where(begun, 0.0, super().counts())
+
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """Channel -> measured minus simulated in noise units (m), 0 where missing."""
         prepared = self.prepared[i]
@@ -435,8 +448,10 @@ def start_unknowns(prepared: Sequence[Prepared]) -> list[Unknown]:
             found.append(Unknown("start", "hub_angle", p.start.hub_angle, angle, False, (-1e3, 1e3), i))
             found.append(Unknown("start", "hub_rate", p.start.hub_rate, rate, False, (-1e3, 1e3), i))
         for mode in (0, 1):
-            found.append(Unknown("start", f"bend_{mode}", 0.0, 1e-4, False, (-1.0, 1.0), i))
-            found.append(Unknown("start", f"bend_rate_{mode}", 0.0, 1e-2, False, (-1e2, 1e2), i))
+            found.append(Unknown("start", f"bend_{mode}", p.start.bend[mode], 1e-4, False, (-1.0, 1.0), i))
+            found.append(
+                Unknown("start", f"bend_rate_{mode}", p.start.bend_rate[mode], 1e-2, False, (-1e2, 1e2), i)
+            )
     return found
 
 
@@ -446,7 +461,7 @@ def minimise(
     starts: Sequence[Start],
     unknowns: Sequence[Unknown],
     values: np.ndarray | None = None,
-    fixed_jacobian: Mapping[tuple[str, str], np.ndarray] | None = None,
+    fixed_jacobian: Mapping[Key, np.ndarray] | None = None,
     iterations: int = 8,
     tolerance: float = 0.05,
     report: Callable[[str], None] = lambda text: None,
@@ -462,7 +477,7 @@ def minimise(
       starts: states at the first samples.
       unknowns: what may move (p).
       values: (p) first values; by default the unknowns' own.
-      fixed_jacobian: columns (n) that need not be computed again, by (owner, name): a chord method.
+      fixed_jacobian: columns (n) that need not be computed again, by their `key`: a chord method.
       iterations: at most so many.
       tolerance: a step that gains less than this in cost is the last.
       report: told of every iteration.
@@ -646,14 +661,14 @@ def _jacobian(
     x: np.ndarray,
     r: np.ndarray,
     steps: np.ndarray,
-    fixed: Mapping[tuple[str, str], np.ndarray],
+    fixed: Mapping[Key, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Forward differences (n x p); the next steps (p) are those that move the residual visibly."""
     J, steps = np.zeros((len(r), len(unknowns))), steps.copy()
     jobs, columns = [], []
     for j, u in enumerate(unknowns):
-        if (u.owner, u.name) in fixed:
-            J[:, j] = fixed[u.owner, u.name]
+        if u.key in fixed:
+            J[:, j] = fixed[u.key]
             continue
         low, high = u.bounds
         up, down = high - x[j], x[j] - low
@@ -672,29 +687,3 @@ def _jacobian(
         limit = unknowns[j].scale if unknowns[j].prior else 1e3 * abs(h)
         steps[j] = min(abs(h) * np.clip(_VISIBLE / max(visible, 1e-12), 1e-2, 1e2), limit)
     return J, steps
-
-
-_FIRST = 1.0  # s at the start of a recording from which its first state is estimated
-
-
-def first_state(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> Start:
-    """State at the first sample as the readings tell it: those of it, or of the first second of a moving rig."""
-    if prepared.recording.start == "unknown":
-        return estimated_start(model, prepared, pool)
-    return reading_start(model, prepared, prepared.start)
-
-
-def estimated_start(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> Start:
-    """State at the first sample of a rig that was already moving, from its first second."""
-    recording = prepared.recording
-    first = recording.time <= recording.time[0] + _FIRST
-    held = None if recording.command_time is None else recording.command_time[first]
-    head = recording.replace(
-        time=recording.time[first],
-        channels={c: v[first] for c, v in recording.channels.items()},
-        command_time=held,
-    )
-    short, _ = prepare(head, prepared.noise)
-    bench = Workbench(GuidedData([short]), pool)
-    result = minimise(bench, model, [short.start], start_unknowns([short]), iterations=6)
-    return result.starts[0]

@@ -236,7 +236,7 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
     """Absolute angles and rates (n + 1) at the first sample."""
     links = model.chain
     angles, rates = np.zeros(len(links.stiffness)), np.zeros(len(links.stiffness))
-    if recording.initial_tip_deflection:
+    if recording.initial_tip_deflection and recording.start == "rest":
         angles = held_by_tip_force(links, recording.initial_tip_deflection)
     elif any(start.bend) or any(start.bend_rate):
         shapes = links.modes("clamped")[1][1:, :2]

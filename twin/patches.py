@@ -7,15 +7,16 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from twin import calibration, fit, patch, search, traces, verdict
+from twin import calibration, moving_start, patch, search, traces, verdict
 from twin.campaign import Campaign
 from twin.diagnosis import Patched, Prediction
+from twin.fit import Prepared
 from twin.found import Found
-from twin.model import simulate
+from twin.model import Start, simulate
 from twin.nameless import Nameless
 from twin.patch import Patch
 from twin.polish import Polished
-from twin.recording import CHANNEL_UNITS, Recording
+from twin.recording import CHANNEL_UNITS
 from twin.report import display
 from twin.traces import Unexplained
 
@@ -42,17 +43,18 @@ def patched(
     model = search.fine(polished.augmented.model.replace(patch=lookup))
     noise = calibration.noises(campaign)
 
-    def errors(recording: Recording) -> dict[str, tuple[float, float]]:
-        prepared, _ = calibration.made_ready(recording, campaign.sensors, found.start.clock, noise)
-        after = simulate(model, prepared.recording, fit.reading_start(model, prepared, prepared.start))
-        before = predictions[recording.name].errors
+    def errors(prepared: Prepared, start: Start) -> dict[str, tuple[float, float]]:
+        after = simulate(model, prepared.recording, start)
+        before = predictions[prepared.recording.name].errors
         return {c: (before[c].after, _rms(prepared.recording[c] - after[c])) for c in prepared.channels}
 
-    held_out = campaign.holdout()
+    ready = [
+        calibration.made_ready(r, campaign.sensors, found.start.clock, noise)[0] for r in campaign.holdout()
+    ]
+    starts = [moving_start.first_state(model, prepared, pool) for prepared in ready]
     unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == patch.HUB else CHANNEL_UNITS[lookup.channel]
-    return Patched(
-        lookup, unit, dict(zip((r.name for r in held_out), pool.map(errors, held_out), strict=True))
-    )
+    gains = dict(zip((p.recording.name for p in ready), pool.map(errors, ready, starts), strict=True))
+    return Patched(lookup, unit, gains)
 
 
 def of_worst(found: Found, left: Mapping[str, Unexplained]) -> Patch | None:

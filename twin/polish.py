@@ -63,8 +63,8 @@ def with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | N
     best = _moved_along(best, read)
     x, covariance, errors = best.values.copy(), best.covariance.copy(), dict[int, float]()
     x[list(rough)] = list(rough.values())
-    if pool is not None:
-        x = _scanned(Workbench(fit.FreeData(data.prepared), pool), best, x, list(rough), errors)
+    if pool is not None and (free := Workbench(fit.FreeData(data.prepared), pool)).count.any():
+        x = _scanned(free, best, x, list(rough), errors)
     for index, error in errors.items():
         covariance[index, :] = covariance[:, index] = 0.0
         covariance[index, index] = error**2

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, fit, search
+from twin import calibration, moving_start, search
 from twin.campaign import Campaign
 from twin.diagnosis import ChannelError, Prediction
 from twin.fit import Prepared
@@ -50,7 +50,7 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
     Behind these come two runs of the last model with its break-away torque changed a little.
     """
     exact = [search.fine(m) for m in models]
-    starts = [fit.first_state(m, prepared, pool) for m in models]
+    starts = [moving_start.first_state(m, prepared, pool) for m in models]
     plant = exact[-1].plant
     for share in (1 - _NEARBY, 1 + _NEARBY):
         levels = {name: share * getattr(plant, name) for name in ("static_positive", "static_negative")}

@@ -49,9 +49,12 @@ class Release:
 def levels(data: DrivenData, model: Model, starts: Sequence[Start]) -> dict[int, Level]:
     """Static level by direction, +1 and -1, where the recordings show it.
 
-    A rest that ends below what friction bore elsewhere was none: the hub had only been slow.
+    A rest that ends below what friction bore elsewhere was none: the hub had only been slow. Recordings that began in
+    motion count where no others show any: how their link swings hangs on a first state that was estimated.
     """
     read = releases(data, model, starts)
+    surely = [r for r in read if data.prepared[r.recording].recording.start == "rest"]
+    read = surely or read
     seen = {direction: [r.level for r in read if r.direction == direction] for direction in (1, -1)}
     return {direction: together(levels) for direction, levels in seen.items() if levels}
 

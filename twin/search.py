@@ -212,7 +212,7 @@ def fitted(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str,
 
 
 def _quickly(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
-    kept = {(u.owner, u.name): base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
+    kept = {u.key: base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
     model = with_effect(base.model, name, values)
     unknowns = unknowns_of(bench, model, base)
     first = first_values(unknowns, model, base)
@@ -270,12 +270,10 @@ def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...
 
 def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.ndarray:
     """Where the fit of a model starts: the values of the last of these fits that has them, and the effects' own."""
-    known = {
-        (u.owner, u.name, u.recording): v for f in fits for u, v in zip(f.unknowns, f.values, strict=True)
-    }
+    known = {u.key: v for f in fits for u, v in zip(f.unknowns, f.values, strict=True)}
     first = []
     for u in unknowns:
-        value = known.get((u.owner, u.name, u.recording), u.start)
+        value = known.get(u.key, u.start)
         first.append(u.turned(model.effects[u.owner][u.name]) if u.owner in model.effects else value)
     return np.array(first)
 

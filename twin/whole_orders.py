@@ -45,11 +45,7 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     effects = {name: dict(p) for name, p in best.model.effects.items()}
     effects[order.owner][order.name] = whole
     model = best.model.replace(effects=effects)
-    slopes = {
-        (u.owner, u.name): best.jacobian[:, k]
-        for k, u in enumerate(best.unknowns)
-        if k != index and u.owner != "start"
-    }
+    slopes = {u.key: best.jacobian[:, k] for k, u in enumerate(best.unknowns) if k != index}
     return fit.minimise(bench, model, best.starts, unknowns, values, slopes, _ITERATIONS)
 
 

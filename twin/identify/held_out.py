@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, driven_residual, fit, search
+from twin import calibration, driven_residual, fit, moving_start, search
 from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Prepared, Workbench
@@ -65,7 +65,7 @@ def errors(
         prepared, left_out = calibration.made_ready(recording, campaign.sensors, found.clock, noise)
         notes += left_out
         if prepared.channels:
-            starts = [fit.first_state(m, prepared, pool) for m in models]
+            starts = [moving_start.first_state(m, prepared, pool) for m in models]
             rows += _rows(prepared, [search.fine(m) for m in models], starts, pool)
     return tuple(rows), notes
 

@@ -1,0 +1,125 @@
+"""Recordings of rigs that were already moving at the first sample."""
+
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin import calibration, fit, releases, search, verdict
+from twin.campaign import read_campaign
+from twin.driven import SINGLE
+from twin.predictions import free_runs
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import bang_bang, break_away, free_vibration, random_steps
+
+CABLE = {"stiffness": 0.012, "rest_angle": 0.15}
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    folder, draw = tmp_path_factory.mktemp("moving") / "rig", np.random.default_rng(1)
+    plan = [make(Rig(), Sensors(), draw) for make in (free_vibration, random_steps)]
+    make_campaign(folder, {}, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 90.0)])
+    return read_campaign(folder)
+
+
+def from_sample(recording, first):
+    held = None if recording.command_time is None else recording.command_time[first:]
+    channels = {c: v[first:] for c, v in recording.channels.items()}
+    return recording.replace(
+        time=recording.time[first:], channels=channels, command_time=held, start="unknown"
+    )
+
+
+def calibrated(campaign, recordings):
+    with ThreadPoolExecutor(2) as pool:
+        return calibration.calibrate(replace(campaign, fit=tuple(recordings)), pool)
+
+
+@pytest.mark.parametrize("first", [1000, 2000, 2500])
+def test_they_are_followed_to_their_noise(campaign, first):
+    """0.25 m/s at the tip and more; with the link taken for straight up to seven noise levels were left."""
+    _, steps, bang = campaign.fit
+    found = calibrated(campaign, [from_sample(steps, first), bang])
+    sizes = verdict.sizes_left(found.bench, found.base)
+    assert max(sizes.values()) < 1.3, sizes
+    assert abs(found.base.starts[0].bend_rate[0]) > 0.05
+
+
+def test_a_clamped_link_that_swings(campaign):
+    clamped, _, bang = campaign.fit
+    found = calibrated(campaign, [from_sample(clamped, 700), bang])
+    assert max(verdict.sizes_left(found.bench, found.base).values()) < 1.3
+
+
+def test_without_strains_the_torque_that_the_motion_takes_tells_the_bend(campaign):
+    _, steps, bang = campaign.fit
+    blind = [
+        r.replace(channels={"hub_angle": r["hub_angle"], "torque_command": r["torque_command"]})
+        for r in (steps, bang)
+    ]
+    found = calibrated(campaign, [from_sample(blind[0], 2000), blind[1]])
+    assert max(verdict.sizes_left(found.bench, found.base).values()) < 1.5
+
+
+def test_few_readings_in_its_first_moments(campaign):
+    """Ten readings a second: none of the first state is known, and all else goes on."""
+    _, steps, bang = campaign.fit
+    cut = from_sample(steps, 1000)
+    sparse = cut.replace(
+        time=cut.time[::50], channels={c: v[::50] for c, v in cut.channels.items()}, command_time=None
+    )
+    found = calibrated(campaign, [sparse, bang])
+    assert np.isfinite(found.base.values).all()
+
+
+def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
+    _, _, bang = campaign.fit
+    found = calibrated(campaign, [bang])
+    cut = from_sample(bang, 500)
+    noise = calibration.noises(campaign)
+    with ThreadPoolExecutor(2) as pool:
+        for recording in (bang, cut):
+            ready, _ = calibration.made_ready(recording, campaign.sensors, found.clock, noise)
+            run, *_ = free_runs([found.base.model], ready, pool)
+            off = (run["strain_base"] - recording["strain_base"])[:500]
+            assert np.sqrt(np.nanmean(off**2)) < 10 * noise["strain_base"]
+
+
+@pytest.fixture(scope="module")
+def with_cable(tmp_path_factory):
+    """Two recordings that begin in motion beside one that begins with a rest."""
+    folder, draw = tmp_path_factory.mktemp("cable") / "rig", np.random.default_rng(1)
+    plan = [make(Rig(), Sensors(), draw) for make in (random_steps, break_away)]
+    plan.append(bang_bang(Rig(), Sensors(), draw, 90.0))
+    make_campaign(folder, {"cable-torsion": CABLE}, 3, experiments=plan)
+    campaign = read_campaign(folder)
+    steps, ramps, bang = campaign.fit
+    return calibrated(campaign, [from_sample(steps, 1200), ramps, from_sample(bang, 700)])
+
+
+def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
+    """The slopes of each recording's own state are kept apart: mixed up, a first fit ended far from here."""
+    with ThreadPoolExecutor(2) as pool:
+        bench = copy(with_cable.bench)
+        bench.pool = pool
+        quick = search.tried(bench, with_cable.base, "cable-torsion").fit
+        full = fit.minimise(bench, quick.model, quick.starts, quick.unknowns, quick.values)
+    assert full.model.effects["cable-torsion"]["stiffness"] == pytest.approx(CABLE["stiffness"], rel=0.02)
+    assert quick.cost - full.cost < 0.03 * (with_cable.base.cost - full.cost)
+
+
+def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
+    data, base = with_cable.bench.data, with_cable.base
+    whole = releases.levels(data, base.model, base.starts)
+    of_ramps = [r for r in releases.releases(data, base.model, base.starts) if r.recording == 1]
+    assert whole.keys() == {r.direction for r in of_ramps}
+    for direction, level in whole.items():
+        assert level == releases.together([r.level for r in of_ramps if r.direction == direction])
+
+
+def test_what_is_told_by_an_instant_is_not_asked_of_them(with_cable):
+    channels = {(g.recording, g.channel) for g in with_cable.bench.data.groups}
+    assert {i for i, channel in channels if channel in SINGLE} == {1}
