@@ -1,11 +1,16 @@
 """A correction without a cause: recovered from what is left, and looked up in a simulation."""
 
+import json
+
 import numpy as np
 import pytest
 
-from twin import chain
+from twin import chain, plants
+from twin.errors import InputError
 from twin.model import Model, Start, simulate
-from twin.patch import HUB, Patch, smooth
+from twin.patch import HUB, Patch, read, smooth, to_csv
+from twin.plants.base import READINGS
+from twin.plants.reporting import Reporting
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
 
@@ -80,3 +85,121 @@ def test_a_reading_is_changed_by_its_own_value():
 def test_beyond_its_support_it_stays_what_it_was_last():
     patch = lookup(HUB, "hub_angle", [0, 1], [0, 5])
     assert patch.at(np.array([-3.0, 0.5, 7.0])).tolist() == [0.0, 2.5, 5.0]
+
+
+def ran(kind, effects=None, patch=None, seconds=0.6):
+    """Readings (n x channels) of a plant under two steps of torque, and what its sensors report in the end."""
+    plant = plants.make(kind, RIG, effects, patch=patch)
+    reporting = Reporting(plants.model_of(RIG, effects, patch=patch), plant)
+    plant.reset()
+    rows = []
+    for k in range(round(seconds / plant.period)):
+        plant.advance(0.15 if k < 60 else -0.1)
+        rows.append([reporting.read(plant.time(), plant.read())[c] for c in READINGS])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("kind", ["chain", "compiled", "modal", "paper"])
+@pytest.mark.parametrize(
+    ("effects", "patch"),
+    [
+        (
+            {"cable-torsion": {"stiffness": 0.02, "rest_angle": 0.1}},
+            (HUB, "hub_angle", [-9, 9], [0.182, -0.178]),
+        ),
+        ({"viscous-friction": {"viscous": 0.004}}, (HUB, "hub_rate", [-50, 50], [0.2, -0.2])),
+        ({"torque-bias": {"bias": 0.01}}, (HUB, "time", [0, 9], [0.01, 0.01])),
+        ({"torque-gain": {"gain": 0.9}}, (HUB, "torque_command", [-1, 1], [0.1, -0.1])),
+        ({"hub-sensor-gain": {"gain": 1.1}}, ("hub_angle", "hub_angle", [-9, 9], [-0.9, 0.9])),
+        ({"strain-drift": {"rate_base": 1e-5, "rate_mid": 0.0}}, ("strain_base", "time", [0, 9], [0, 9e-5])),
+    ],
+)
+def test_every_plant_has_a_patch_as_the_effect_that_it_is(kind, effects, patch):
+    # A torque sensor feels the bias of a drive, and nothing that acts on the hub beside it.
+    felt = [c for c in READINGS if c != "motor_torque" or "torque-bias" not in effects]
+    runs = ran(kind, effects), ran(kind, patch=lookup(*patch)), ran(kind)
+    expected, found, without = (run[:, [READINGS.index(c) for c in felt]] for run in runs)
+    size = np.abs(expected - without).max(axis=0)
+    assert size.max() > 1e-6
+    np.testing.assert_allclose(found, expected, atol=2e-3 * size.max(), rtol=2e-3)
+    assert np.all(np.abs(found - expected).max(axis=0) <= 0.02 * size + 1e-9)
+
+
+def test_a_lookup_is_read_as_it_was_written(tmp_path):
+    patch = lookup(HUB, "hub_angle", [-0.5, 0.1, 1.25], [0.004, -1.23456789e-3, 0])
+    (tmp_path / "patch.csv").write_text(to_csv(patch))
+    found = read(tmp_path / "patch.csv")
+    assert (found.channel, found.variable) == (HUB, "hub_angle")
+    np.testing.assert_allclose([found.x, found.y, found.count], [patch.x, patch.y, patch.count])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "hub_angle,samples\n0,1\n1,1\n",
+            "line 1: columns are hub_angle, samples; expected a variable, added_to_CH",
+        ),
+        (
+            "hub_angle,added_to_hub_torqu\n0,1\n1,1\n",
+            "line 1: nothing can be added to 'hub_torqu'; .*did you mean",
+        ),
+        (
+            "tip_rate,added_to_hub_torque\n0,1\n1,1\n",
+            "line 1: no simulation looks up hub_torque by 'tip_rate'",
+        ),
+        ("hub_angle,added_to_hub_torque\n0,1\n", "has 1 points after its header; expected at least 2"),
+        ("hub_angle,added_to_hub_torque\n0,1\n1,\n", "line 3: a number is missing"),
+        (
+            "hub_angle,added_to_hub_torque\n0,1\n0,2\n",
+            "line 3: 0 follows 0; expected the variable to increase",
+        ),
+    ],
+)
+def test_what_is_no_lookup_is_refused(tmp_path, text, said):
+    (tmp_path / "patch.csv").write_text(text)
+    with pytest.raises(InputError, match=f"patch.csv.*{said}"):
+        read(tmp_path / "patch.csv")
+
+
+def test_a_run_takes_a_lookup_and_says_that_it_is_none_of_its_physics(twin, tmp_path):
+    (tmp_path / "patch.csv").write_text(to_csv(lookup(HUB, "hub_rate", [-50, 50], [0.2, -0.2])))
+    arguments = ("run", "bang-bang-20", "--plant", "compiled", "--json")
+    code, _, _ = twin(*arguments, "without.json")
+    assert code == 0
+    code, output, _ = twin(*arguments, "with.json", "--patch", "patch.csv")
+    assert code == 0
+    assert "With a patch, which is no physics: hub_torque by hub_rate" in output
+    without, patched = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("without", "with"))
+    assert "patch" not in without
+    assert patched["metrics"] != without["metrics"]
+
+
+def test_a_run_refuses_the_patch_of_a_sensor_that_plants_lack(twin, tmp_path):
+    (tmp_path / "patch.csv").write_text(to_csv(lookup("tip_acceleration", "time", [0, 9], [0, 1])))
+    code, _, errors = twin("run", "bang-bang-20", "--plant", "compiled", "--patch", "patch.csv")
+    assert code == 2
+    assert "the patch of tip_acceleration by time has no place in a plant" in errors
+
+
+def test_a_lookup_is_not_written_over(twin, tmp_path):
+    text = to_csv(lookup(HUB, "hub_rate", [-50, 50], [0.2, -0.2]))
+    (tmp_path / "patch.csv").write_text(text)
+    code, _, _ = twin(
+        "run", "bang-bang-20", "--plant", "compiled", "--patch", "patch.csv", "--csv", "patch.csv"
+    )
+    assert code == 2
+    assert (tmp_path / "patch.csv").read_text() == text
+
+
+def test_time_counts_from_the_start_of_a_recording():
+    """The same run, its clock 100 s ahead."""
+    model = MODEL.replace(
+        patch=lookup(HUB, "time", [0, 1.5], [0.02, -0.02]),
+        effects={"strain-drift": {"rate_base": 1e-5, "rate_mid": 0.0}},
+    )
+    late = slew()
+    late = late.replace(time=late.time + 100.0)
+    one, other = (simulate(model, r, Start()) for r in (slew(), late))
+    np.testing.assert_allclose(one["hub_angle"], other["hub_angle"], atol=1e-7)
+    np.testing.assert_allclose(one["strain_base"], other["strain_base"], atol=1e-9)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twin import augmented
-from twin.diagnosis import Diagnosis, Patched
+from twin.diagnosis import Diagnosis
 from twin.json_file import write_json
 from twin.outputs import ResultsFolder, writing
+from twin.patch import to_csv
 from twin.recording import Sensor
 from twin.report import write_report
 from twin.stream import write_rrd
@@ -70,7 +71,7 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
         if diagnosis.patched is None:
             patch.unlink(missing_ok=True)  # of an earlier run
         else:
-            patch.write_text(_patch_table(diagnosis.patched), encoding="utf-8")
+            patch.write_text(to_csv(diagnosis.patched.patch), encoding="utf-8")
     return Delivery(paths, mjcf.left_out)
 
 
@@ -82,13 +83,7 @@ def _beside(paths: Mapping[str, Path], left_out: tuple[str, ...]) -> dict[str, s
         "answer": "The answer, for programs.",
         "rig": f"The final model, with standard errors. Use it with: twin run SCENARIO --rig {FILES['rig']}",
         "MJCF": f"The final model for any MuJoCo viewer. It leaves out: {', '.join(left_out) or 'nothing'}.",
-        "patch": "The lookup of what no effect explains.",
+        "patch": "A lookup of what no effect explains, a correction without a cause. Add it to a run with: "
+        f"twin run SCENARIO --rig {FILES['rig']} --patch {FILES['patch']}",
     }
     return {paths[what].name: text for what, text in said.items() if what in paths}
-
-
-def _patch_table(patched: Patched) -> str:
-    """The lookup as CSV: the variable and what is added, SI."""
-    patch = patched.patch
-    rows = [f"{x:.9g},{y:.9g},{n:.0f}" for x, y, n in zip(patch.x, patch.y, patch.count, strict=True)]
-    return "\n".join([f"{patch.variable},added_to_{patch.channel},samples", *rows]) + "\n"

@@ -17,6 +17,7 @@ from dm_control.rl import control
 from dm_env import specs
 
 from twin.parameters import Rig
+from twin.patch import Patch
 from twin.plants.base import PERIOD, READINGS, Plant
 from twin.plants.reporting import Reporting
 from twin.plants.sensors import Sensors
@@ -127,6 +128,7 @@ def rig_environment(
     duration: float = 5.0,
     period: float = PERIOD,
     sensors: Sensors | None = None,
+    patch: Patch | None = None,
 ) -> control.Environment:
     """Returns the MuJoCo chain of a rig as an environment.
 
@@ -137,10 +139,11 @@ def rig_environment(
       duration: of an episode [s].
       period: sample period [s].
       sensors: noise and resolution; by default none, but what the effects make of the readings.
+      patch: a correction without a cause, looked up; None for none.
     """
     from twin import plants
 
-    plant = plants.make("chain", rig, effects, period)
+    plant = plants.make("chain", rig, effects, period, patch=patch)
     if sensors is None:
-        sensors = Sensors(reporting=Reporting(plants.model_of(rig, effects), plant))
+        sensors = Sensors(reporting=Reporting(plants.model_of(rig, effects, patch=patch), plant))
     return over(plant, Follow(reference, sensors), duration)

@@ -14,6 +14,7 @@ from twin.control import library
 from twin.control.base import Controller
 from twin.errors import InputError
 from twin.parameters import Rig
+from twin.patch import Patch
 from twin.plants.reporting import Reporting
 from twin.plants.sensors import BOSSI2009, Sensors
 from twin.run_stream import Track
@@ -30,6 +31,7 @@ class Experiment:
       effects: effects that act on the plant.
       controller: name or FILE.py:NAME; None for the scenario's own.
       noise: seed of the sensors' noise; None for sensors that are true.
+      patch: a correction without a cause, looked up; None for none.
     """
 
     scenario: str
@@ -38,6 +40,7 @@ class Experiment:
     effects: Mapping[str, Mapping[str, float]]
     controller: str | None = None
     noise: int | None = None
+    patch: Patch | None = None
 
     @property
     def controller_name(self) -> str:
@@ -51,8 +54,8 @@ class Experiment:
           InputError: there is no such scenario, plant or controller, or the user's controller fails.
         """
         chosen = scenarios.scenario(self.scenario)
-        plant = plants.make(self.plant, self.rig, self.effects)
-        reporting = Reporting(plants.model_of(self.rig, self.effects), plant)
+        plant = plants.make(self.plant, self.rig, self.effects, patch=self.patch)
+        reporting = Reporting(plants.model_of(self.rig, self.effects, patch=self.patch), plant)
         sensors = Sensors({} if self.noise is None else BOSSI2009, self.noise or 0, reporting)
         law = self.law(plant.period)
         # Matrices are small: threads of linear algebra wait for each other.

@@ -188,7 +188,7 @@ class Model:
         return self.drive(recording).at(recording.commanded_at + self.late)
 
     def report(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What the sensors report of true channel values (name -> (m,), SI)."""
+        """What the sensors report of true channel values (name -> (m,), SI), `time` from the start of a recording."""
         for name, p in self.effects.items():
             true = REGISTRY[name].sensing(time, true, p)
         return true if self.patch is None else self.patch.on_reading(time, true)
@@ -229,7 +229,10 @@ def delivered(model: Model, recording: Recording) -> tuple[planar.Plant, np.ndar
     drive = model.drive(recording)
     # A command before the first sample stands for what the drive delivered until then.
     times = np.r_[drive.time[0] - 1e3, drive.time]
-    return model.plant._replace(lag=float(drive.lag)), times, np.r_[drive.before, drive.torque]
+    plant = model.plant._replace(lag=float(drive.lag))
+    if model.patch is not None and model.patch.variable == "time":
+        plant = plant._replace(patch_x=plant.patch_x + recording.time[0])
+    return plant, times, np.r_[drive.before, drive.torque]
 
 
 def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.ndarray, np.ndarray]:
@@ -290,7 +293,8 @@ def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
         true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
     if model.plant.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
-    channels = {name: v for name, v in model.report(motion.time, true).items() if name != TORSION}
+    since = motion.time - motion.time[0]
+    channels = {name: v for name, v in model.report(since, true).items() if name != TORSION}
     commanded = {"torque_command": recording["torque_command"]} if "torque_command" in recording else {}
     return Recording(
         recording.name, motion.time, {**commanded, **channels}, recording.clamped, recording.loop

@@ -333,6 +333,7 @@ class MujocoChain:
         """Returns a control callback that adds what varies within a step and the models do not have, if anything."""
         p, sliding, locked = self._plant, self._sliding, self._locked
         hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0 or p.gap > 0
+        hub = hub or p.patch_on != 0
         soft, drag, shaken = p.softening != 0, p.tip_drag_quadratic != 0, p.is_shaken
         if not (hub or soft or drag or shaken):
             return None
@@ -428,11 +429,14 @@ class _Model:
     # Mechanisms that the models do not have, at the state of a stage
 
     def vary_torque(self, time: float, lagging: float) -> None:
-        """Adds what the lag keeps back [N m], the disturbance, Stribeck's excess and the contact in a play."""
+        """Adds what the lag keeps back [N m], disturbance, patch, Stribeck's excess and the contact in a play."""
         p, torque, drive = self._plant, self._held, self._drive + lagging
         if p.disturbance_amplitude != 0:
             angle = 2 * math.pi * p.disturbance_frequency * time + p.disturbance_phase
             torque += p.disturbance_amplitude * math.sin(angle)
+        if p.patch_on != 0:
+            value = (*self._of_hub(), time)[p.patch_on - 1]
+            torque += float(np.interp(value, p.patch_x, p.patch_y))
         if p.stribeck_velocity > 0 and self._mode != 0:
             forward = self._mode > 0
             excess = (
@@ -446,7 +450,7 @@ class _Model:
 
     def _contact(self) -> float:
         """Torque [N m] from the motor to the hub, as `planar.contact_torque`."""
-        angle, rate = (self.qpos[0], self.qvel[0]) if self._first else (self._angle, 0.0)
+        angle, rate = self._of_hub()
         play = self.qpos[-1] - angle
         beyond = abs(play) - self._plant.gap / 2
         if beyond <= 0:
@@ -454,6 +458,10 @@ class _Model:
         pressing = math.copysign(1.0, play) * (self.qvel[-1] - rate)
         push = planar.CONTACT_STIFFNESS * beyond + planar.contact_damping(self._plant) * pressing
         return math.copysign(max(push, 0.0), play)
+
+    def _of_hub(self) -> tuple[float, float]:
+        """Angle [rad] and rate [rad/s] of the hub."""
+        return (self.qpos[0], self.qvel[0]) if self._first else (self._angle, 0.0)
 
     def shake(self, time: float) -> None:
         """Pushes every mass back as the base is accelerated; a locked hub sees it turned the other way."""

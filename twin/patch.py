@@ -8,12 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
+from twin.errors import InputError, nearest
+from twin.recording import MEASURED
+from twin.table import Table, read_table
+
 HUB = "hub_torque"
 _ON_HUB = {"hub_angle": 1, "hub_rate": 2, "time": 3}
+_ADDED, _SAMPLES = "added_to_", "samples"  # columns of its table
 _BINS = 40
 _FEW = 15  # samples below which a bin says nothing
 _LEAST = 6  # points of a curve
@@ -48,11 +54,19 @@ class Patch:
         return _ON_HUB.get(self.variable, 0) if self.channel == HUB else 0
 
     @property
+    def on_sensor(self) -> bool:
+        """It changes a reading, not the torque on the hub."""
+        return self.channel != HUB
+
+    @property
+    def known_variables(self) -> tuple[str, ...]:
+        """What a simulation can look it up by."""
+        return (*_ON_HUB, "torque_command") if self.channel == HUB else ("time", *MEASURED)
+
+    @property
     def acts(self) -> bool:
-        """A simulation can look it up: on the hub by angle, rate, time or command, a reading by time or a channel."""
-        if self.channel == HUB:
-            return self.variable in (*_ON_HUB, "torque_command")
-        return self.variable not in ("hub_rate", "hub_travel", "tip_rate")
+        """A simulation can look it up."""
+        return self.variable in self.known_variables
 
     def on_command(self, torque: np.ndarray) -> np.ndarray:
         """Delivered torque (k) for a command (k) [N m]."""
@@ -61,11 +75,64 @@ class Patch:
         )
 
     def on_reading(self, time: np.ndarray, true: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Readings by channel (m) of true values."""
-        known = {**true, "time": time - time[0]}
+        """Readings by channel (m) of true values, `time` (m) from the start of a recording."""
+        known = {**true, "time": time}
         if self.channel not in true or self.variable not in known:
             return dict(true)
         return {**true, self.channel: true[self.channel] + self.at(known[self.variable])}
+
+
+def to_csv(patch: Patch) -> str:
+    """Returns the lookup as a table: the variable, what is added, both SI, and the samples behind each point."""
+    rows = [f"{x:.9g},{y:.9g},{n:.0f}" for x, y, n in zip(patch.x, patch.y, patch.count, strict=True)]
+    return "\n".join([f"{patch.variable},{_ADDED}{patch.channel},{_SAMPLES}", *rows]) + "\n"
+
+
+def read(path: Path) -> Patch:
+    """Reads a lookup from a table as `to_csv` writes it; samples may be left out.
+
+    Raises:
+      InputError: it is none; the message names file, line or column, and what would be right.
+    """
+    table = read_table(path, path.name)
+    added = [column for column in table.header if column.startswith(_ADDED)]
+    variables = [column for column in table.header if column not in (*added, _SAMPLES)]
+    if len(added) != 1 or len(variables) != 1:
+        raise InputError(
+            f"{path.name}, line 1: columns are {', '.join(table.header)}; expected a variable, {_ADDED}CHANNEL and, "
+            f"at will, {_SAMPLES}, as in the patch.csv of a diagnosis"
+        )
+    x, y = table.columns[variables[0]], table.columns[added[0]]
+    _check_points(path.name, table, x, y)
+    count = table.columns.get(_SAMPLES, np.zeros(len(x)))
+    found = Patch(added[0].removeprefix(_ADDED), variables[0], x, y, count)
+    if found.channel not in (HUB, *MEASURED):
+        raise InputError(
+            f"{path.name}, line 1: nothing can be added to '{found.channel}'; expected one of: "
+            f"{', '.join((HUB, *MEASURED))}{nearest(found.channel, (HUB, *MEASURED))}"
+        )
+    if not found.acts:
+        raise InputError(
+            f"{path.name}, line 1: no simulation looks up {found.channel} by '{found.variable}'; expected one of: "
+            f"{', '.join(found.known_variables)}{nearest(found.variable, found.known_variables)}"
+        )
+    return found
+
+
+def _check_points(name: str, table: Table, x: np.ndarray, y: np.ndarray) -> None:
+    if len(x) < 2:
+        raise InputError(f"{name} has {len(x)} points after its header; expected at least 2")
+    missing = np.flatnonzero(~np.isfinite(x + y))
+    if missing.size:
+        raise InputError(
+            f"{name}, line {table.lines[missing[0]]}: a number is missing; expected one in each column"
+        )
+    back = np.flatnonzero(np.diff(x) <= 0)
+    if back.size:
+        before, after = x[back[0]], x[back[0] + 1]
+        raise InputError(
+            f"{name}, line {table.lines[back[0] + 1]}: {after:g} follows {before:g}; expected the variable to increase"
+        )
 
 
 def smooth(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,6 +22,9 @@ from twin.commands.shared import (
 from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
+
+if TYPE_CHECKING:
+    from twin.patch import Patch
 
 Scenario = Annotated[
     str,
@@ -65,6 +68,12 @@ def run(
     controller: ControllerOption = None,
     rig: RigOption = DEFAULT_RIG,
     noise: Noise = None,
+    patch_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--patch", metavar="FILE", help="Add a lookup to the plant: the patch.csv of a diagnosis."
+        ),
+    ] = None,
     rrd_file: Annotated[
         Path | None, typer.Option("--rrd", metavar="FILE", help="Write the run here, for the rerun viewer.")
     ] = None,
@@ -85,11 +94,12 @@ def run(
     json_file: JsonFile = None,
 ) -> None:
     """Run one of the paper's experiments on the chain, the modal model or its own, under any controller."""
-    read = (rig_file(rig), controller_file(controller), *_read_for(ghost or ""))
+    read = (rig_file(rig), controller_file(controller), patch_file, *_read_for(ghost or ""))
     check_writable(csv_file, json_file, rrd_file, read=read)
     if ghost is not None and rrd_file is None and not view:
         raise InputError("--ghost is shown beside a run; expected --rrd FILE or --view with it")
     declared, effects = load_rig(rig)
+    patch = None if patch_file is None else _patch(patch_file)
     if view:
         require_display("--view")
     remarks: list[str] = []
@@ -98,7 +108,7 @@ def run(
         from twin.experiment import Experiment, run_shown
         from twin.plants import KINDS
 
-        experiment = Experiment(scenario, plant, declared, effects, controller, noise)
+        experiment = Experiment(scenario, plant, declared, effects, controller, noise, patch)
         report(f"{scenario} on the {KINDS.get(plant, plant)}")
         result = run_shown(experiment, rrd_file, view, ghost or "other", remarks.append)
     figures = experiment.metrics(result)
@@ -110,6 +120,8 @@ def run(
         "wall_s": result.wall,
         "metrics": figures,
     }
+    if patch is not None:
+        answer["patch"] = f"{patch.channel} by {patch.variable}"
     if csv_file is not None:
         from twin.run_files import write_csv
 
@@ -119,6 +131,12 @@ def run(
     _print(answer)
     for line in remarks:
         console().print(line, highlight=False, markup=False)
+
+
+def _patch(file: Path) -> Patch:
+    from twin import patch
+
+    return patch.read(file)
 
 
 def _read_for(ghost: str) -> tuple[Path, ...]:
@@ -142,6 +160,8 @@ def _print(answer: dict[str, Any]) -> None:
         f"{answer['duration_s']:g} s in {answer['wall_s']:.2f} s, {speed:.0f} times real time",
         highlight=False,
     )
+    if "patch" in answer:
+        screen.print(f"With a patch, which is no physics: {answer['patch']}", highlight=False)
     table = Table("figure", "value", box=None)
     table.columns[1].justify = "right"
     for name, value in answer["metrics"].items():

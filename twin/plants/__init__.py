@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from twin.errors import InputError, nearest
-from twin.plants.base import PERIOD, Plant
+from twin.plants.base import PERIOD, READINGS, Plant
 
 if TYPE_CHECKING:
     from twin.model import Model
     from twin.parameters import Rig
+    from twin.patch import Patch
 
 KINDS: Mapping[str, str] = {
     "chain": "chain",
@@ -29,6 +30,7 @@ def make(
     effects: Effects | None = None,
     period: float = PERIOD,
     segments: int = 8,
+    patch: Patch | None = None,
 ) -> Plant:
     """Returns a plant.
 
@@ -38,6 +40,7 @@ def make(
       effects: effects that act: name -> parameter -> value (SI).
       period: sample period [s].
       segments: of the chain.
+      patch: a correction without a cause, looked up; None for none.
 
     Raises:
       InputError: there is no such plant, or it cannot have these effects.
@@ -46,7 +49,9 @@ def make(
         raise InputError(
             f"'{kind}' is not a plant; expected one of: {', '.join(KINDS)}{nearest(kind, KINDS)}"
         )
-    model = model_of(rig, effects, segments)
+    if patch is not None:
+        _check_readings(patch)
+    model = model_of(rig, effects, segments, patch)
     if kind == "modal":
         from twin.plants.modal import ModalPlant
 
@@ -60,8 +65,27 @@ def make(
     return ChainPlant(model, period) if kind == "chain" else CompiledPlant(model, period)
 
 
-def model_of(rig: Rig | None = None, effects: Effects | None = None, segments: int = 8) -> Model:
-    """Returns the twin of a rig with effects, its strain bridges where `models/` has them."""
+def _check_readings(patch: Patch) -> None:
+    """Makes sure that a plant has the readings of a patch: other channels are those of recordings alone.
+
+    Raises:
+      InputError: it has not.
+    """
+    for asked in (patch.channel, patch.variable) if patch.on_sensor else ():
+        if asked not in (*READINGS, "time"):
+            raise InputError(
+                f"the patch of {patch.channel} by {patch.variable} has no place in a plant, which does not read "
+                f"{asked}; expected a patch of the hub's torque, or of: {', '.join(READINGS)}"
+            )
+
+
+def model_of(
+    rig: Rig | None = None,
+    effects: Effects | None = None,
+    segments: int = 8,
+    patch: Patch | None = None,
+) -> Model:
+    """Returns the twin of a rig with effects and a patch, its strain bridges where `models/` has them."""
     from twin import chain
     from twin.mjcf import GAUGES
     from twin.model import Model
@@ -69,4 +93,4 @@ def model_of(rig: Rig | None = None, effects: Effects | None = None, segments: i
 
     rig = rig if rig is not None else preset("bossi2009")
     gauges = {gauge.channel: gauge for gauge in GAUGES}
-    return Model(rig, gauges, chain.fit_shape(rig, segments), effects or {})
+    return Model(rig, gauges, chain.fit_shape(rig, segments), effects or {}, patch=patch)

@@ -21,7 +21,7 @@ class DriveLine:
 
     def __init__(self, model: Model) -> None:
         self._limit = float(model.declared["torque_limit"])
-        self._effects = model.effects
+        self._effects, self._patch = model.effects, model.patch
         self._pending: deque[tuple[float, float]] = deque()
         self._torque = 0.0
         self.reset()
@@ -55,4 +55,4 @@ class DriveLine:
         drive = Drive(np.array([time]), np.array([torque]))
         for name, p in self._effects.items():
             drive = REGISTRY[name].drive(drive, p)
-        return drive
+        return drive if self._patch is None else drive.replace(torque=self._patch.on_command(drive.torque))

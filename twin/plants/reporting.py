@@ -22,7 +22,8 @@ class Reporting:
     def __init__(self, model: Model, plant: Plant) -> None:
         """Takes the model with its effects, and the plant that is read."""
         self._model, self._plant = model, plant
-        self._changes = any(type(REGISTRY[name]).sensing is not Effect.sensing for name in model.effects)
+        bent = any(type(REGISTRY[name]).sensing is not Effect.sensing for name in model.effects)
+        self._changes = bent or (model.patch is not None and model.patch.on_sensor)
         self._past: deque[tuple[float, ...]] = deque(maxlen=math.ceil(_LONGEST_DELAY / plant.period) + _MORE)
 
     def reset(self) -> None:
