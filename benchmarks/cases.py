@@ -10,6 +10,7 @@ import numpy as np
 
 from twin.effects import REGISTRY
 from twin.rigs import preset
+from twin.virtual_rig.sensors import DIRT
 
 Kind = Literal["single", "small", "pair", "triple", "far", "nothing", "outside"]
 Effects = dict[str, dict[str, float]]
@@ -219,15 +220,24 @@ def shrunk(name: str, values: Mapping[str, float], share: float) -> dict[str, fl
 
 _SMALL = Size(0.02, 1.0)
 """Share of a size at which an effect is small, down to the noise."""
-_DIRT = (("spikes",), ("missing-fields",), ("dropped-rows",), ("jitter",), ("spikes", "missing-fields"))
+_DIRT = (*((kind,) for kind in DIRT), ("spikes", "missing-fields"))
 
 
 def cases(
-    each: int, small: int, nulls: int, pairs: int, triples: int, far: int, outside: int, seed: int
+    each: int,
+    small: int,
+    nulls: int,
+    pairs: int,
+    triples: int,
+    far: int,
+    outside: int,
+    seed: int,
+    dirty: bool = False,
 ) -> Iterator[Case]:
     """The campaigns; all kinds take turns, so that an early stop is a fair sample.
 
-    Every fifth one has dirty data, every other no torque sensor, every third null exactly the declared parameters.
+    Every fifth one has dirty data, with `dirty` each; every other has no torque sensor, every third null exactly the
+    declared parameters.
     """
     draw = np.random.default_rng(seed)
     every = list(SIZES)
@@ -244,6 +254,10 @@ def cases(
     faults = list(OUTSIDE)
     kinds += [((k + 0.5) / outside, "outside", (faults[k % len(faults)],)) for k in range(outside)]
     for number, (_, kind, missing) in enumerate(sorted(kinds, key=lambda item: item[0])):
-        dirty = _DIRT[number // 5 % len(_DIRT)] if number % 5 == 4 else ()
+        dirt: tuple[str, ...] = ()
+        if dirty:
+            dirt = _DIRT[number % len(_DIRT)]
+        elif number % 5 == 4:
+            dirt = _DIRT[number // 5 % len(_DIRT)]
         perturb = 0.0 if kind == "nothing" and number % 3 == 0 else 0.5
-        yield Case(kind, missing, seed + number, dirty, perturb, torque_sensor=number % 2 == 0)
+        yield Case(kind, missing, seed + number, dirt, perturb, torque_sensor=number % 2 == 0)
