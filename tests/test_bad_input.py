@@ -437,3 +437,31 @@ def test_hub_that_coasts_without_torque_is_no_fault(tmp_path):
 def test_released_link_may_turn_a_free_hub(tmp_path):
     released = motion() | {"torque_command": np.zeros(500)}
     assert read_campaign(write(tmp_path, entry("initial_tip_deflection = 0.02"), push=released)).fit
+
+
+# Rigs that do not move
+
+
+def resting(torque):
+    """Two seconds of noise about a resting hub and a straight link, a torque commanded in the middle of it."""
+    noise, time = np.random.default_rng(4), motion()["time"]
+    command = np.where((time > 0.1) & (time < 0.3), torque, 0.0)
+    raw = {"torque_command": command, "hub_angle": 0.3 + 1e-4 * noise.standard_normal(500)}
+    return motion() | raw | {"strain_base": 1e-6 * noise.standard_normal(500)}
+
+
+def test_recordings_in_which_nothing_moves_refused(tmp_path):
+    message = refusal(write(tmp_path, push=resting(0.01)))
+    assert message.startswith(
+        "nothing moves in push.csv: every channel stays within 12 times its noise; expected"
+    )
+
+
+@pytest.mark.parametrize(("torque", "said"), [(0.04, False), (-0.2, True)])
+def test_a_hub_that_rests_under_a_strong_torque_is_told(tmp_path, torque, said):
+    toml = toml_text(rig=f"{RIG}\nstatic_friction = 0.05")
+    warnings = read_campaign(write(tmp_path, toml, pull=resting(torque))).warnings
+    told = [
+        w for w in warnings if w.startswith("pull.csv: the hub rests throughout though 0.2 N*m are commanded")
+    ]
+    assert len(told) == said

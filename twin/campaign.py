@@ -106,13 +106,15 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     recordings, stuck = plausibility.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
     plausibility.check_torque(recordings, _sensors(said), rig)
     fit, held_out = _by_role(said, recordings)
+    plausibility.check_motion(fit, _sensors(said))
+    idle = plausibility.held_fast(recordings, _sensors(said), rig)
     return Campaign(
         name=said.name,
         rig=rig,
         sensors=_sensors(said),
         fit=fit,
         static=_read_static(root, said.static.second_moment),
-        warnings=(*_noise_free(said), *chain.from_iterable(notes for *_, notes in read), *stuck),
+        warnings=(*_noise_free(said), *chain.from_iterable(notes for *_, notes in read), *stuck, *idle),
         _held_out=held_out,
     )
 

@@ -1,7 +1,7 @@
-"""What the declared rig says about its recordings: sensors that hang, torque in another unit than declared.
+"""What the declared rig says about its recordings: sensors that hang, rigs that do not move, torque in another unit.
 
-Everything here is judged with margins of at least 10 against physics that every planar link obeys, so that no
-effect a rig may have, friction, play, back-EMF, a moving payload, is mistaken for a fault of the data.
+What is refused or left out is judged with margins of at least 10 against physics that every planar link obeys, so
+that no effect a rig may have, friction, play, back-EMF, a moving payload, is mistaken for a fault of the data.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from twin import schema
 from twin.errors import InputError
@@ -23,6 +24,9 @@ _NOISE_SPAN = 12.0
 _TOO_SMALL = 30.0
 # More generous, as undeclared viscous losses can take most of a torque.
 _TOO_LARGE = 50.0
+
+_HELD, _LONG = 2.0, 0.1
+"""Times the declared static friction, and s, from which a torque should have moved a hub. It is said, no more."""
 
 _SHAPE = ("strain_base", "strain_mid", "tip_deflection")
 
@@ -124,6 +128,50 @@ def _noise(known: np.ndarray, sensor: Sensor) -> float:
     if sensor.noise is not None:
         return sensor.noise
     return 1.4826 * float(np.median(np.abs(np.diff(known)))) / math.sqrt(2)
+
+
+# Rigs that do not move
+
+
+def check_motion(fit: Sequence[Recording], sensors: Mapping[str, Sensor]) -> None:
+    """Makes sure that there is something to fit.
+
+    Raises:
+      InputError: neither hub nor link moves in any of these recordings.
+    """
+    if not any(_moves(r[c], sensors[c]) for r in fit for c in ("hub_angle", *_SHAPE) if c in r.measured()):
+        files = ", ".join(recording.name for recording in fit)
+        raise InputError(
+            f"nothing moves in {files}: every channel stays within {_NOISE_SPAN:g} times its noise; expected "
+            "recordings of a rig that moves"
+        )
+
+
+def held_fast(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> list[str]:
+    """Returns a sentence for each recording whose hub rests throughout a torque that should have moved it."""
+    return [note for r in recordings if (note := _held_fast(r, sensors, rig))]
+
+
+def _held_fast(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> str:
+    static = rig["static_friction"]
+    if recording.clamped or "hub_angle" not in recording.measured() or static <= 0:
+        return ""
+    torque = _sustained(recording)
+    if _moves(recording["hub_angle"], sensors["hub_angle"]) or torque < _HELD * static:
+        return ""
+    return (
+        f"{recording.name}: the hub rests throughout though {torque:.3g} N*m are commanded for {_LONG:g} s, "
+        f"{torque / static:.1f} times the declared static friction. Was the drive on, and its coupling tight? "
+        "Such a recording says nothing of what is missing"
+    )
+
+
+def _sustained(recording: Recording) -> float:
+    """Returns the largest torque that is commanded for a while, one way [N m]."""
+    samples = max(1, round(_LONG / recording.period))
+    torque = recording["torque_command"]
+    lowest, highest = minimum_filter1d(torque, samples), maximum_filter1d(torque, samples)
+    return float(max(lowest.max(), -highest.min(), 0.0))
 
 
 # Torque in another unit than declared
