@@ -6,13 +6,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import chain, planning
+from twin import chain, fit, planning, separation
 from twin.errors import InputError
 from twin.model import Model
 from twin.planner import Planned, to_json, write_torque
 from twin.planner import plan as plan_for
 from twin.recording import Sensor
 from twin.rigs import preset
+from twin.separation import Explanation
 
 RIG = preset("bossi2009")
 SENSORS = {name: Sensor(name, 2e-6, x, 0.001) for name, x in (("strain_base", 0.02), ("strain_mid", 0.21))}
@@ -21,11 +22,27 @@ MODEL = Model(RIG, SENSORS, chain.fit_shape(RIG, 4), step=2e-3)
 
 
 def planned(first, second, names=None):
+    """Plans of two effects, nothing to be fitted again."""
+    return ranked(*(Explanation(MODEL.replace(effects=effects)) for effects in (first, second)), names)
+
+
+def ranked(first, second, names=None):
     options = [e for e in planning.experiments(RIG) if names is None or e.name in names]
     with ThreadPoolExecutor(2) as pool:
-        return planning.plan(
-            MODEL.replace(effects=first), MODEL.replace(effects=second), NOISE, pool, options
-        )
+        return planning.plan(first, second, NOISE, pool, options)
+
+
+def within(model, unknowns, share):
+    """The model, its unknowns at what it has, each by itself known to a share of its scale."""
+    rig, effects = model.declared, model.effects
+    values = [rig[u.name] if u.owner == "rig" else effects[u.owner][u.name] for u in unknowns]
+    errors = np.array([share * u.scale for u in unknowns])
+    return Explanation.of(model, unknowns, np.array(values), np.diag(errors**2))
+
+
+def declared_within(effects, share):
+    model = MODEL.replace(effects=effects)
+    return within(model, fit.calibration(model), share)
 
 
 def test_nothing_separates_a_model_from_itself():
@@ -41,13 +58,92 @@ def test_what_acts_on_the_link_alone_is_seen_with_the_hub_locked():
     assert best.channel in ("strain_base", "strain_mid")
 
 
+@pytest.mark.parametrize("factor", [0.99, 1.005, 1.01])
+def test_what_the_stiffness_does_within_its_error_separates_nothing(factor):
+    """Slews of other stiffness stick elsewhere: no slope says that, but a standard error leaves it open."""
+    stiffness = [u for u in fit.calibration(MODEL) if u.name == "bending_stiffness"]
+    other = MODEL.replace(declared=RIG.replace(bending_stiffness=factor * RIG["bending_stiffness"]))
+    names = ["slews", "far-slew", "large-decay", "slews-payload"]
+    assert stiffness[0].scale == pytest.approx(0.02 * RIG["bending_stiffness"])
+    assert ranked(Explanation(MODEL), Explanation(other), names)[0].separation > 100
+    assert ranked(Explanation(MODEL), within(other, stiffness, 1.0), names)[0].separation < 2
+    both = (within(model, stiffness, 1.0) for model in (MODEL, other))
+    assert ranked(*both, names)[0].separation < 1
+
+
+def test_what_an_effect_does_within_its_error_separates_nothing():
+    def cable(stiffness):
+        return MODEL.replace(effects={"cable-torsion": {"stiffness": stiffness, "rest_angle": 0.0}})
+
+    unknown = fit.Unknown("cable-torsion", "stiffness", 0.01, 2e-4, False, (0.0, 1.0))
+    known = ranked(Explanation(cable(0.01)), Explanation(cable(0.0102)), ["slews", "far-slew"])
+    fitted = ranked(Explanation(cable(0.01)), within(cable(0.0102), [unknown], 1.0), ["slews", "far-slew"])
+    assert known[0].separation > 3
+    assert fitted[0].separation < 0.2 * known[0].separation
+
+
+def test_effects_that_differ_in_kind_stay_apart_whatever_the_rig_does_within_its_errors():
+    softer = {"softening-stiffness": {"softening": 0.3, "curvature": 0.8}}
+    explanations = (declared_within(e, 0.1) for e in (softer, {"viscous-friction": {"viscous": 1e-3}}))
+    plans = {p.experiment.name: p for p in ranked(*explanations, ["large-decay", "small-decay"])}
+    assert plans["large-decay"].separation > 10
+    assert plans["small-decay"].separation < 1
+
+
+SCALED = (
+    "bending_stiffness",
+    "linear_density",
+    "hub_inertia",
+    "tip_mass",
+    "tip_inertia",
+    "static_friction",
+    "coulomb_friction",
+)
+
+
+def gain_or_scale(error):
+    """A drive that gives 2 % more, and a rig whose forces and inertias are off by a common factor, to `error`."""
+    unknowns = [u for u in fit.calibration(MODEL) if u.name in SCALED]
+    values = np.array([u.start for u in unknowns])
+    scale = Explanation.of(MODEL, unknowns, values, error**2 * np.outer(values, values))
+    return Explanation(MODEL.replace(effects={"torque-gain": {"gain": 1.02}})), scale
+
+
 def test_a_payload_added_separates_what_one_payload_does_not():
-    """A heavier payload and a stiffer, heavier everything turn alike under one payload, not under two."""
-    heavy = {"payload-mass": {"tip_mass": 0.17}}
-    plans = {p.experiment.name: p for p in planned(heavy, {}, ["slews", "slews-payload"])}
-    loaded = planning._loaded(MODEL.replace(effects=heavy), 0.05)
-    assert loaded.rig["tip_mass"] == pytest.approx(0.22)
-    assert plans["slews-payload"].separation > 3
+    """A strong drive moves a rig as if all its forces and inertias were less; an added mass is not less."""
+    plans = {p.experiment.name: p for p in ranked(*gain_or_scale(0.005), ["slews", "slews-payload"])}
+    assert plans["slews"].separation < 1
+    assert plans["slews-payload"].separation > 3 * plans["slews"].separation
+
+
+def test_a_torque_sensor_separates_a_drive_from_what_it_moves():
+    [slews] = ranked(*gain_or_scale(0.01), ["slews"])
+    channel, separation = slews.sensor
+    assert channel == "motor_torque"
+    assert separation > 2 > 2 * slews.separation
+
+
+def test_payload_is_added_to_that_of_an_effect():
+    heavy = MODEL.replace(effects={"payload-mass": {"tip_mass": 0.17}})
+    assert separation.loaded(heavy, 0.05).rig["tip_mass"] == pytest.approx(0.22)
+
+
+def test_moves_are_those_of_the_covariance_of_a_fit_without_clock_and_starts():
+    unknowns = (*fit.calibration(MODEL)[:3], fit.Unknown("clock", "late", 0.0, 1e-4, True, (-1e-3, 1e-3)))
+    root = np.tril(np.random.default_rng(1).normal(size=(4, 4)))
+    covariance = root @ root.T * np.outer(*2 * [[1e-3 * u.scale for u in unknowns]])
+    values, nothing = np.array([u.start for u in unknowns]), np.zeros(0)
+    fitted = fit.Fit(MODEL, (), unknowns, values, covariance, nothing, nothing, 0.0, np.zeros((0, 4)))
+    explanation = Explanation.of_fit(fitted, 1e-3)
+    assert explanation.unknowns == unknowns[:3]
+    np.testing.assert_allclose(explanation.axes.T @ explanation.axes, covariance[:3, :3], rtol=1e-6)
+
+
+def test_moves_stay_within_bounds():
+    stiffness = fit.calibration(MODEL)[:1]
+    explanation = within(MODEL, stiffness, 1.0)
+    moved = explanation.moved(10 * explanation.axes[0])
+    assert moved.declared["bending_stiffness"] in stiffness[0].bounds
 
 
 def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep():
@@ -59,7 +155,7 @@ def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep(
 
 def test_declared_rig_can_do_every_experiment():
     with ThreadPoolExecutor(2) as pool:
-        plans = planning.plan(MODEL, MODEL, NOISE, pool)
+        plans = planning.plan(Explanation(MODEL), Explanation(MODEL), NOISE, pool)
     assert len(plans) == len(planning.experiments(RIG))
 
 

@@ -38,6 +38,7 @@ from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.recording import MEASURED
 from twin.search import Candidate, Progress, silent
+from twin.separation import Explanation
 
 MOST_EFFECTS = 3
 MOST_ROUNDS = 6
@@ -90,7 +91,7 @@ def planned(
 ) -> list[planning.Plan]:
     """Experiments that would tell two candidates apart, best first."""
     noise = {c: s for c, s in calibration.noises(campaign).items() if c in MEASURED}
-    first, second = (c.fit.model.replace(step=PLANNING_STEP) for c in pair)
+    first, second = (Explanation.of_fit(c.fit, PLANNING_STEP) for c in pair)
     return planning.plan(first, second, noise, pool)
 
 

@@ -23,7 +23,8 @@ from twin.recording import Recording
 
 MEMORY = 0.25
 """Span over which a change of the hub angle is compared [s]."""
-_CORRELATION = 0.05  # s, over which a misfit is taken as one piece of evidence while fitting
+CORRELATION = 0.05
+"""Span over which a misfit is taken as one piece of evidence while fitting [s]."""
 _TRIALS, _SECANTS = 5, 4  # trials of a step with a new Jacobian; steps with one that was put right
 _FEWEST = 4  # readings that make a channel
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
@@ -314,7 +315,7 @@ class GuidedData:
         """Number of pieces of evidence in each group (g), if its misfit is correlated."""
         spans = [self.prepared[g.recording].recording.duration for g in self.groups]
         known = [self.weight[g.rows].mean() for g in self.groups]
-        return np.array(spans) * np.array(known) / _CORRELATION
+        return np.array(spans) * np.array(known) / CORRELATION
 
 
 class FreeData(GuidedData):

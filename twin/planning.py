@@ -1,26 +1,21 @@
 """Which experiment would tell two explanations apart: realisable ones, simulated under both.
 
-How far two models are apart on a run is measured in noise levels, channel by channel, and what nobody can predict
-counts as noise: the change that a break-away torque 0.1 % off brings about. Of the hub angle, which drifts without
-end under the smallest torque, the change over a short time counts. Runs that would wind the wires around the hub are
-left out.
+How far two are apart on a run is what is left of their difference when both are fitted to it: see `separation`. Runs
+that would wind the wires around the hub are left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.signal import chirp
 
-from twin.model import Model, Start, simulate
 from twin.recording import Recording
+from twin.separation import Explanation, difference
 
-_NEARBY = 1e-3  # relative change of the break-away torque
-_TURN = 2.8  # rad, how far a hub with wires may turn; assumed
-_MEMORY = 0.5  # s, over which the change of the hub angle is compared
 _PAYLOAD = 0.5  # share of the payload that is added
 _OPEN_LIMIT = 0.2  # N m, where the amplifier has no limit: that of a small servo
 EXTRA_SENSORS: Mapping[str, float] = {"motor_torque": 1e-3, "tip_deflection": 2e-4, "tip_acceleration": 0.05}
@@ -46,13 +41,14 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Plan:
-    """How well an experiment separates two models.
+    """How well an experiment separates two explanations, once both are fitted to it.
 
     Attributes:
       experiment: what to record.
-      separation: largest difference of a channel that the rig has [noise levels].
+      separation: largest RMS difference of a channel that the rig has [noise levels].
       channel: that channel.
-      sensor: channel to add that would separate better, with its difference [noise levels]; None where none would.
+      sensor: channel to add that would separate better, with the largest difference of any channel then
+        [noise levels]; None where none would.
     """
 
     experiment: Experiment
@@ -98,100 +94,46 @@ def experiments(declared: Mapping[str, float], period: float = 2e-3) -> list[Exp
 
 
 def plan(
-    first: Model,
-    second: Model,
+    first: Explanation,
+    second: Explanation,
     noise: Mapping[str, float],
     pool: Executor,
     options: Sequence[Experiment] | None = None,
 ) -> list[Plan]:
-    """Ranks experiments by how far they drive two models apart, best first; at least the locked decays are left.
+    """Ranks experiments by how far they drive two explanations apart, best first; at least the locked decays are left.
 
     Args:
-      first, second: the explanations, fitted.
+      first, second: the explanations.
       noise: channel -> standard deviation of its noise, SI: the channels that the rig has.
       pool: where the simulations run.
       options: by default `experiments` of the declared rig.
     """
-    options = experiments(first.declared) if options is None else options
+    options = experiments(first.model.declared) if options is None else options
     plans = pool.map(lambda e: _planned(first, second, noise, e), options)
     return sorted((p for p in plans if p is not None), key=lambda p: -p.separation)
 
 
-def _planned(first: Model, second: Model, noise: Mapping[str, float], experiment: Experiment) -> Plan | None:
-    known = {c: s for c, s in noise.items() if not (experiment.recording.clamped and c in _NEEDS_HUB)}
-    new = {
-        c: s
-        for c, s in EXTRA_SENSORS.items()
-        if c not in noise and not (experiment.recording.clamped and c in _NEEDS_HUB)
-    }
-    apart = _differences(first, second, {**new, **known}, experiment)
+def _planned(
+    first: Explanation, second: Explanation, noise: Mapping[str, float], experiment: Experiment
+) -> Plan | None:
+    def shown(channels: Mapping[str, float]) -> dict[str, float]:
+        return {c: s for c, s in channels.items() if not (experiment.recording.clamped and c in _NEEDS_HUB)}
+
+    known = shown(noise)
+    new = {c: s for c, s in shown(EXTRA_SENSORS).items() if c not in noise}
+    apart = difference(first, second, {**new, **known}, experiment.recording, experiment.added_mass)
     if apart is None:
         return None
-    channel = max(known, key=lambda c: apart[c], default="hub_angle")
-    best = apart.get(channel, 0.0)
-    sensor = max(new, key=lambda c: apart[c], default=None)
-    added = (sensor, apart[sensor]) if sensor is not None and apart[sensor] > 1.5 * best else None
+    left = apart.left(tuple(known))
+    channel = max(left, key=lambda c: left[c], default="hub_angle")
+    best = left.get(channel, 0.0)
+    beside = {c: max(apart.left((*known, c)).values()) for c in new}
+    sensor = max(beside, key=lambda c: beside[c], default=None)
+    added = (sensor, beside[sensor]) if sensor is not None and beside[sensor] > 1.5 * best else None
     return Plan(experiment, best, channel, added)
 
 
 _NEEDS_HUB = ("hub_angle", "motor_torque")
-
-
-def _differences(
-    first: Model, second: Model, noise: Mapping[str, float], experiment: Experiment
-) -> dict[str, float] | None:
-    """Channel -> RMS difference over noise and what cannot be predicted; None if the hub turns too far."""
-    recording = _with_channels(experiment.recording, {*noise, "hub_angle"})
-    one, other = (_simulated(m, recording, experiment.added_mass) for m in (first, second))
-    if any(np.abs(run["hub_angle"]).max() > _TURN for run in (one, other)):
-        return None
-    near = [
-        _simulated(m, recording, experiment.added_mass)
-        for m in (_moved(first, 1 - _NEARBY), _moved(first, 1 + _NEARBY))
-    ]
-    found = {}
-    for channel, sigma in noise.items():
-        change = _changes(channel, recording.time)
-        reach = max(np.sqrt(np.mean(change(run[channel] - one[channel]) ** 2)) for run in near)
-        apart = np.sqrt(np.mean(change(other[channel] - one[channel]) ** 2))
-        found[channel] = float(apart / np.hypot(sigma, reach))
-    return found
-
-
-def _changes(channel: str, time: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    if channel != "hub_angle":
-        return lambda values: values
-    earlier = np.searchsorted(time, time - _MEMORY)
-    return lambda values: (values - values[earlier]) / np.sqrt(2)
-
-
-def _with_channels(recording: Recording, channels: Iterable[str]) -> Recording:
-    """The recording with empty channels: a simulation fills those that it is asked for."""
-    blank = np.zeros(len(recording))
-    return recording.replace(channels={**recording.channels, **{c: blank for c in channels}})
-
-
-def _simulated(model: Model, recording: Recording, added_mass: float) -> Recording:
-    return simulate(_loaded(model, added_mass), recording, Start())
-
-
-def _loaded(model: Model, added_mass: float) -> Model:
-    """The model with more payload, whatever effect moved the payload before."""
-    if added_mass == 0:
-        return model
-    declared = model.declared.replace(tip_mass=model.declared["tip_mass"] + added_mass)
-    effects = {
-        name: {p: v + added_mass if p == "tip_mass" else v for p, v in values.items()}
-        for name, values in model.effects.items()
-    }
-    return model.replace(declared=declared, effects=effects)
-
-
-def _moved(model: Model, share: float) -> Model:
-    plant = model.plant
-    return model.with_plant(
-        static_positive=share * plant.static_positive, static_negative=share * plant.static_negative
-    )
 
 
 # Torques
