@@ -141,3 +141,30 @@ def test_why_there_is_no_lookup_is_said():
     )
     by_rate = replace(dead_zone, variables={"hub_rate": dead_zone.variables["torque_command"]})
     assert "depends on the hub rate: no function" in why_none({"strain_base": by_rate}, ("hub_rate",))
+
+
+def test_what_swings_beside_a_mode_of_the_link_is_no_oscillation():
+    """A link that rings otherwise than the model's leaves what spreads about its mode, in every recording anew."""
+    found = recordings((False, False))
+    generator = np.random.default_rng(8)
+    kicks = np.where(generator.random(len(found.time)) < 0.01, generator.normal(0, 8.0, len(found.time)), 0.0)
+    ring = np.exp(-4.0 * 0.002 * np.arange(500)) * np.sin(2 * np.pi * 1.5 * 0.002 * np.arange(500))
+    rung = np.convolve(kicks, ring)[: len(kicks)]
+    left = replace(found, white=found.white + rung, rings=(1.24,))
+    assert np.std(rung) > 1
+    assert dict(dependence(left))["time"] < DEPENDS
+
+
+def drifting(share):
+    """What the stiffness of a link leaves that falls as each recording goes on: its slope swings and has no mean."""
+    found = recordings((False, False))
+    slope = 30 * np.sin(2 * np.pi * 3.3 * found.time + found.recording)
+    change = share * (found.variables["time"] - 3.0)
+    return replace(found, white=found.white + change * slope, slopes={"bending_stiffness": slope})
+
+
+def test_a_parameter_that_changes_as_a_recording_goes_on_depends_on_time():
+    (first, share), *_ = dependence(drifting(0.05))
+    assert first == "time"
+    assert share > 0.5
+    assert dict(dependence(drifting(0.0)))["time"] < DEPENDS

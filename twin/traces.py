@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -26,6 +26,8 @@ _STRETCH = 0.75  # s
 _UNSEEN = 0.01  # s without a residual, after which nothing tells where the hub turned round
 _SLOWEST = 0.3  # Hz, of an oscillation that is looked for
 _BESIDE = 0.15  # of the frequency of a mode, by which it is another one
+_LOBE = 1.5  # times one over the time that was recorded, by which two frequencies are told apart
+_ABOUT, _SHARP = 1.0, 20.0  # Hz about an oscillation, and times as strong as most there that it has to be
 _LOUD = 4.0  # times its usual size at most a residual counts: one event must not pass for an oscillation
 _KNOCK = 0.05  # s, pieces of time in which knocks are looked for
 _SELDOM = 0.2  # share of the pieces that knocks may fall into
@@ -45,7 +47,8 @@ class Unexplained:
       recording: (n) index of the recording.
       time: (n) [s], the recordings one after the other.
       white: (n) the same residuals in noise units, noise as large at every frequency.
-      rings: at which the link rings whatever is missing [Hz].
+      rings: at which hub and link swing whatever is missing, the hub held or free [Hz].
+      slopes: parameter -> (n) what it changes in `white`; of the torque on the hub alone, which has no memory.
     """
 
     values: np.ndarray
@@ -54,6 +57,7 @@ class Unexplained:
     time: np.ndarray
     white: np.ndarray
     rings: tuple[float, ...] = ()
+    slopes: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit) -> dict[str, Unexplained]:
@@ -64,7 +68,8 @@ def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit) -> dict[str
     fit = replace(fit, model=search.fine(fit.model))
     recordings = [_in_recording(bench, data, fit, i) for i in range(len(data.prepared))]
     channels = dict.fromkeys(channel for parts in recordings for channel in parts)
-    rings = tuple(fit.model.chain.modes("clamped")[0] / (2 * np.pi))
+    modes = np.concatenate([fit.model.chain.modes(boundary)[0] for boundary in ("clamped", "free")])
+    rings = tuple(modes[modes > 0] / (2 * np.pi))
     return {c: _joined([parts[c] for parts in recordings if c in parts], rings) for c in channels}
 
 
@@ -78,6 +83,7 @@ def _joined(parts: Sequence[Unexplained], rings: tuple[float, ...]) -> Unexplain
         np.concatenate([part.time for part in parts]),
         np.concatenate([part.white for part in parts]),
         rings,
+        {name: np.concatenate([part.slopes[name] for part in parts]) for name in parts[0].slopes},
     )
 
 
@@ -98,29 +104,37 @@ def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, i: int) -
             np.full(keep.sum(), i),
             before + view.time[keep] - view.time[0],
             white[group.channel][keep],
+            slopes=_slopes(fit, np.flatnonzero(keep) + group.rows.start) if group.channel == HUB else {},
         )
     return found
+
+
+def _slopes(fit: Fit, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Parameter -> what it changes in these residuals (n)."""
+    return {u.full_name: fit.jacobian[rows, j] for j, u in enumerate(fit.unknowns) if u.of_rig}
 
 
 def dependence(found: Unexplained) -> list[tuple[str, float]]:
     """Share of the variance (0 to 1) that a step function of each variable explains, best first.
 
     A variable that explains the residual does so in every recording: the bins' means come from the other ones. Two
-    that explain much more together than either alone, as a friction that wanes does by rate and time, share that.
+    that explain much more together than either alone, as a friction that wanes does by rate and time, share that, the
+    one first that tells more by itself.
     Where none does, as when a fault shows in one experiment alone, the means come from the other stretches of all
     recordings, and how far the hub has turned since it turned round is asked, too, on which hysteresis depends. What
-    swings at one frequency depends on time.
+    swings at one frequency depends on time, and so does what a parameter does that changes as a recording goes on.
     """
     if not np.any(found.values) or not found.variables:
         return []
     shares = steps(found)
     pair, together = _best_pair(found)
     if together > DEPENDS + _TOGETHER * max(shares.values()):
-        shares |= {name: together + 1e-3 * shares[name] for name in pair}
+        alone = _seldom(found, shares)
+        shares |= {name: together + 1e-3 * alone[name] for name in pair}
     if max(shares.values()) < DEPENDS:
         shares = _seldom(found, shares)
     if "time" in shares:
-        shares["time"] = max(shares["time"], _share_of_line(found))
+        shares["time"] = max(shares["time"], _share_of_line(found), _share_of_drift(found))
     return sorted(shares.items(), key=lambda pair: -pair[1])
 
 
@@ -166,6 +180,7 @@ def _best_pair(found: Unexplained) -> tuple[tuple[str, ...], float]:
 def _share_of_line(found: Unexplained) -> float:
     """Share of the variance that an oscillation explains, its frequency told by the other recordings; 0 without any.
 
+    It counts where it is a line and what swings most: what is missing in a link spreads about where that rings.
     Where the link rings, whatever is missing in it does so.
     """
     inside = [found.recording == i for i in np.unique(found.recording)]
@@ -175,19 +190,41 @@ def _share_of_line(found: Unexplained) -> float:
     size = next_fast_len(2 * round(max(t[-1] for t in time) / GRID) + 2)
     frequency = rfftfreq(size, GRID)
     sought = (frequency > _SLOWEST) & (frequency < BAND)
+    resolved = _LOBE / float(np.median([t[-1] for t in time]))
     for ring in found.rings:
-        sought &= np.abs(frequency / ring - 1) > _BESIDE
+        sought &= np.abs(frequency - ring) > max(_BESIDE * ring, resolved)
     if not sought.any():
         return 0.0
     power = np.array([_power(found.white[k], t, size) for k, t in zip(inside, time, strict=True)])[:, sought]
     gained = 0.0
     most = _LOUD * float(np.median(np.abs(found.white)))
     for k, t, own in zip(inside, time, power, strict=True):
-        line = 2 * np.pi * frequency[sought][np.argmax(power.sum(0) - own)] * t
+        others = power.sum(0) - own
+        told = frequency[sought][np.argmax(others)]
+        about = np.abs(frequency[sought] - told) < _ABOUT
+        alike = abs(frequency[sought][np.argmax(own)] - told) < _LOBE / t[-1]
+        if not alike or others.max() < _SHARP * np.median(others[about]):
+            continue
+        line = 2 * np.pi * told * t
         columns = np.column_stack([np.cos(line), np.sin(line)])
         usual = np.clip(found.white[k], -most, most)
         gained += usual @ columns @ np.linalg.lstsq(columns, usual, rcond=None)[0]
     return float(gained / np.sum(np.clip(found.white, -most, most) ** 2))
+
+
+def _share_of_drift(found: Unexplained) -> float:
+    """Share of the variance that one parameter explains which changes with the time since a recording began.
+
+    What such a parameter leaves swings as the link does: its mean over a piece of time is next to nothing.
+    """
+    _, part = np.unique(found.recording, return_inverse=True)
+    cell = np.searchsorted(_edges(found.variables["time"], _COARSE), found.variables["time"])
+    shares = [
+        _share_in_cells(found.white, cell, part, _COARSE, slope)
+        for slope in found.slopes.values()
+        if np.any(slope)
+    ]
+    return max(shares, default=0.0)
 
 
 def _is_knocks(found: Unexplained) -> bool:
@@ -227,14 +264,23 @@ def _edges(variable: np.ndarray, count: int) -> np.ndarray:
     return np.quantile(variable, np.linspace(0, 1, count + 1)[1:-1])
 
 
-def _share_in_cells(values: np.ndarray, cell: np.ndarray, part: np.ndarray, count: int) -> float:
-    """Share of the variance of values (n) that the means of their cells (n) explain, taken from the other parts (n)."""
+def _share_in_cells(
+    values: np.ndarray, cell: np.ndarray, part: np.ndarray, count: int, slope: np.ndarray | None = None
+) -> float:
+    """Share of the variance of values (n) that the means of their cells (n) explain, taken from the other parts (n).
+
+    With a slope (n), it is a multiple of that in each cell.
+    """
+    slope = np.ones(len(values)) if slope is None else slope
     here = part * count + cell
     size = (part.max() + 1) * count
-    sums, counts = (np.bincount(here, w, size).reshape(-1, count) for w in (values, None))
-    elsewhere = counts.sum(0) - counts
-    means = np.where(elsewhere > _FEWEST, (sums.sum(0) - sums) / np.maximum(elsewhere, 1), 0.0)
-    left = np.sum((values - means.ravel()[here]) ** 2)
+    sums, squares, counts = (
+        np.bincount(here, w, size).reshape(-1, count) for w in (values * slope, slope**2, None)
+    )
+    others, elsewhere = squares.sum(0) - squares, counts.sum(0) - counts
+    told = (elsewhere > _FEWEST) & (others > 0)
+    means = np.where(told, (sums.sum(0) - sums) / np.where(told, others, 1.0), 0.0)
+    left = np.sum((values - means.ravel()[here] * slope) ** 2)
     return max(0.0, 1 - float(left / np.sum(values**2)))
 
 
