@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from twin.conclude import drifts
+from twin.patch import HUB
 from twin.patches import why_none
-from twin.traces import DEPENDS, TRAVEL, Unexplained, dependence, remaining, strongest
+from twin.traces import DEPENDS, TRAVEL, Unexplained, dependence, drift, remaining, strongest
 
 NOISE = 1e-3
 COUNT = 3000  # readings of a recording, 2 ms apart
@@ -168,3 +170,12 @@ def test_a_parameter_that_changes_as_a_recording_goes_on_depends_on_time():
     assert first == "time"
     assert share > 0.5
     assert dict(dependence(drifting(0.0)))["time"] < DEPENDS
+    assert drift(drifting(0.05)) == ("bending_stiffness", pytest.approx(share))
+    assert drift(recordings((True, True))) == ("", 0.0)
+
+
+def test_the_parameter_that_changes_is_named():
+    [note] = drifts({HUB: drifting(0.05)}, ("time", "hub_rate"))
+    assert "as if bending_stiffness changed while a recording goes on" in note
+    assert drifts({HUB: drifting(0.05)}, ("hub_rate", "time")) == []
+    assert drifts({HUB: drifting(0.0)}, ("time",)) == []

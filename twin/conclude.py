@@ -36,6 +36,7 @@ _TELLING = {
 _AGAIN = "Repeat one run several times: what comes again at the same instants is the rig's, what does not is chance."
 _BESIDE_UNKNOWN = 0.5
 """That an effect is missing indeed, and does not stand for a part of what has no name, where that is missing, too."""
+_MUCH = 0.2  # share of what is left that one parameter's change explains, from which it is told
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
 
 
@@ -77,6 +78,7 @@ def conclude(
             *_alone(found),
             *_quiet(found),
             *_nameless(found),
+            *drifts(behind, depends),
             *_taken_back(found),
             *_unpredictable(predictions),
         ),
@@ -158,6 +160,19 @@ def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...
     known = not depends or depends[0] in {n.law.variable for n in found.nameless}
     first, then = (smooth.law.variables, depends) if known else (depends, smooth.law.variables)
     return tuple(dict.fromkeys((*first, *then)))
+
+
+def drifts(behind: Mapping[str, Unexplained], depends: Sequence[str]) -> list[str]:
+    """The parameter whose change with time is what a model leaves, if that says much of it."""
+    if HUB not in behind or depends[:1] != ("time",):
+        return []
+    name, share = traces.drift(behind[HUB])
+    if share < _MUCH:
+        return []
+    return [
+        f"{100 * share:.0f} % of what is left of the torque on the hub are as if {name} changed while a recording goes "
+        "on, in each in the same way: something that warms up, wears in or comes loose."
+    ]
 
 
 def _assumptions(campaign: Campaign) -> list[str]:

@@ -134,7 +134,7 @@ def dependence(found: Unexplained) -> list[tuple[str, float]]:
     if max(shares.values()) < DEPENDS:
         shares = _seldom(found, shares)
     if "time" in shares:
-        shares["time"] = max(shares["time"], _share_of_line(found), _share_of_drift(found))
+        shares["time"] = max(shares["time"], _share_of_line(found), drift(found)[1])
     return sorted(shares.items(), key=lambda pair: -pair[1])
 
 
@@ -212,19 +212,20 @@ def _share_of_line(found: Unexplained) -> float:
     return float(gained / np.sum(np.clip(found.white, -most, most) ** 2))
 
 
-def _share_of_drift(found: Unexplained) -> float:
-    """Share of the variance that one parameter explains which changes with the time since a recording began.
+def drift(found: Unexplained) -> tuple[str, float]:
+    """The parameter that explains most if it changes with the time since a recording began, and of what variance.
 
-    What such a parameter leaves swings as the link does: its mean over a piece of time is next to nothing.
+    What such a parameter leaves swings as the link does: its mean over a piece of time is next to nothing. No name and
+    0 where none explains any.
     """
     _, part = np.unique(found.recording, return_inverse=True)
     cell = np.searchsorted(_edges(found.variables["time"], _COARSE), found.variables["time"])
-    shares = [
-        _share_in_cells(found.white, cell, part, _COARSE, slope)
-        for slope in found.slopes.values()
+    shares = {
+        name: _share_in_cells(found.white, cell, part, _COARSE, slope)
+        for name, slope in found.slopes.items()
         if np.any(slope)
-    ]
-    return max(shares, default=0.0)
+    }
+    return max(shares.items(), key=lambda pair: pair[1], default=("", 0.0))
 
 
 def _is_knocks(found: Unexplained) -> bool:
