@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import chain, driven_residual, fit
-from twin.calibration import calibrate
+from twin import chain, driven_residual, fit, search
+from twin.calibration import calibrate, likeliest_clock
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.low_pass import GRID
@@ -16,7 +16,7 @@ from twin.mujoco_chain import MujocoChain
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
 from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
+from twin.virtual_rig.experiments import bang_bang, planned_campaign
 
 RIG = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)
 SHAPE = chain.fit_shape(RIG, 6)
@@ -94,6 +94,20 @@ def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_we
     make_campaign(tmp_path, {}, seed, experiments=slews, perturb=1.5, dirty=["jitter"], force=True)
     with ThreadPoolExecutor(2) as pool:
         assert calibrate(read_campaign(tmp_path), pool).clock == "stamped"
+
+
+@pytest.mark.parametrize("first", ["stamped", "earliest"])
+def test_the_clock_is_asked_again_with_what_the_model_lacked(tmp_path, first):
+    """A friction that varies with the angle may be followed better on a wrong clock, until it is in the model."""
+    draw = np.random.default_rng(3)
+    slews = [bang_bang(Rig(), Sensors(), draw, angle) for angle in (60.0, 90.0)]
+    waves = {"position-dependent-friction": {"amplitude": 0.015, "order": 7.0, "phase": -1.9}}
+    make_campaign(tmp_path, waves, 3, experiments=slews, perturb=0.5, dirty=["jitter"], force=True)
+    with ThreadPoolExecutor(2) as pool:
+        start = calibrate(read_campaign(tmp_path), pool, clock=first)
+        assert start.clock == first
+        found = search.tried(start.bench, start.base, "position-dependent-friction")
+        assert likeliest_clock(start, found.fit) == "stamped"
 
 
 def test_a_late_sensor_and_a_late_drive_leave_the_same_though_a_run_ends_in_motion():

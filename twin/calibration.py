@@ -30,7 +30,8 @@ class Calibration:
     Attributes:
       declared: the model as declared.
       readings: the fit recordings, without readings that are no measurements.
-      bench: of these what can be followed, made ready.
+      sound: of these what can be followed, on no clock yet.
+      bench: the same, made ready.
       base: the fit.
       clock: when commands act.
       notes: what was left out of the recordings or assumed of them.
@@ -38,6 +39,7 @@ class Calibration:
 
     declared: Model
     readings: tuple[Recording, ...]
+    sound: tuple[Recording, ...]
     bench: Workbench
     base: Fit
     clock: Clock
@@ -60,6 +62,7 @@ def calibrate(
     pool: ThreadPoolExecutor,
     progress: Progress = silent,
     told: Mapping[str, float] = MappingProxyType({}),
+    clock: Clock | None = None,
 ) -> Calibration:
     """Calibrates the declared model on the fit recordings.
 
@@ -68,6 +71,7 @@ def calibrate(
       pool: threads for the simulations.
       progress: told of every stage.
       told: parameter of the rig -> where to begin, if not as declared.
+      clock: when commands act; None for that on which the calibrated model fits best.
     """
     noise = noises(campaign)
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
@@ -78,10 +82,28 @@ def calibrate(
     progress("calibrating")
     # Some tenths of a millisecond decide more than many an effect does, but less than a calibration.
     known = _Known(campaign.effect_errors, told)
-    options = [_roughly(clock, sound, noise, model, known, pool) for clock in timing.clocks(sound)]
+    clocks = timing.clocks(sound) if clock is None else (clock,)
+    options = [_roughly(option, sound, noise, model, known, pool) for option in clocks]
     rough = min(options, key=lambda option: option.fit.cost)
     bench, base = _calibrated(rough.bench, model, rough.fit)
-    return Calibration(model, tuple(readings), bench, base, rough.clock, (*odd, *cuts, *rough.notes))
+    notes = (*odd, *cuts, *rough.notes)
+    return Calibration(model, tuple(readings), tuple(sound), bench, base, rough.clock, notes)
+
+
+def likeliest_clock(start: Calibration, best: Fit) -> Clock:
+    """The clock on which a model fits best; one that lacks an effect may have chosen another."""
+    clocks = timing.clocks(start.sound)
+    if len(clocks) == 1:
+        return start.clock
+    return min(clocks, key=lambda clock: _cost_on(clock, start, best))
+
+
+def _cost_on(clock: Clock, start: Calibration, best: Fit) -> float:
+    pairs = zip(start.sound, start.prepared, strict=True)
+    prepared = [fit.prepare(timing.on_clock(r, clock), p.noise)[0] for r, p in pairs]
+    bench = Workbench(driven.DrivenData(prepared, best.model), start.bench.pool)
+    limit.move(bench, best.model, best.starts, limit.ROUGH)
+    return fit.minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
 
 
 @dataclass(frozen=True)

@@ -104,12 +104,11 @@ def find(
     false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> Found:
     """Searches the fit recordings for effects that the model lacks."""
-    start = calibration.calibrate(campaign, pool, progress)
-    found = Found(start, (), (), (), (start.bench,))
-    for _ in range(MOST_ROUNDS):
-        found, more = one_more(found, progress, false_alarm_rate)
+    found, more = first_one(campaign, pool, progress, false_alarm_rate)
+    for _ in range(MOST_ROUNDS - 1):
         if not more or len(found.adopted) == MOST_EFFECTS:
             break
+        found, more = one_more(found, progress, false_alarm_rate)
     progress("telling how sure it is")
     found, sound = on_sound_channels(found)
     found = with_errors(found, sound)
@@ -131,6 +130,21 @@ def with_whole_orders(found: Found, sound: Workbench) -> Found:
     """The same with orders at whole numbers where these data do not say otherwise."""
     best = whole_orders.taken(sound, found.best)
     return found if best is found.best else with_best(found, _sure(sound, best))
+
+
+def first_one(
+    campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, false_alarm_rate: float
+) -> tuple[Found, bool]:
+    """The first round of the search, as by `one_more`: on the clock that what it adopts asks for."""
+    start = calibration.calibrate(campaign, pool, progress)
+    found, more = one_more(Found(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
+    if found.adopted:
+        progress("asking when commands act")
+        clock = calibration.likeliest_clock(start, found.best)
+        if clock != start.clock:
+            start = calibration.calibrate(campaign, pool, progress, clock=clock)
+            return one_more(Found(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
+    return found, more
 
 
 def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple[Found, bool]:
