@@ -254,10 +254,7 @@ def cases(
     faults = list(OUTSIDE)
     kinds += [((k + 0.5) / outside, "outside", (faults[k % len(faults)],)) for k in range(outside)]
     for number, (_, kind, missing) in enumerate(sorted(kinds, key=lambda item: item[0])):
-        dirt: tuple[str, ...] = ()
-        if dirty:
-            dirt = _DIRT[number % len(_DIRT)]
-        elif number % 5 == 4:
-            dirt = _DIRT[number // 5 % len(_DIRT)]
+        turn = number if dirty else number // 5
+        dirt = _DIRT[turn % len(_DIRT)] if dirty or number % 5 == 4 else ()
         perturb = 0.0 if kind == "nothing" and number % 3 == 0 else 0.5
         yield Case(kind, missing, seed + number, dirt, perturb, torque_sensor=number % 2 == 0)

@@ -100,10 +100,18 @@ def likeliest_clock(start: Calibration, best: Fit) -> Clock:
 
 def _cost_on(clock: Clock, start: Calibration, best: Fit) -> float:
     pairs = zip(start.sound, start.prepared, strict=True)
-    prepared = [fit.prepare(timing.on_clock(r, clock), p.noise)[0] for r, p in pairs]
+    prepared = [_prepared(clock, recording, p.noise, best.model)[0] for recording, p in pairs]
     bench = Workbench(driven.DrivenData(prepared, best.model), start.bench.pool)
     limit.move(bench, best.model, best.starts, limit.ROUGH)
     return fit.minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
+
+
+def _prepared(
+    clock: Clock, recording: Recording, noise: Mapping[str, float], model: Model
+) -> tuple[Prepared, list[str]]:
+    """The recording made ready on a clock, its first state too, and what was left out of it."""
+    prepared, left_out = fit.prepare(timing.on_clock(recording, clock), noise)
+    return moving_start.with_bend(prepared, model), left_out
 
 
 @dataclass(frozen=True)
@@ -133,8 +141,8 @@ def _roughly(
     pool: ThreadPoolExecutor,
 ) -> _Rough:
     """Moves declared parameters within their uncertainty, commands held on this clock; the chain is a rough one."""
-    pairs = [fit.prepare(timing.on_clock(r, clock), noise) for r in recordings]
-    data = driven.DrivenData([moving_start.with_bend(prepared, model) for prepared, _ in pairs], model)
+    pairs = [_prepared(clock, recording, noise, model) for recording in recordings]
+    data = driven.DrivenData([prepared for prepared, _ in pairs], model)
     left_out = [note for _, notes in pairs for note in notes]
     notes = (*left_out, *timing.told(clock), *_out_of_reach(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)

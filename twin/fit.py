@@ -226,6 +226,11 @@ class Fit:
         """Standard errors (p)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0))
 
+    @property
+    def slopes(self) -> dict[Key, np.ndarray]:
+        """`Unknown.key` -> what it changes in the residual (n)."""
+        return {u.key: self.jacobian[:, j] for j, u in enumerate(self.unknowns)}
+
 
 class Data(Protocol):
     """Recordings as residuals: which groups there are, and how a model does on one recording."""

@@ -242,15 +242,20 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
     if recording.initial_tip_deflection and recording.start == "rest":
         angles = held_by_tip_force(links, recording.initial_tip_deflection)
     elif any(start.bend) or any(start.bend_rate):
-        shapes = links.modes("clamped")[1][1:, :2]
-        levers = links.lengths.sum() - links.hinges
-        shapes = shapes / (levers @ shapes)
+        shapes = bending_shapes(links)
         angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
     elif recording.start == "rest":
         angles = hanging(model, start.hub_angle)
     phi = start.hub_angle + np.r_[0.0, np.cumsum(angles)]
     omega = start.hub_rate + np.r_[0.0, np.cumsum(rates)]
     return phi, omega
+
+
+def bending_shapes(links: Chain) -> np.ndarray:
+    """Hinge angles (n x 2) of the first two clamped modes, per tip deflection [rad/m]."""
+    shapes = links.modes("clamped")[1][1:, :2]
+    levers = links.lengths.sum() - links.hinges
+    return shapes / (levers @ shapes)
 
 
 def hanging(model: Model, hub_angle: float) -> np.ndarray:

@@ -16,7 +16,7 @@ from twin import fit
 from twin.driven_residual import missing
 from twin.fit import GuidedData, Prepared, Workbench
 from twin.look import look
-from twin.model import Model, Start
+from twin.model import Model, Start, bending_shapes
 from twin.recording import Recording
 from twin.view import LEFT_OUT, View, before_end
 
@@ -56,14 +56,7 @@ def with_bend(prepared: Prepared, model: Model) -> Prepared:
 def _head(prepared: Prepared, span: float) -> Prepared:
     """The first moments of a recording [s]."""
     recording = prepared.recording
-    first = recording.time <= recording.time[0] + span
-    held = None if recording.command_time is None else recording.command_time[first]
-    short = recording.replace(
-        time=recording.time[first],
-        channels={c: v[first] for c, v in recording.channels.items()},
-        command_time=held,
-    )
-    return fit.prepare(short, prepared.noise)[0]
+    return fit.prepare(recording.part(recording.time <= recording.time[0] + span), prepared.noise)[0]
 
 
 def _settled(view: View, short: Prepared, model: Model) -> Start:
@@ -85,9 +78,7 @@ def _read(prepared: Prepared, model: Model) -> Start:
     gauges = [c for c in prepared.channels if c in model.curvature_rows]
     if not gauges:
         return prepared.start
-    shapes = model.chain.modes("clamped")[1][1:, : len(gauges)][:, :2]
-    levers = model.chain.lengths.sum() - model.chain.hinges
-    shapes = shapes / (levers @ shapes)
+    shapes = bending_shapes(model.chain)[:, : len(gauges)]
     rows = np.stack([model.sensors[c].half_thickness * model.curvature_rows[c] @ shapes for c in gauges])
     lines = [_line(recording, c) for c in gauges]
     bends = np.zeros((2, 2))

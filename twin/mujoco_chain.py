@@ -332,8 +332,8 @@ class MujocoChain:
     def _extra_force(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
         """Returns a control callback that adds what varies within a step and the models do not have, if anything."""
         p, sliding, locked = self._plant, self._sliding, self._locked
-        hub = p.lag > 0 or p.disturbance_amplitude != 0 or p.stribeck_velocity > 0 or p.gap > 0
-        hub = hub or p.patch_on != 0
+        varying = p.disturbance_amplitude != 0 or p.patch_on != 0
+        hub = varying or p.lag > 0 or p.stribeck_velocity > 0 or p.gap > 0
         soft, drag, shaken = p.softening != 0, p.tip_drag_quadratic != 0, p.is_shaken
         if not (hub or soft or drag or shaken):
             return None

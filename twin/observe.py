@@ -119,13 +119,7 @@ def longest_sound_stretch(
         last = known[np.searchsorted(time[known], time[last] - _BESIDE_GAP, side="right") - 1]
     kept = slice(int(first), int(last) + 1)
     begins = "unknown" if first > 0 else recording.start
-    held = None if recording.command_time is None else recording.command_time[kept]
-    cut = recording.replace(
-        time=time[kept],
-        channels={name: values[kept] for name, values in recording.channels.items()},
-        start=begins,
-        command_time=held,
-    )
+    cut = recording.part(kept).replace(start=begins)
     note = f"{recording.name}: the hub angle has long gaps or jumps; used from {time[first]:.2f} to {time[last]:.2f} s"
     return cut, note
 

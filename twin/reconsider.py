@@ -91,8 +91,7 @@ def fitted(
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
     unknowns = search.unknowns_of(bench, model, found.base)
     first = search.first_values(unknowns, model, found.base, near)
-    slopes = {u.key: near.jacobian[:, j] for j, u in enumerate(near.unknowns)}
-    kept = slopes if iterations == _QUICK else None
+    kept = near.slopes if iterations == _QUICK else None
     return fit.minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 

@@ -110,6 +110,12 @@ class Recording:
         """Channels of this recording that a simulation predicts."""
         return tuple(name for name in MEASURED if name in self.channels)
 
+    def part(self, kept: slice | np.ndarray) -> Recording:
+        """Returns the recording of these samples alone: a slice, or whether each is kept (n)."""
+        held = None if self.command_time is None else self.command_time[kept]
+        channels = {name: values[kept] for name, values in self.channels.items()}
+        return self.replace(time=self.time[kept], channels=channels, command_time=held)
+
     def replace(self, **changes) -> Recording:
         """Returns a recording with some attributes changed."""
         return replace(self, **changes)

@@ -212,11 +212,10 @@ def fitted(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str,
 
 
 def _quickly(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
-    kept = {u.key: base.jacobian[:, j] for j, u in enumerate(base.unknowns)}
     model = with_effect(base.model, name, values)
     unknowns = unknowns_of(bench, model, base)
     first = first_values(unknowns, model, base)
-    return fit.minimise(bench, model, base.starts, unknowns, first, kept, _QUICK)
+    return fit.minimise(bench, model, base.starts, unknowns, first, base.slopes, _QUICK)
 
 
 def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:

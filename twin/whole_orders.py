@@ -45,8 +45,7 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     effects = {name: dict(p) for name, p in best.model.effects.items()}
     effects[order.owner][order.name] = whole
     model = best.model.replace(effects=effects)
-    slopes = {u.key: best.jacobian[:, k] for k, u in enumerate(best.unknowns) if k != index}
-    return fit.minimise(bench, model, best.starts, unknowns, values, slopes, _ITERATIONS)
+    return fit.minimise(bench, model, best.starts, unknowns, values, best.slopes, _ITERATIONS)
 
 
 def _moved_along(bench: Workbench, best: Fit, index: int) -> np.ndarray:
