@@ -401,6 +401,24 @@ def test_dead_hub_angle_refused(tmp_path):
     )
 
 
+def test_copy_of_a_recording_refused(tmp_path):
+    assert refusal(write(tmp_path, pull=motion())) == (
+        "pull.csv holds the same samples as push.csv; expected each recording once in campaign.toml"
+    )
+
+
+def test_drive_without_torque_refused(tmp_path):
+    message = refusal(write(tmp_path, toml_text(rig=f"{RIG}\ntorque_limit = 0.0")))
+    assert message.startswith("campaign.toml: parameters.torque_limit is 0")
+
+
+def test_uncertainty_in_percent_is_told(tmp_path):
+    toml = toml_text(rig=f"{RIG}\n\n[uncertainty]\nhub_inertia = 2")
+    (warning,) = read_campaign(write(tmp_path, toml)).warnings
+    assert warning.startswith("campaign.toml: uncertainty.hub_inertia is 2, which is 200 % of its value")
+    assert warning.endswith("for 2 % write 0.02")
+
+
 @pytest.mark.parametrize("limit", ["", "torque_limit = 0.2"])
 @pytest.mark.parametrize("start", ["rest", "unknown"])
 @pytest.mark.parametrize("factor", [1000.0, 0.001])

@@ -83,7 +83,7 @@ def test_degrees_and_microstrain_become_si(tmp_path):
         "hub_angle": 'unit = "deg"\nnoise = 0.01',
         "strain_base": GAUGE.replace('"1"', '"microstrain"').replace("1e-6", "2"),
     }
-    campaign = read_campaign(write(tmp_path, toml_text(channels), push=scaled, pull=scaled))
+    campaign = read_campaign(write(tmp_path, toml_text(channels, (FIT,)), push=scaled))
     np.testing.assert_allclose(campaign.fit[0]["hub_angle"], raw["hub_angle"], rtol=1e-7, atol=1e-10)
     np.testing.assert_allclose(campaign.fit[0]["strain_base"], raw["strain_base"], rtol=1e-7, atol=1e-12)
     assert campaign.sensors["hub_angle"].noise == pytest.approx(math.radians(0.01))
@@ -96,7 +96,7 @@ def test_volts_become_si_through_gain_and_offset(tmp_path):
     channels = CHANNELS | {
         "hub_angle": 'column = "pot"\nunit = "V"\ngain = -0.5\noffset = 4.9\nnoise = 0.002'
     }
-    campaign = read_campaign(write(tmp_path, toml_text(channels), push=volts, pull=volts))
+    campaign = read_campaign(write(tmp_path, toml_text(channels, (FIT,)), push=volts))
     # Nine digits of 5 V.
     np.testing.assert_allclose(campaign.fit[0]["hub_angle"], raw["hub_angle"], atol=1e-7)
     assert campaign.sensors["hub_angle"].noise == pytest.approx(0.001)
@@ -106,7 +106,7 @@ def test_curvature_becomes_strain(tmp_path):
     raw = motion()
     bent = raw | {"strain_base": raw["strain_base"] / 0.001}
     channels = CHANNELS | {"strain_base": GAUGE.replace('"1"', '"1/m"').replace("1e-6", "1e-3")}
-    campaign = read_campaign(write(tmp_path, toml_text(channels), push=bent, pull=bent))
+    campaign = read_campaign(write(tmp_path, toml_text(channels, (FIT,)), push=bent))
     np.testing.assert_allclose(campaign.fit[0]["strain_base"], raw["strain_base"], rtol=1e-7)
     assert campaign.sensors["strain_base"].noise == pytest.approx(1e-6)
 
@@ -217,7 +217,7 @@ def test_time_column_by_another_name(tmp_path):
     raw = motion()
     renamed = {"t": raw.pop("time"), **raw}
     channels = {"time": 'column = "t"\nunit = "s"', **CHANNELS}
-    campaign = read_campaign(write(tmp_path, toml_text(channels), push=renamed, pull=renamed))
+    campaign = read_campaign(write(tmp_path, toml_text(channels, (FIT,)), push=renamed))
     assert campaign.fit[0].time[1] == 0.004
     assert "time" not in campaign.sensors
 
@@ -348,11 +348,10 @@ def test_import_is_light():
 
 def test_eight_recordings_read_within_a_second(tmp_path):
     names = [f"run{i}" for i in range(8)]
-    raw = motion(samples=5000, peak=0.01)
-    raw |= {f"spare{i}": raw["hub_angle"] for i in range(3)}
-    text = csv_text(raw)
+    every = [motion(samples=5000, peak=0.01, seed=seed) for seed in range(8)]
+    texts = [csv_text(raw | {f"spare{i}": raw["hub_angle"] for i in range(3)}) for raw in every]
     toml = toml_text(recordings=tuple(f'file = "{name}.csv"\nrole = "fit"' for name in names))
-    write(tmp_path, toml, **dict.fromkeys(names, text))
+    write(tmp_path, toml, **dict(zip(names, texts, strict=True)))
     start = time.perf_counter()
     read_campaign(tmp_path)
     # 0.06 s on one core of 2020; the rest is for a busy machine.

@@ -136,7 +136,7 @@ def test_why_there_is_no_lookup_is_said():
     dead_zone = recordings((True, True))
     assert "none of the variables" in why_none({"hub_torque": dead_zone}, ())
     assert "how far the hub has turned" in why_none({"hub_torque": dead_zone}, (TRAVEL, "hub_rate"))
-    assert "in another phase" in why_none({"hub_torque": dead_zone}, ("time",))
+    assert "at the same instant of another recording" in why_none({"hub_torque": dead_zone}, ("time",))
     assert "no variable alone" in why_none({"hub_torque": dead_zone}, ("hub_angle",))
     assert "too little of the range of the commanded torque" in why_none(
         {"hub_torque": dead_zone}, ("torque_command",)

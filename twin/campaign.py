@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin import plausibility, rigs, schema, units
+from twin import plausibility, polarity, rigs, schema, units
 from twin.errors import InputError, nearest
 from twin.parameters import Parameter, Rig
 from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
@@ -105,6 +105,8 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     _check_columns(said, [table for _, table, _ in read])
     recordings, stuck = plausibility.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
     plausibility.check_torque(recordings, _sensors(said), rig)
+    polarity.check(recordings, rig)
+    plausibility.check_distinct(recordings)
     fit, held_out = _by_role(said, recordings)
     plausibility.check_motion(fit, _sensors(said))
     idle = plausibility.held_fast(recordings, _sensors(said), rig)
@@ -114,7 +116,13 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
         sensors=_sensors(said),
         fit=fit,
         static=_read_static(root, said.static.second_moment),
-        warnings=(*_noise_free(said), *chain.from_iterable(notes for *_, notes in read), *stuck, *idle),
+        warnings=(
+            *_noise_free(said),
+            *_vague(said),
+            *chain.from_iterable(notes for *_, notes in read),
+            *stuck,
+            *idle,
+        ),
         _held_out=held_out,
     )
 
@@ -276,6 +284,15 @@ def _noise_free(said: schema.CampaignFile) -> Iterator[str]:
     for name, channel in said.channels.items():
         if channel.noise == 0.0:
             yield f"{schema.FILE}: channels.{name}.noise is 0, which no sensor has; taken as not declared"
+
+
+def _vague(said: schema.CampaignFile) -> Iterator[str]:
+    for name, relative in said.uncertainty.items():
+        if relative > 1.0:
+            yield (
+                f"{schema.FILE}: uncertainty.{name} is {relative:g}, which is {100 * relative:g} % of its value, so "
+                f"that it is hardly known; for {relative:g} % write {relative / 100:g}"
+            )
 
 
 def _factor(name: str, channel: schema.Channel) -> float:

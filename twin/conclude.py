@@ -28,7 +28,7 @@ _TELLING = {
     "tip_rate": _SPEEDS,
     "strain_base": _BENDS,
     "strain_mid": _BENDS,
-    "time": "Repeat one run several times: what depends on time alone is another in each.",
+    "time": "Repeat one run several times, at once and after a rest: see what goes on and what begins anew.",
     traces.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what holds it back "
     "before it has turned far shows there.",
 }

@@ -95,7 +95,7 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
         )
     told = [channel for channel, odd in left.items() if traces.steps(odd).get(first, 0.0) >= _LEAST_SHARE]
     if not told and first == "time":
-        return "There is no lookup, because what is left comes at other times, or in another phase, in each recording."
+        return "There is no lookup, because what is left is another at the same instant of another recording."
     if not told:
         return "There is no lookup, because no variable alone tells what is left in every recording."
     name = display.variable(first).label

@@ -1,4 +1,4 @@
-"""What the declared rig says about its recordings: sensors that hang, rigs that do not move, torque in another unit.
+"""What the declared rig says about its recordings: dead sensors, copies, rigs that do not move, torque in another unit.
 
 What is refused or left out is judged with margins of at least 10 against physics that every planar link obeys, so
 that no effect a rig may have, friction, play, back-EMF, a moving payload, is mistaken for a fault of the data.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -130,6 +131,29 @@ def _noise(known: np.ndarray, sensor: Sensor) -> float:
     return 1.4826 * float(np.median(np.abs(np.diff(known)))) / math.sqrt(2)
 
 
+# Recordings that are there twice
+
+
+def check_distinct(recordings: Sequence[Recording]) -> None:
+    """Makes sure that no recording is a copy of another: what was fitted is no prediction, and counts once.
+
+    Raises:
+      InputError: two recordings hold the same samples.
+    """
+    for first, second in combinations(recordings, 2):
+        if _same(first, second):
+            raise InputError(
+                f"{second.name} holds the same samples as {first.name}; expected each recording once in {schema.FILE}"
+            )
+
+
+def _same(first: Recording, second: Recording) -> bool:
+    channels = first.measured()
+    return channels == second.measured() and all(
+        np.array_equal(first[c], second[c], equal_nan=True) for c in channels
+    )
+
+
 # Rigs that do not move
 
 
@@ -213,7 +237,7 @@ def _torque_complaints(recording: Recording, sensors: Mapping[str, Sensor], rig:
 
 def _largest_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
     """Returns the largest torque of which there is any sign [N m]: acceleration, bending, friction."""
-    period = _period(recording, rig)
+    period = vibration_period(recording, rig)
     signs = [rig["static_friction"], rig["coulomb_friction"]]
     for span in (2 * period, 4 * period):
         before, after = _steps(recording, span)
@@ -233,7 +257,7 @@ def _least_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig)
     known = _finite(recording["hub_angle"])
     sigma = max(_noise(known, sensors["hub_angle"]), _resolution(known))
     # Over four periods of the first mode the vibration of the hub averages out.
-    span = 4 * _period(recording, rig)
+    span = 4 * vibration_period(recording, rig)
     before, after = _steps(recording, span)
     gain = np.abs(after) - np.abs(before)
     speeding = float(np.max(gain, initial=0.0)) - _NOISE_SPAN * math.sqrt(6) * sigma
@@ -250,12 +274,13 @@ def _steps(recording: Recording, span: float) -> tuple[np.ndarray, np.ndarray]:
     middle = np.arange(time[0] + span, time[-1] - span, span / 8)
     instants = np.add.outer((-span, 0.0, span), middle)
     values = np.interp(instants, time[known], angle[known])
-    near = _distance(instants, time[known]) <= span / 8
+    near = distance(instants, time[known]) <= span / 8
     a, b, c = values[:, near.all(axis=0)]
     return b - a, c - b
 
 
-def _distance(instants: np.ndarray, samples: np.ndarray) -> np.ndarray:
+def distance(instants: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Returns how far each of the instants is from the nearest sample [s]; samples rise."""
     after = np.clip(np.searchsorted(samples, instants), 1, len(samples) - 1)
     return np.minimum(np.abs(instants - samples[after - 1]), np.abs(samples[after] - instants))
 
@@ -275,7 +300,8 @@ def _inertia(rig: Rig) -> float:
     return rig["hub_inertia"] + link + rig["tip_mass"] * rig["length"] ** 2 + rig["tip_inertia"]
 
 
-def _period(recording: Recording, rig: Rig) -> float:
+def vibration_period(recording: Recording, rig: Rig) -> float:
+    """Returns an estimate of the period of the first mode with the hub free [s], or what the samples can show."""
     # A vibration faster than the samples would only make the windows many.
     return max(1 / _first_frequency(rig), 2 * recording.period)
 

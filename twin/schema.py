@@ -26,7 +26,7 @@ PARAMETERS: Mapping[str, tuple[str, tuple[float, float]]] = {
     "damping_ratio": ("1", (0.0, 0.5)),
     "static_friction": ("N*m", (0.0, 1e3)),
     "coulomb_friction": ("N*m", (0.0, 1e3)),
-    "torque_limit": ("N*m", (0.0, math.inf)),
+    "torque_limit": ("N*m", (1e-9, math.inf)),
 }
 """Every parameter of the format with its SI unit and what is physically possible."""
 

@@ -30,7 +30,7 @@ def printed() -> Rig:
         Parameter("damping_ratio", 0.034, "1", 0.1, (0.0, 0.5), f"{_TABLE_2}: zeta"),
         Parameter("static_friction", 0.065, "N*m", 0.1, (0.0, 1e3), f"{_TABLE_2}: tau_s"),
         Parameter("coulomb_friction", 0.0055, "N*m", 0.1, (0.0, 1e3), f"{_TABLE_2}: tau_c"),
-        Parameter("torque_limit", 0.214, "N*m", None, (0.0, float("inf")), f"{_TABLE_2}: tau_max"),
+        Parameter("torque_limit", 0.214, "N*m", None, (1e-9, float("inf")), f"{_TABLE_2}: tau_max"),
     )
     return Rig("bossi2009-printed", {row.name: row for row in rows})
 

@@ -1,0 +1,71 @@
+"""Sensors that count the wrong way round are refused; no physics is taken for one."""
+
+import numpy as np
+import pytest
+
+from twin import polarity
+from twin.campaign import read_campaign
+from twin.errors import InputError
+from twin.recording import Recording
+from twin.rigs import preset
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import bang_bang, torque_sweep
+
+HARD = {
+    "cable-torsion": {"stiffness": 0.012, "rest_angle": 0.15},
+    "gravity-tilt": {"tilt": 0.05, "direction": 0.4},
+    "actuator-delay": {"delay": 0.004},
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    found, draw = tmp_path_factory.mktemp("signs") / "rig", np.random.default_rng(1)
+    plan = [bang_bang(Rig(), Sensors(), draw, 90.0), torque_sweep(Rig(), Sensors(), draw)]
+    make_campaign(
+        found, HARD, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 60.0)], motor_torque=True
+    )
+    return found
+
+
+def turned(folder, channel, tmp_path):
+    """The campaign with one channel said to count the other way round."""
+    for file in folder.iterdir():
+        if file.is_file():
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    toml = tmp_path / "campaign.toml"
+    head = f"[channels.{channel}]\n"
+    assert head in toml.read_text()
+    toml.write_text(toml.read_text().replace(head, f"{head}gain = -1.0\n"))
+    return tmp_path
+
+
+def test_right_ones_pass(folder):
+    assert len(read_campaign(folder).fit) > 1
+
+
+CHANNELS = ["torque_command", "motor_torque", "hub_angle", "strain_base", "strain_mid"]
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_it_is_told_which_one_is_turned(folder, channel, tmp_path):
+    with pytest.raises(InputError, match=rf"channels\.{channel}: .* wrong way round in .*sign of its gain"):
+        read_campaign(turned(folder, channel, tmp_path))
+
+
+def driven_against_a_spring(*frequencies):
+    """A rigid arm on a spring, driven below its resonance: it speeds up against the torque, as it should."""
+    time, inertia, stiffness = np.arange(0, 20, 0.002), 0.01, 0.2
+    waves = [0.2 * np.sin(2 * np.pi * f * time) for f in frequencies]
+    speeding = sum(-((2 * np.pi * f) ** 2) * wave for f, wave in zip(frequencies, waves, strict=True))
+    angle = sum(waves) + 1e-4 * np.random.default_rng(0).standard_normal(len(time))
+    torque = inertia * speeding + stiffness * sum(waves)
+    assert np.corrcoef(torque, speeding)[0, 1] < -0.5
+    return Recording(
+        "slow", time, {"torque_command": torque, "hub_angle": angle, "strain_base": -1e-5 * speeding}
+    )
+
+
+@pytest.mark.parametrize("frequencies", [(0.3,), (0.2, 0.5)])
+def test_a_spring_is_no_turned_sensor(frequencies):
+    polarity.check([driven_against_a_spring(*frequencies)], preset("bossi2009"))
