@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin import plausibility, polarity, rigs, schema, units
+from twin import plausibility, proportions, rigs, schema, units
 from twin.errors import InputError, nearest
 from twin.parameters import Parameter, Rig
 from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
@@ -104,8 +104,8 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     read = [_read_recording(root, entry, said.channels) for entry in said.recordings]
     _check_columns(said, [table for _, table, _ in read])
     recordings, stuck = plausibility.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
+    proportions.check(recordings, _sensors(said), rig)
     plausibility.check_torque(recordings, _sensors(said), rig)
-    polarity.check(recordings, rig)
     plausibility.check_distinct(recordings)
     fit, held_out = _by_role(said, recordings)
     plausibility.check_motion(fit, _sensors(said))

@@ -242,7 +242,7 @@ def _largest_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Ri
     for span in (2 * period, 4 * period):
         before, after = _steps(recording, span)
         if before.size:
-            signs.append(_inertia(rig) * float(np.max(np.abs(after - before))) / span**2)
+            signs.append(inertia(rig) * float(np.max(np.abs(after - before))) / span**2)
     for channel in ("strain_base", "strain_mid"):
         if channel in recording and (known := _finite(recording[channel])).size:
             strain = float(np.max(np.abs(known - np.median(known))))
@@ -264,7 +264,7 @@ def _least_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig)
     if speeding <= 0:
         return 0.0
     leaving = rig["static_friction"] if recording.start == "rest" else 0.0
-    return max(_inertia(rig) * speeding / span**2, leaving)
+    return max(inertia(rig) * speeding / span**2, leaving)
 
 
 def _steps(recording: Recording, span: float) -> tuple[np.ndarray, np.ndarray]:
@@ -294,7 +294,7 @@ def _peak(recording: Recording) -> float:
     return float(np.max(np.abs(recording["torque_command"])))
 
 
-def _inertia(rig: Rig) -> float:
+def inertia(rig: Rig) -> float:
     """Returns the inertia of hub, straight link and payload about the hub axis [kg m^2]."""
     link = rig["linear_density"] * rig["length"] ** 3 / 3
     return rig["hub_inertia"] + link + rig["tip_mass"] * rig["length"] ** 2 + rig["tip_inertia"]

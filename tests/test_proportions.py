@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from twin import polarity
+from twin import proportions
 from twin.campaign import read_campaign
 from twin.errors import InputError
-from twin.recording import Recording
+from twin.recording import Recording, Sensor
 from twin.rigs import preset
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang, torque_sweep
@@ -28,15 +28,15 @@ def folder(tmp_path_factory):
     return found
 
 
-def turned(folder, channel, tmp_path):
-    """The campaign with one channel said to count the other way round."""
+def scaled(folder, channel, gain, tmp_path):
+    """The campaign with one channel said to have another gain."""
     for file in folder.iterdir():
         if file.is_file():
             (tmp_path / file.name).write_bytes(file.read_bytes())
     toml = tmp_path / "campaign.toml"
     head = f"[channels.{channel}]\n"
     assert head in toml.read_text()
-    toml.write_text(toml.read_text().replace(head, f"{head}gain = -1.0\n"))
+    toml.write_text(toml.read_text().replace(head, f"{head}gain = {gain}\n"))
     return tmp_path
 
 
@@ -50,7 +50,20 @@ CHANNELS = ["torque_command", "motor_torque", "hub_angle", "strain_base", "strai
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_it_is_told_which_one_is_turned(folder, channel, tmp_path):
     with pytest.raises(InputError, match=rf"channels\.{channel}: .* wrong way round in .*sign of its gain"):
-        read_campaign(turned(folder, channel, tmp_path))
+        read_campaign(scaled(folder, channel, -1.0, tmp_path))
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+@pytest.mark.parametrize(("gain", "size"), [(57.3, "large"), (1e6, "large"), (1e-3, "small")])
+def test_it_is_told_which_one_has_another_unit(folder, channel, gain, size, tmp_path):
+    with pytest.raises(InputError, match=rf"channels\.{channel}: it is some [0-9]+ times too {size} in "):
+        read_campaign(scaled(folder, channel, gain, tmp_path))
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+@pytest.mark.parametrize("gain", [0.1, 10.0])
+def test_a_wrong_gain_is_for_the_diagnosis(folder, channel, gain, tmp_path):
+    assert read_campaign(scaled(folder, channel, gain, tmp_path)).name
 
 
 def driven_against_a_spring(*frequencies):
@@ -68,4 +81,5 @@ def driven_against_a_spring(*frequencies):
 
 @pytest.mark.parametrize("frequencies", [(0.3,), (0.2, 0.5)])
 def test_a_spring_is_no_turned_sensor(frequencies):
-    polarity.check([driven_against_a_spring(*frequencies)], preset("bossi2009"))
+    slow, gauge = driven_against_a_spring(*frequencies), Sensor("strain_base", 1e-6, 0.02, 0.001)
+    proportions.check([slow], {"strain_base": gauge}, preset("bossi2009"))
