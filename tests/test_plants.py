@@ -5,8 +5,10 @@ import pytest
 
 from twin import chain
 from twin.beam import rigid_inertia
+from twin.errors import InputError
 from twin.mjcf import GAUGES
 from twin.model import Model
+from twin.plants import make
 from twin.plants.base import READINGS
 from twin.plants.chain import ChainPlant, CompiledPlant
 from twin.plants.modal import ModalPlant
@@ -20,6 +22,31 @@ RIG = preset("bossi2009")
 def model(effects=None, **changes) -> Model:
     rig = RIG.replace(**changes)
     return Model(rig, {g.channel: g for g in GAUGES}, chain.fit_shape(rig, 6), effects or {})
+
+
+@pytest.mark.parametrize(
+    ("effects", "message"),
+    [
+        ({"cable": {}}, "effects.cable is not an effect; expected one of"),
+        (
+            {"cogging": {"amplitud": 0.01}},
+            "unknown key effects.cogging.amplitud; .* did you mean 'amplitude'",
+        ),
+        ({"cogging": {"amplitude": "big"}}, "effects.cogging.amplitude is 'big'; expected a number"),
+        ({"cogging": {"amplitude": np.nan}}, "effects.cogging.amplitude is nan; expected a number"),
+        ({"cogging": 0.01}, "effects.cogging is 0.01; expected a table"),
+    ],
+)
+def test_effects_that_are_none_are_refused(effects, message):
+    with pytest.raises(InputError, match=message):
+        make("modal", RIG, effects)
+
+
+def test_what_is_not_said_of_an_effect_is_neutral():
+    whole = make("modal", RIG, {"cable-torsion": {"stiffness": np.float32(0.25), "rest_angle": 0.0}})
+    part = make("modal", RIG, {"cable-torsion": {"stiffness": 0.25}})
+    for channel, values in slew(whole, 0.1)[0].items():
+        np.testing.assert_array_equal(slew(part, 0.1)[0][channel], values)
 
 
 def slew(plant, torque, times=(0.3, 0.6), duration=1.2):

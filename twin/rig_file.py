@@ -23,6 +23,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
+from numbers import Real
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -138,7 +139,7 @@ def _read(
         if not isinstance(name, str) or not name:
             raise InputError(f'name is {_found(name)}; expected name = "..." of the rig')
         rig = Rig(name, _parameters(_table(content, "parameters")))
-        effects = _effects(_table(content, "effects"), rig)
+        effects = checked_effects(_table(content, "effects"), rig)
         errors = _standard_errors(_table(content, "standard_errors"), effects)
         known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
         return rig, effects, errors, correlations.read(_table(content, "correlations"), known)
@@ -194,7 +195,12 @@ def _source(field: str, table: Mapping[str, Any]) -> str:
     return source
 
 
-def _effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, float]]:
+def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, float]]:
+    """Returns effects as they were given, name -> parameter -> value (SI); what is not said is neutral.
+
+    Raises:
+      InputError: an effect or a parameter is not known, or is no finite number.
+    """
     if not tables:
         return {}
     from twin.effects import REGISTRY  # compiles equations of motion: only where it is needed
@@ -256,7 +262,7 @@ def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], prefix: str) -
 
 
 def _value(field: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
         raise InputError(f"{field} is {_found(value)}; expected a number")
     return float(value)
 

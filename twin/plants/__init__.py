@@ -37,7 +37,7 @@ def make(
     Args:
       kind: one of `KINDS`.
       rig: by default `bossi2009`.
-      effects: effects that act: name -> parameter -> value (SI).
+      effects: effects that act: name -> parameter -> value (SI); what is not said of one is neutral.
       period: sample period [s].
       segments: of the chain.
       patch: a correction without a cause, looked up; None for none.
@@ -85,12 +85,18 @@ def model_of(
     segments: int = 8,
     patch: Patch | None = None,
 ) -> Model:
-    """Returns the twin of a rig with effects and a patch, its strain bridges where `models/` has them."""
+    """Returns the twin of a rig with effects and a patch, its strain bridges where `models/` has them.
+
+    Raises:
+      InputError: an effect or a parameter of one is not known, or is no finite number.
+    """
     from twin import chain
     from twin.mjcf import GAUGES
     from twin.model import Model
+    from twin.rig_file import checked_effects
     from twin.rigs import preset
 
     rig = rig if rig is not None else preset("bossi2009")
+    acting = checked_effects(effects or {}, rig)
     gauges = {gauge.channel: gauge for gauge in GAUGES}
-    return Model(rig, gauges, chain.fit_shape(rig, segments), effects or {}, patch=patch)
+    return Model(rig, gauges, chain.fit_shape(rig, segments), acting, patch=patch)
