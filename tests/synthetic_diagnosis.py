@@ -119,10 +119,10 @@ def diagnosis(duration: float = 2.0, rate: float = 250.0, **changes) -> Diagnosi
         effects=(
             AdoptedEffect(
                 "cable-torsion",
-                0.982,
                 CABLE,
                 {"stiffness": 0.00031, "rest_angle": 0.021},
                 {"stiffness": "N*m/rad", "rest_angle": "rad"},
+                0.982,
             ),
         ),
         ranking=(

@@ -26,7 +26,7 @@ def explained():
 def with_effect(diagnosis, name, **parameters):
     """Returns the diagnosis with this one effect; parameters left out are where a search would start."""
     values = {**REGISTRY[name].starts(diagnosis.fitted)[0], **parameters}
-    return replace(diagnosis, effects=(AdoptedEffect(name, 0.9, values, {}, {}),))
+    return replace(diagnosis, effects=(AdoptedEffect(name, values, {}, {}, 0.9),))
 
 
 def compiled(diagnosis):
@@ -195,7 +195,7 @@ def predicted(rig, effects, recording):
 
 def written(diagnosis, rig, effects, recording):
     """Returns what the sensors of the written file report: channel -> (n)."""
-    adopted = tuple(AdoptedEffect(name, 0.9, p, {}, {}) for name, p in effects.items())
+    adopted = tuple(AdoptedEffect(name, p, {}, {}, 0.9) for name, p in effects.items())
     found = to_mjcf(replace(diagnosis, fitted=rig, effects=adopted), synthetic.SENSORS)
     assert found.left_out == ()
     model = mujoco.MjModel.from_xml_string(found.xml)

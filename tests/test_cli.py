@@ -154,15 +154,15 @@ def test_unfinite_errors_are_null(answer, tmp_path):
 
 def test_the_rig_of_a_file_is_declared_in_the_campaigns_place(run, campaign, tmp_path, answer, monkeypatch):
     declared = []
-    loop = SimpleNamespace(diagnose=lambda given, *_, **__: declared.append(given.rig) or answer)
+    loop = SimpleNamespace(diagnose=lambda given, *_, **__: declared.append(given) or answer)
     monkeypatch.setitem(sys.modules, "twin.diagnose", loop)
     folder = deliver(replace(answer, effects=()), synthetic.SENSORS, tmp_path / "earlier").paths["rig"]
     assert run("diagnose", campaign, "--rig", folder)[0] == 0
-    assert dict(declared[0]) == dict(answer.fitted)
+    assert dict(declared[0].rig) == dict(answer.fitted)
+    assert not declared[0].effects
     augmented = deliver(answer, synthetic.SENSORS, tmp_path / "augmented").paths["rig"]
-    code, _, error = run("diagnose", campaign, "--rig", augmented)
-    assert code == 2
-    assert "has the effect cable-torsion; expected a rig without effects" in " ".join(error.split())
+    assert run("diagnose", campaign, "--rig", augmented, "--force")[0] == 0
+    assert declared[1].effects == {"cable-torsion": synthetic.CABLE}
 
 
 # Bad input

@@ -86,6 +86,19 @@ def test_what_is_missing_is_named_and_recovered(tmp_path, name):
             assert abs(off) < room, u.name
 
 
+def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(tmp_path):
+    planted = {"cable-torsion": {"stiffness": 0.012, "rest_angle": 0.2}, "actuator-delay": {"delay": 0.008}}
+    campaign = recorded(tmp_path / "rig", planted, 4153, False)
+    declared = {"cable-torsion": {"stiffness": 0.008, "rest_angle": 0.1}}
+    with ThreadPoolExecutor(2) as pool:
+        found = find(replace(campaign, effects=declared), pool)
+    assert said(found) == "explained"
+    assert (found.known, found.names) == (["cable-torsion"], ["actuator-delay"])
+    values = found.best.model.effects
+    assert values["cable-torsion"]["stiffness"] == pytest.approx(0.012, rel=0.03)
+    assert values["actuator-delay"]["delay"] == pytest.approx(0.008, rel=0.1)
+
+
 def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_little(tmp_path):
     campaign = recorded(tmp_path / "rig", {"root-compliance": {"stiffness": 1.5}}, 4150, False)
     names = [

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.conclude import drifts
+from twin.notes import drifts
 from twin.patch import HUB
 from twin.patches import why_none
 from twin.traces import DEPENDS, TRAVEL, Unexplained, dependence, drift, remaining, strongest

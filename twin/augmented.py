@@ -7,7 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from twin.diagnosis import Diagnosis
+from twin.diagnosis import Diagnosis, KnownEffect
 from twin.parameters import Parameter
 from twin.rig_file import effect_lines, header, parameter_lines
 
@@ -18,7 +18,7 @@ def write_augmented(diagnosis: Diagnosis, folder: str | PathLike[str]) -> Path:
     """Writes the rig that a diagnosis arrived at.
 
     Args:
-      diagnosis: its fitted rig and adopted effects.
+      diagnosis: its fitted rig, known and adopted effects.
       folder: where `augmented-rig.toml` goes; made if it is not there.
 
     Returns:
@@ -40,16 +40,16 @@ def to_toml(diagnosis: Diagnosis) -> str:
     lines = header(diagnosis.fitted.name, what)
     for parameter in diagnosis.fitted.parameters.values():
         lines += _parameter_lines(diagnosis, parameter)
+    for known in diagnosis.known:
+        lines += _effect_lines(known, "declared, and fitted anew")
     for effect in diagnosis.effects:
-        lines += effect_lines(
-            effect.name,
-            effect.parameters,
-            effect.standard_errors,
-            effect.units,
-            f"probability {effect.probability:.3g} among the candidates tried",
-        )
+        lines += _effect_lines(effect, f"probability {effect.probability:.3g} among the candidates tried")
     lines += diagnosis.correlations.lines()
     return "\n".join(lines) + "\n"
+
+
+def _effect_lines(effect: KnownEffect, comment: str) -> Iterator[str]:
+    return effect_lines(effect.name, effect.parameters, effect.standard_errors, effect.units, comment)
 
 
 def _parameter_lines(diagnosis: Diagnosis, parameter: Parameter) -> Iterator[str]:

@@ -39,10 +39,10 @@ def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjc
     """Returns the rig that a diagnosis arrived at.
 
     Args:
-      diagnosis: its fitted rig and adopted effects.
+      diagnosis: its fitted rig, known and adopted effects.
       sensors: channel -> sensor; strain gauges are written where there are any.
     """
-    effects = {effect.name: dict(effect.parameters) for effect in diagnosis.effects}
+    effects = {effect.name: dict(effect.parameters) for effect in (*diagnosis.known, *diagnosis.effects)}
     model = Model(diagnosis.fitted, sensors, chain.fit_shape(diagnosis.fitted), effects)
     drive = _DriveLaw.of(effects)
     plant = model.plant._replace(lag=drive.lag)
@@ -106,8 +106,10 @@ def _misreads(name: str) -> bool:
 
 def _comment(diagnosis: Diagnosis, left_out: tuple[str, ...]) -> str:
     names = ", ".join(effect.name for effect in diagnosis.effects) or "none"
+    known = ", ".join(effect.name for effect in diagnosis.known)
     lines = [
         f"The rig of campaign '{diagnosis.campaign}' as diagnosed by twin.",
+        *([f"Effects that it was declared with: {known}."] if known else []),
         f"Effects that the declared model lacked: {names}.",
         f"Not in this file, because MJCF cannot say it: {', '.join(left_out) or 'nothing'}.",
     ]

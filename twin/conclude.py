@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from twin import patches, planning, timing, traces, verdict
+from twin import notes, patches, planning, traces, verdict
 from twin.campaign import Campaign
 from twin.correlations import Correlations, of_covariance
-from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, Patched, Prediction, Verdict
+from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, KnownEffect, Patched, Prediction, Verdict
 from twin.effects import REGISTRY
-from twin.fit import ASSUMED_UNCERTAINTY, Fit
+from twin.fit import Fit
 from twin.found import Found
 from twin.patch import HUB
 from twin.planning import Plan
@@ -36,8 +37,6 @@ _TELLING = {
 _AGAIN = "Repeat one run several times: what comes again at the same instants is the rig's, what does not is chance."
 _BESIDE_UNKNOWN = 0.5
 """That an effect is missing indeed, and does not stand for a part of what has no name, where that is missing, too."""
-_MUCH = 0.2  # share of what is left that one parameter's change explains, from which it is told
-_FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
 
 
 def conclude(
@@ -61,6 +60,7 @@ def conclude(
         verdict=answer,
         summary=_summary(answer, effects, left, depends, predictions),
         effects=effects,
+        known=tuple(KnownEffect(**_told(polished.augmented, name)) for name in found.known),
         ranking=tuple((c.effects[-1], c.score) for c in first),
         not_fitted=tuple(c.effects[-1] for c in first if c.effects[-1] not in c.fit.model.effects),
         indistinguishable=tuple(alike),
@@ -69,19 +69,7 @@ def conclude(
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
         traces=traces.remaining(behind, left, depends) if left else traces.traces_of(found, behind),
-        notes=(
-            *campaign.warnings,
-            *found.start.notes,
-            *(note for p in predictions.values() if p.role == "holdout" for note in p.left_out),
-            *timing.said(polished.augmented),
-            *_assumptions(campaign),
-            *_alone(found),
-            *_quiet(found),
-            *_nameless(found),
-            *drifts(behind, depends),
-            *_taken_back(found),
-            *_unpredictable(predictions),
-        ),
+        notes=notes.of(campaign, found, behind, polished, predictions, depends),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         threshold=found.thresholds[0] if found.thresholds else None,
@@ -103,23 +91,30 @@ def said(found: Found) -> Verdict:
 
 
 def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
-    adopted, shares = [], stated(found)
-    for candidate in found.adopted:
-        name = candidate.effects[-1]
-        values = dict(polished.augmented.model.effects[name])
-        units = REGISTRY[name].units(values)
-        errors = errors_of(polished.augmented, name)
-        adopted.append(AdoptedEffect(name, shares[name], values, errors, {n: units[n] for n in values}))
-    return tuple(adopted)
+    shares = stated(found)
+    return tuple(
+        AdoptedEffect(**_told(polished.augmented, name), probability=shares[name]) for name in found.names
+    )
+
+
+def _told(fit: Fit, name: str) -> dict[str, Any]:
+    """Name, values, standard errors and units of an effect of a fit."""
+    values = dict(fit.model.effects[name])
+    units = REGISTRY[name].units(values)
+    return {
+        "name": name,
+        "parameters": values,
+        "standard_errors": errors_of(fit, name),
+        "units": {n: units[n] for n in values},
+    }
 
 
 def stated(found: Found) -> dict[str, float]:
     """Probability of each adopted effect that it is missing indeed."""
     beside = _BESIDE_UNKNOWN if said(found) == "outside-library" else 1.0
-    names = [c.effects[-1] for c in found.adopted]
     return {
         name: beside * verdict.probabilities(ranked, draws).get(name, 0.0)
-        for name, ranked, draws in zip(names, found.rounds, found.draws, strict=False)
+        for name, ranked, draws in zip(found.names, found.rounds, found.draws, strict=False)
     }
 
 
@@ -136,6 +131,13 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
         if u.owner == "rig":
             unit = campaign.rig.parameters[u.name].unit
             found[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
+    for name, declared in campaign.effects.items():
+        fitted, errors = fit.model.effects[name], errors_of(fit, name)
+        units = REGISTRY[name].units(fitted)
+        for parameter, error in errors.items():
+            found[f"{name}.{parameter}"] = Calibrated(
+                declared[parameter], fitted[parameter], error, units[parameter]
+            )
     return found
 
 
@@ -162,87 +164,6 @@ def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...
     return tuple(dict.fromkeys((*first, *then)))
 
 
-def drifts(behind: Mapping[str, Unexplained], depends: Sequence[str]) -> list[str]:
-    """The parameter whose change with time is what a model leaves, if that says much of it."""
-    if HUB not in behind or depends[:1] != ("time",):
-        return []
-    name, share = traces.drift(behind[HUB])
-    if share < _MUCH:
-        return []
-    return [
-        f"{100 * share:.0f} % of what is left of the torque on the hub are as if {name} changed while a recording goes "
-        "on, in each in the same way: something that warms up, wears in or comes loose."
-    ]
-
-
-def _assumptions(campaign: Campaign) -> list[str]:
-    unsaid = [
-        n for n, p in campaign.rig.parameters.items() if p.uncertainty is None and n in ASSUMED_UNCERTAINTY
-    ]
-    moved = [n for n in unsaid if campaign.rig[n] != 0]
-    if not moved:
-        return []
-    listed = ", ".join(f"{n} {100 * ASSUMED_UNCERTAINTY[n]:g} %" for n in moved)
-    return [f"No uncertainty was declared for some parameters; assumed: {listed}."]
-
-
-def _alone(found: Found) -> list[str]:
-    """What one recording says against the model, and no other."""
-    files = [prepared.recording.name for prepared in found.bench.prepared]
-    return [
-        f"{files[i]} alone leaves {size:.2g} noise levels of {_named(channel)} unexplained, no other recording "
-        "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
-        for i, channel, size in verdict.alone(found)
-    ]
-
-
-def _quiet(found: Found) -> list[str]:
-    """Channels whose declared noise hides what is smaller."""
-    told = {("hub_angle" if c == HUB else c): size for c, size in verdict.too_quiet(found).items()}
-    return [
-        f"{_named(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: what is smaller "
-        "than that was not looked for. Declare the noise that the sensor has, or none: it is estimated then."
-        for channel, size in told.items()
-    ]
-
-
-def _nameless(found: Found) -> list[str]:
-    """How sure a function is that no effect explains."""
-    smooth = verdict.nameless(found)
-    if smooth is None:
-        return []
-    sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
-    read = ", which the sensor of the drive's torque reads too," if smooth.law.drive else ""
-    return [
-        f"A torque on the hub{read} that is a smooth function of {_named(smooth.law.variable)}{sided} makes the "
-        f"recordings e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
-        f"e^{max(smooth.by_chance, 0):.0f} times."
-    ]
-
-
-def _taken_back(found: Found) -> list[str]:
-    if not found.taken_back:
-        return []
-    *first, last = found.taken_back
-    return [
-        f"{', '.join(first)} and {last} together follow what was measured, but how large either is cannot be told: "
-        "each takes away what the other adds. They stand for something else and are not taken for its cause."
-    ]
-
-
-def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:
-    """Held-out recordings whose error says little: a stick or slip more decides them."""
-    notes = []
-    for file, prediction in predictions.items():
-        worst = max(prediction.errors.values(), key=lambda e: e.reach / e.noise, default=None)
-        if prediction.role == "holdout" and worst is not None and worst.reach > _FAR * worst.noise:
-            notes.append(
-                f"{file} can hardly be predicted: a break-away torque that is off by 0.1 % changes the prediction by "
-                f"{worst.reach / worst.noise:.0f} noise levels, because one stick more or less decides the rest of it."
-            )
-    return notes
-
-
 def _summary(
     answer: Verdict,
     effects: Sequence[AdoptedEffect],
@@ -259,7 +180,7 @@ def _summary(
         return held
     where = " and ".join(_place(channel) for channel in left)
     is_not = "are not" if len(left) > 1 else "is not"
-    known = f" It depends on {', '.join(_named(name) for name in depends[:3])}." if depends else ""
+    known = f" It depends on {', '.join(display.named(name) for name in depends[:3])}." if depends else ""
     part = "explain a part" if len(effects) > 1 else "explains a part"
     partly = f" {names.capitalize()} {part} of it." if effects else ""
     return f"Something outside the library is missing: {where} {is_not} explained.{known}{partly} {held}"
@@ -284,12 +205,6 @@ def _place(channel: str) -> str:
     if channel == HUB:
         return "the balance of the hub (drive, friction, hub)"
     return f"{display.channel(channel).label} (link or sensor)"
-
-
-def _named(name: str) -> str:
-    """A channel or variable in a sentence."""
-    label = display.variable(name).label
-    return label if name == "time" else f"the {label}"
 
 
 def _next(

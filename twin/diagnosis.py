@@ -21,26 +21,35 @@ UNSEEN = 0.02
 
 
 @dataclass(frozen=True)
-class AdoptedEffect:
-    """An effect that the model lacked.
+class KnownEffect:
+    """An effect that the rig was declared with, as it was fitted anew.
 
     Attributes:
       name: its name in the vocabulary.
-      probability: that it is this one, among the candidates tried and chance [1].
       parameters, standard_errors: by parameter name, SI units.
       units: unit of each parameter.
     """
 
     name: str
-    probability: float
     parameters: Mapping[str, float]
     standard_errors: Mapping[str, float]
     units: Mapping[str, str]
 
 
 @dataclass(frozen=True)
+class AdoptedEffect(KnownEffect):
+    """An effect that the model lacked.
+
+    Attributes:
+      probability: that it is this one, among the candidates tried and chance [1].
+    """
+
+    probability: float
+
+
+@dataclass(frozen=True)
 class Calibrated:
-    """A declared parameter, moved within its uncertainty."""
+    """A declared parameter, moved within its uncertainty; one of a known effect, fitted anew."""
 
     declared: float
     fitted: float
@@ -152,11 +161,12 @@ class Diagnosis:
       verdict: "explained", "no-missing-effect" or "outside-library".
       summary: the story in a few plain sentences.
       effects: adopted effects, the most important first.
+      known: effects that the rig was declared with.
       ranking: (name, score) of all candidates, best first; the score is the gain in log likelihood per candidate.
       indistinguishable: sets of effects that these recordings cannot tell apart.
       next_experiment: what to record to separate or confirm.
       depends_on: variables on which what is left unexplained depends, strongest first.
-      calibrated: declared parameters that were refitted.
+      calibrated: declared parameters that were refitted, those of known effects as "effect.parameter".
       predictions: by file name; held-out ones were simulated once, at the end.
       traces: what the calibrated model left unexplained; outside the library, what is left at the end.
       notes: assumptions and data defects that the reader should know.
@@ -194,6 +204,7 @@ class Diagnosis:
     not_fitted: tuple[str, ...] = ()
     patched: Patched | None = None
     no_patch: str | None = None
+    known: tuple[KnownEffect, ...] = ()
     correlations: Correlations = field(default_factory=Correlations)
 
     def to_json(self) -> dict[str, Any]:
@@ -203,14 +214,9 @@ class Diagnosis:
             "verdict": self.verdict,
             "summary": self.summary,
             "effects": [
-                {
-                    "name": e.name,
-                    "probability": e.probability,
-                    "parameters": dict(e.parameters),
-                    "standard_errors": dict(e.standard_errors),
-                }
-                for e in self.effects
+                {"name": e.name, "probability": e.probability, **_values_json(e)} for e in self.effects
             ],
+            "known_effects": [{"name": e.name, **_values_json(e)} for e in self.known],
             "ranking": [{"name": name, "score": score} for name, score in self.ranking],
             "not_fitted": list(self.not_fitted),
             "indistinguishable": [list(names) for names in self.indistinguishable],
@@ -230,6 +236,10 @@ class Diagnosis:
             "notes": list(self.notes),
             "wall_s": self.wall_s,
         }
+
+
+def _values_json(effect: KnownEffect) -> dict[str, Any]:
+    return {"parameters": dict(effect.parameters), "standard_errors": dict(effect.standard_errors)}
 
 
 def _errors_json(prediction: Prediction) -> dict[str, Any]:

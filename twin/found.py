@@ -40,6 +40,16 @@ class Found:
     taken_back: tuple[str, ...] = ()
 
     @property
+    def names(self) -> list[str]:
+        """Names of the adopted effects."""
+        return [c.effects[-1] for c in self.adopted]
+
+    @property
+    def known(self) -> list[str]:
+        """Names of the effects that the rig was declared with."""
+        return list(self.start.declared.effects)
+
+    @property
     def bench(self) -> Workbench:
         """The data as the model sees them that stands at the end of the search."""
         return self.benches[len(self.adopted)]

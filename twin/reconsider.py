@@ -27,7 +27,7 @@ def reconsidered(found: Found, progress: Progress = silent) -> Found:
 
 
 def _without_needless(found: Found) -> Found:
-    names = list(found.best.model.effects)
+    names = found.names
     least = max(verdict.LEAST_SCORE, verdict.OWN_ERROR * sum(c.score for c in found.adopted))
     without = {name: _without(found, name, least) for name in names[:-1]}
     scores = {name: search.gain(found.bench, other, found.best) for name, other in without.items()}
@@ -50,7 +50,7 @@ def _exchanged(found: Found) -> Found:
     """The same with another pick of an earlier round where that was close and the other explains more by now."""
     effects = found.best.model.effects
     best, closest = None, found.best
-    for pick, ranked in zip(list(effects)[:-1], found.rounds, strict=False):
+    for pick, ranked in zip(found.names[:-1], found.rounds, strict=False):
         for other in _alike(ranked):
             name = other.effects[-1]
             if name in effects:
@@ -61,7 +61,7 @@ def _exchanged(found: Found) -> Found:
             fewer = len(closest.unknowns) - len(result.unknowns)
             gained = closest.cost - result.cost + search.price(fewer, found.bench)
             if gained > verdict.decisive(ranked[0].score):
-                best, closest = list(tried), result
+                best, closest = [n for n in tried if n not in found.known], result
     return found if best is None else rebuilt(found, best, closest)
 
 
@@ -105,7 +105,7 @@ def rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
     before = found.base
     for k, name in enumerate(names):
         last = k == len(names) - 1
-        effects = {n: fine.model.effects[n] for n in names[: k + 1]}
+        effects = {n: fine.model.effects[n] for n in (*found.known, *names[: k + 1])}
         here = fine if last else fitted(found, effects, contenders.LONG, fine, found.benches[0])
         picked = Candidate(
             tuple(effects), here, search.gain(bench if last else found.benches[0], before, here)

@@ -23,13 +23,13 @@ def without(found: Found) -> Found | None:
     Args:
       found: whose last fit has its errors.
     """
-    untold = [name for name in found.best.model.effects if _size(found.best, name) < _TOLD]
+    untold = [name for name in found.names if _size(found.best, name) < _TOLD]
     if len(untold) < 2:
         return None
     found = replace(found, taken_back=tuple(untold))
-    names = [name for name in found.best.model.effects if name not in untold]
+    names = [name for name in found.names if name not in untold]
     if names:
-        effects = {name: found.best.model.effects[name] for name in names}
+        effects = {name: found.best.model.effects[name] for name in (*found.known, *names)}
         fitted = reconsider.fitted(found, effects, contenders.LONG, found.best)
         return reconsider.rebuilt(found, names, fitted)
     return replace(

@@ -17,12 +17,11 @@ from twin.commands.shared import (
     console,
     progress,
 )
-from twin.errors import InputError
 from twin.json_file import write_json
 from twin.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.parameters import Rig
+    from twin.campaign import Campaign
 
 
 def demo(out: DiagnosisFolder = None, json_file: JsonFile = None, force: Force = False) -> None:
@@ -45,7 +44,7 @@ def diagnose(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Parameter file (TOML) to declare the rig by, say an identified one.",
+            help="Parameter file (TOML) to declare the rig by, with the effects that it is known to have.",
             show_default="as the campaign declares it",
         ),
     ] = None,
@@ -54,18 +53,15 @@ def diagnose(
     _diagnose(campaign, out, json_file, force, false_alarm_rate, rig)
 
 
-def _declared(file: Path) -> Rig:
-    """The rig of a parameter file.
+def _declared(campaign: Campaign, file: Path) -> Campaign:
+    """The campaign, its rig declared by a parameter file.
 
-    Raises:
-      InputError: it cannot be used, or has effects: which one is missing is what a diagnosis is to find.
+    Effects of that file are fitted anew, however well they were known: what is missing may be that one has changed.
     """
     from twin.rig_file import read_rig_file
 
-    declared, effects = read_rig_file(file)
-    if effects:
-        raise InputError(f"{file.name} has the effect {next(iter(effects))}; expected a rig without effects")
-    return declared
+    rig, effects = read_rig_file(file)
+    return replace(campaign, rig=rig, effects=effects)
 
 
 def _diagnose(
@@ -85,7 +81,7 @@ def _diagnose(
     check_writable(json_file, made=folder, beside=written, read=read)
     given = read_campaign(campaign)
     if rig is not None:
-        given = replace(given, rig=_declared(rig))
+        given = _declared(given, rig)
     with progress() as report:
         report(COMPILING)
         from twin.diagnose import diagnose as loop

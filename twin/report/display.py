@@ -94,6 +94,12 @@ def variable(name: str) -> Shown:
     return _VARIABLES.get(name) or CHANNELS.get(name) or Shown(words(name), "", 1.0)
 
 
+def named(name: str) -> str:
+    """Returns a channel or variable as a sentence has it."""
+    label = variable(name).label
+    return label if name == "time" else f"the {label}"
+
+
 def unmodelled(name: str) -> Shown:
     """Returns how that is shown which a model leaves of a channel, or of the balance of the hub."""
     shown = Shown("hub torque", "N m", 1.0) if name == HUB else channel(name)

@@ -365,7 +365,7 @@ def _calibrated(name: str, diagnosis: Diagnosis) -> dict[str, str]:
     sigma = abs(moved.declared) * uncertainty if uncertainty else 0.0
     change = moved.fitted - moved.declared
     return {
-        "name": display.words(name),
+        "name": display.words(name).replace(".", ": "),
         "declared": display.number(moved.declared, 4),
         "fitted": display.with_error(moved.fitted, moved.standard_error),
         "unit": display.unit(moved.unit),

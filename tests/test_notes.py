@@ -1,0 +1,62 @@
+"""What the reader of a diagnosis is told beside its answer."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from twin import notes
+from twin.breakaway import BreakAway
+from twin.diagnosis import ChannelError
+
+STATIC = 0.065  # N m, of the model
+
+
+def with_break_aways(monkeypatch, torques):
+    """A search whose model has one static level, on recordings in which the hub broke away at these torques [N m]."""
+    events = [BreakAway(t, 1 if t > 0 else -1, 0.0, 0, float(k), 0.01) for k, t in enumerate(torques)]
+    monkeypatch.setattr(notes.breakaway, "find", lambda *_: events)
+    monkeypatch.setattr(notes.planar, "static_level", lambda *_: STATIC)
+    model = SimpleNamespace(plant=None)
+    return SimpleNamespace(best=SimpleNamespace(model=model, starts=()), data=SimpleNamespace(prepared=()))
+
+
+@pytest.mark.parametrize(
+    ("torques", "told"),
+    [
+        ([0.066, 0.064, -0.066], ()),
+        # One instant of three is no level.
+        ([0.066, 0.09, 0.065, -0.064], ()),
+        ([0.088, 0.087, -0.065], ("at 0.087 N m forwards (the model: 0.065 N m)",)),
+        ([0.088, 0.087, -0.045], ("0.087 N m forwards", "0.045 N m backwards")),
+    ],
+)
+def test_a_hub_that_breaks_away_at_another_torque_than_the_models_is_told(monkeypatch, torques, told):
+    said = notes.break_aways(with_break_aways(monkeypatch, torques))
+    assert len(said) == bool(told)
+    assert all(part in said[0] for part in told)
+
+
+@pytest.mark.parametrize(
+    ("role", "after", "reach", "told"),
+    [
+        ("holdout", 5.0, 0.0, False),
+        ("holdout", 78.0, 0.0, True),
+        # What a stick or a slip decides cannot be predicted.
+        ("holdout", 78.0, 20.0, False),
+        ("fit", 78.0, 0.0, False),
+    ],
+)
+def test_a_held_out_recording_that_is_missed_is_told(monkeypatch, role, after, reach, told):
+    monkeypatch.setattr(notes.verdict, "unexplained", lambda _: ())
+    error = ChannelError(90.0, 80.0, after, 1.0, "rad", reach)
+    predictions = {"slew.csv": SimpleNamespace(role=role, errors={"hub_angle": error})}
+    said = notes.astray(SimpleNamespace(), predictions)
+    assert len(said) == told
+    assert all("slew.csv was held out, and the hub angle is missed by 78 noise levels" in s for s in said)
+
+
+def test_what_is_outside_the_library_says_itself_that_it_is_missed(monkeypatch):
+    monkeypatch.setattr(notes.verdict, "unexplained", lambda _: ("hub_torque",))
+    error = ChannelError(90.0, 80.0, 78.0, 1.0, "rad", 0.0)
+    predictions = {"slew.csv": SimpleNamespace(role="holdout", errors={"hub_angle": error})}
+    assert notes.astray(SimpleNamespace(), predictions) == []

@@ -1,0 +1,178 @@
+"""What the reader of a diagnosis should know beside its answer: what was assumed, what is odd, what is uncertain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from twin import breakaway, planar, timing, traces, verdict
+from twin.campaign import Campaign
+from twin.diagnosis import Prediction
+from twin.fit import ASSUMED_UNCERTAINTY
+from twin.found import Found
+from twin.patch import HUB
+from twin.polish import Polished
+from twin.report.display import named
+from twin.traces import Unexplained
+
+_MUCH = 0.2  # share of what is left that one parameter's change explains, from which it is told
+_FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
+_STUCK = (
+    0.15  # relative error of the static friction, three times what the instants of the break-aways leave open
+)
+_ASTRAY = 10.0  # times what can be predicted that a held-out recording may be off
+
+
+def of(
+    campaign: Campaign,
+    found: Found,
+    behind: Mapping[str, Unexplained],
+    polished: Polished,
+    predictions: Mapping[str, Prediction],
+    depends: Sequence[str],
+) -> tuple[str, ...]:
+    """Sentences on a diagnosis, as by `conclude`; `depends` are variables on which what is left depends."""
+    return (
+        *campaign.warnings,
+        *found.start.notes,
+        *(note for p in predictions.values() if p.role == "holdout" for note in p.left_out),
+        *timing.said(polished.augmented),
+        *_assumptions(campaign),
+        *_known(found),
+        *_alone(found),
+        *_quiet(found),
+        *_nameless(found),
+        *drifts(behind, depends),
+        *_taken_back(found),
+        *break_aways(found),
+        *_unpredictable(predictions),
+        *astray(found, predictions),
+    )
+
+
+def drifts(behind: Mapping[str, Unexplained], depends: Sequence[str]) -> list[str]:
+    """The parameter whose change with time is what a model leaves, if that says much of it."""
+    if HUB not in behind or depends[:1] != ("time",):
+        return []
+    name, share = traces.drift(behind[HUB])
+    if share < _MUCH:
+        return []
+    return [
+        f"{100 * share:.0f} % of what is left of the torque on the hub are as if {name} changed while a recording goes "
+        "on, in each in the same way: something that warms up, wears in or comes loose."
+    ]
+
+
+def _assumptions(campaign: Campaign) -> list[str]:
+    unsaid = [
+        n for n, p in campaign.rig.parameters.items() if p.uncertainty is None and n in ASSUMED_UNCERTAINTY
+    ]
+    moved = [n for n in unsaid if campaign.rig[n] != 0]
+    if not moved:
+        return []
+    listed = ", ".join(f"{n} {100 * ASSUMED_UNCERTAINTY[n]:g} %" for n in moved)
+    return [f"No uncertainty was declared for some parameters; assumed: {listed}."]
+
+
+def _known(found: Found) -> list[str]:
+    if not found.known:
+        return []
+    return [
+        f"The rig was declared with {' and '.join(found.known)}, fitted anew: what is missing is missing beside."
+    ]
+
+
+def _alone(found: Found) -> list[str]:
+    """What one recording says against the model, and no other."""
+    files = [prepared.recording.name for prepared in found.bench.prepared]
+    return [
+        f"{files[i]} alone leaves {size:.2g} noise levels of {named(channel)} unexplained, no other recording "
+        "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
+        for i, channel, size in verdict.alone(found)
+    ]
+
+
+def _quiet(found: Found) -> list[str]:
+    """Channels whose declared noise hides what is smaller."""
+    told = {("hub_angle" if c == HUB else c): size for c, size in verdict.too_quiet(found).items()}
+    return [
+        f"{named(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: what is smaller "
+        "than that was not looked for. Declare the noise that the sensor has, or none: it is estimated then."
+        for channel, size in told.items()
+    ]
+
+
+def _nameless(found: Found) -> list[str]:
+    """How sure a function is that no effect explains."""
+    smooth = verdict.nameless(found)
+    if smooth is None:
+        return []
+    sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
+    read = ", which the sensor of the drive's torque reads too," if smooth.law.drive else ""
+    return [
+        f"A torque on the hub{read} that is a smooth function of {named(smooth.law.variable)}{sided} makes the "
+        f"recordings e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
+        f"e^{max(smooth.by_chance, 0):.0f} times."
+    ]
+
+
+def _taken_back(found: Found) -> list[str]:
+    if not found.taken_back:
+        return []
+    *first, last = found.taken_back
+    return [
+        f"{', '.join(first)} and {last} together follow what was measured, but how large either is cannot be told: "
+        "each takes away what the other adds. They stand for something else and are not taken for its cause."
+    ]
+
+
+def break_aways(found: Found) -> list[str]:
+    """Directions in which the hub breaks away at another torque than the model's: all else may be explained yet."""
+    best = found.best
+    events = breakaway.find(best.model, found.data.prepared, best.starts)
+    told = []
+    for direction, where in ((1, "forwards"), (-1, "backwards")):
+        seen = [(abs(e.torque), e.angle) for e in events if e.direction == direction]
+        levels = [planar.static_level(best.model.plant, angle, direction) for _, angle in seen]
+        torques = [torque for torque, _ in seen]
+        if seen and abs(np.median(np.array(torques) / levels) - 1) > _STUCK:
+            told.append(f"at {np.median(torques):.2g} N m {where} (the model: {np.median(levels):.2g} N m)")
+    if not told:
+        return []
+    return [
+        f"The hub breaks away {' and '.join(told)}. So few instants decide nothing: record slow ramps of torque, both "
+        "ways."
+    ]
+
+
+def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:
+    """Held-out recordings whose error says little: a stick or slip more decides them."""
+    notes = []
+    for file, prediction in predictions.items():
+        worst = max(prediction.errors.values(), key=lambda e: e.reach / e.noise, default=None)
+        if prediction.role == "holdout" and worst is not None and worst.reach > _FAR * worst.noise:
+            notes.append(
+                f"{file} can hardly be predicted: a break-away torque that is off by 0.1 % changes the prediction by "
+                f"{worst.reach / worst.noise:.0f} noise levels, because one stick more or less decides the rest of it."
+            )
+    return notes
+
+
+def astray(found: Found, predictions: Mapping[str, Prediction]) -> list[str]:
+    """Held-out recordings that the model misses, though it follows those that it was fitted to."""
+    if verdict.unexplained(found):
+        return []
+    notes = []
+    for file, prediction in predictions.items():
+        if prediction.role != "holdout":
+            continue
+        sizes = {c: e.after / max(e.noise, e.reach) for c, e in prediction.errors.items() if e.noise > 0}
+        worst = max(sizes, key=lambda c: sizes[c], default=None)
+        if worst is not None and sizes[worst] > _ASTRAY:
+            levels = prediction.errors[worst].after / prediction.errors[worst].noise
+            notes.append(
+                f"{file} was held out, and {named(worst)} is missed by {levels:.0f} noise levels, though those that "
+                "were fitted are followed: it shows what they do not, or the explanation is not the right one."
+            )
+    return notes
