@@ -3,7 +3,7 @@
     python benchmarks/diagnosis.py WORK [--each 5] [--small 0] [--nulls 20] [--pairs 20] [--triples 5] [--far 0]
         [--outside 20] [--seed 1000] [--jobs 2] [--dirty] [--whole] [--minutes M]
 
-WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
+WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run goes on from there. With `--minutes`, no
 campaign is begun later than that, and the table is of those that are there. The verdict and the
 ranking come from the search, values from the last fit; `--whole` also simulates the held-out recordings.
 """
@@ -63,7 +63,7 @@ def _whole(result: Diagnosis) -> dict:
     return {
         "verdict": result.verdict,
         "adopted": [e.name for e in result.effects],
-        "ranking": [name for name, _ in result.ranking],
+        "ranking": [name for name, _ in result.ranking[:5]],
         "probabilities": {e.name: e.probability for e in result.effects},
         "values": {e.name: dict(e.parameters) for e in result.effects},
         "errors": {e.name: dict(e.standard_errors) for e in result.effects},
@@ -84,7 +84,7 @@ def _searched(campaign: Campaign) -> dict:
     return {
         "verdict": said(found),
         "adopted": [c.effects[-1] for c in found.adopted],
-        "ranking": [c.effects[-1] for c in found.rounds[0]],
+        "ranking": [c.effects[-1] for c in found.rounds[0][:5]],
         "probabilities": stated(found),
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: errors_of(fit, name) for name in fit.model.effects},

@@ -2,7 +2,7 @@
 
     python benchmarks/identify.py WORK [--campaigns 50] [--seed 9000] [--jobs 1] [--minutes M]
 
-WORK is a folder for the campaigns and the answers; an interrupted run goes on from there. With `--minutes`, no
+WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run goes on from there. With `--minutes`, no
 campaign is begun later than that, and the table is of those that are there. The true parameters of
 each campaign are drawn from the uncertainty that it declares; nothing else is missing in the model.
 """

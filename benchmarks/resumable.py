@@ -1,4 +1,7 @@
-"""Benchmarks of many campaigns, one JSON answer each: an interrupted run goes on from the answers that are there."""
+"""Benchmarks of many campaigns, a line of JSON each: an interrupted run goes on from the answers that are there.
+
+The answers stand in `answers.jsonl` of the working folder; copied to another one, the run goes on there.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from typing import TypeVar
 from rich.progress import track
 
 Task = TypeVar("Task")
+FILE = "answers.jsonl"
 
 
 def parser(description: str, jobs: int) -> argparse.ArgumentParser:
@@ -33,7 +37,7 @@ def parser(description: str, jobs: int) -> argparse.ArgumentParser:
 def answers(
     tasks: Mapping[str, Task], solve: Callable[[Task, Path], dict], options: argparse.Namespace
 ) -> list[dict]:
-    """Returns the answers that are there when all is done or the time is over, in no order.
+    """Returns the answers that are there when all is done or the time is over, in the order of the tasks.
 
     Args:
       tasks: name -> what to solve.
@@ -42,22 +46,38 @@ def answers(
     """
     latest = time.time() + 60 * options.minutes
     options.work.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        jobs = [
-            pool.submit(_answer, solve, task, options.work / name, latest) for name, task in tasks.items()
-        ]
-        done = track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty())
-        return [found for job in done if (found := job.result()) is not None]
+    file = options.work / FILE
+    found = _there(file)
+    with ProcessPoolExecutor(options.jobs) as pool, file.open("a", encoding="utf-8") as written:
+        jobs = {
+            pool.submit(_answer, solve, task, options.work / name, latest): name
+            for name, task in tasks.items()
+            if name not in found
+        }
+        for job in track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty()):
+            if (answer := job.result()) is not None:
+                found[jobs[job]] = answer
+                line = json.dumps({"campaign": jobs[job], "answer": answer}, separators=(",", ":"))
+                print(line, file=written, flush=True)
+    return [found[name] for name in tasks if name in found]
+
+
+def _there(file: Path) -> dict[str, dict]:
+    """Answers of a file by campaign; a line that was cut short, by an end of the program, is taken out of it."""
+    if not file.exists():
+        return {}
+    text = file.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        file.write_text(whole, encoding="utf-8")
+    lines = [json.loads(line) for line in whole.splitlines()]
+    return {line["campaign"]: line["answer"] for line in lines}
 
 
 def _answer(solve: Callable[[Task, Path], dict], task: Task, folder: Path, latest: float) -> dict | None:
-    """The answer, written down beside the folder; None where there is none and it is later than `latest` [s]."""
-    path = folder.with_name(f"{folder.name}.json")
-    if path.exists():
-        return json.loads(path.read_text())
+    """The answer; None where it is later than `latest` [s]."""
     if time.time() > latest:
         return None
     found = solve(task, folder)
-    path.write_text(json.dumps(found, indent=1))
     shutil.rmtree(folder)
     return found

@@ -8,7 +8,7 @@ The release is declared with an error of 3 %, as a ruler is read to a millimetre
 Only the procedures concerned run. What a joint estimate would have told them of the link, they have from the truth;
 the payload has length, density and tip inertia as declared, as always.
 
-WORK is a folder for the campaigns and the answers; an interrupted run goes on from there.
+WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run goes on from there.
 """
 
 from __future__ import annotations
