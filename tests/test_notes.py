@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from twin import notes
@@ -11,13 +12,17 @@ from twin.diagnosis import ChannelError
 STATIC = 0.065  # N m, of the model
 
 
-def with_break_aways(monkeypatch, torques):
-    """A search whose model has one static level, on recordings in which the hub broke away at these torques [N m]."""
+def with_break_aways(monkeypatch, torques, slow=True):
+    """A search whose model has one static level, on a recording in which the hub broke away at these torques [N m]."""
     events = [BreakAway(t, 1 if t > 0 else -1, 0.0, 0, float(k), 0.01) for k, t in enumerate(torques)]
     monkeypatch.setattr(notes.breakaway, "find", lambda *_: events)
     monkeypatch.setattr(notes.planar, "static_level", lambda *_: STATIC)
     model = SimpleNamespace(plant=None)
-    return SimpleNamespace(best=SimpleNamespace(model=model, starts=()), data=SimpleNamespace(prepared=()))
+    onsets = [(100 * k + 1, e.direction) for k, e in enumerate(events)] if slow else []
+    view = SimpleNamespace(time=np.arange(0.0, len(torques), 0.01), onsets=onsets)
+    return SimpleNamespace(
+        best=SimpleNamespace(model=model, starts=()), data=SimpleNamespace(prepared=(), views=(view,))
+    )
 
 
 @pytest.mark.parametrize(
@@ -34,6 +39,10 @@ def test_a_hub_that_breaks_away_at_another_torque_than_the_models_is_told(monkey
     said = notes.break_aways(with_break_aways(monkeypatch, torques))
     assert len(said) == bool(told)
     assert all(part in said[0] for part in told)
+
+
+def test_a_hub_that_only_was_slow_breaks_away_nowhere(monkeypatch):
+    assert notes.break_aways(with_break_aways(monkeypatch, [0.088, 0.087], slow=False)) == []
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,10 @@ def settled(
     left = min(bench.misfit(c.fit.residual) for c in refined)
     if left > verdict.LEAST_SHARE * bench.misfit(base.residual):
         # A group that fits badly weighs little, so that a fit can settle with it: the other way is gone to the end too.
-        others = [fitted(bench, base, c, _anew(c.fit)) for c in contenders]
+        goals = [c.fit.cost for c in refined]
+        others = [
+            fitted(bench, base, c, _anew(c.fit), goal) for c, goal in zip(contenders, goals, strict=True)
+        ]
         refined = [min(pair, key=lambda c: c.fit.cost) for pair in zip(refined, others, strict=True)]
     return simplest_first(refined + rest)
 
@@ -76,10 +79,12 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     return [closest, *sorted(rest, key=lambda c: -c.score)]
 
 
-def fitted(bench: Workbench, base: Fit, candidate: Candidate, first: np.ndarray) -> Candidate:
-    """The candidate fitted with everything free, from these values (p)."""
+def fitted(
+    bench: Workbench, base: Fit, candidate: Candidate, first: np.ndarray, goal: float = np.inf
+) -> Candidate:
+    """The candidate fitted with everything free, from these values (p); given up where it stays dearer than `goal`."""
     before = candidate.fit
-    result = fit.minimise(bench, before.model, before.starts, before.unknowns, first, None, LONG)
+    result = fit.minimise(bench, before.model, before.starts, before.unknowns, first, None, LONG, goal=goal)
     return Candidate(candidate.effects, result, search.gain(bench, base, result))
 
 

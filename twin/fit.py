@@ -26,6 +26,7 @@ MEMORY = 0.25
 CORRELATION = 0.05
 """Span over which a misfit is taken as one piece of evidence while fitting [s]."""
 _TRIALS, _SECANTS = 5, 4  # trials of a step with a new Jacobian; steps with one that was put right
+_PACE = 3.0  # times what the last iteration gained that those to come may gain
 _FEWEST = 4  # readings that make a channel
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
 _REACH = 3.0  # standard deviations by which a declared parameter may be off
@@ -471,6 +472,7 @@ def minimise(
     iterations: int = 8,
     tolerance: float = 0.05,
     report: Callable[[str], None] = lambda text: None,
+    goal: float = np.inf,
 ) -> Fit:
     """Levenberg-Marquardt on the groups' losses, each group weighted by its own size.
 
@@ -487,6 +489,7 @@ def minimise(
       iterations: at most so many.
       tolerance: a step that gains less than this in cost is the last.
       report: told of every iteration.
+      goal: cost that it is worth going on for: given up is what would not get there at three times its pace.
     """
     unknowns = tuple(unknowns)
     x = np.array([u.start for u in unknowns]) if values is None else np.array(values, dtype=float)
@@ -508,6 +511,8 @@ def minimise(
                 break
         report(f"iteration {iteration + 1}: cost {at.cost:.1f}")
         if before - at.cost < enough:
+            break
+        if at.cost - _PACE * (before - at.cost) * (iterations - 1 - iteration) > goal:
             break
     x, r, cost = at.x, at.residual, at.cost
     size = bench.sizes(r)

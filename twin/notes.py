@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from twin import breakaway, planar, timing, traces, verdict
+from twin.breakaway import BreakAway
 from twin.campaign import Campaign
 from twin.diagnosis import Prediction
 from twin.fit import ASSUMED_UNCERTAINTY
@@ -21,6 +22,7 @@ _FAR = 30.0  # noise levels by which a prediction may change with a tiny change 
 _STUCK = (
     0.15  # relative error of the static friction, three times what the instants of the break-aways leave open
 )
+_BESIDE = 0.03  # s between two readings of the instant of one break-away
 _ASTRAY = 10.0  # times what can be predicted that a held-out recording may be off
 
 
@@ -130,7 +132,8 @@ def _taken_back(found: Found) -> list[str]:
 def break_aways(found: Found) -> list[str]:
     """Directions in which the hub breaks away at another torque than the model's: all else may be explained yet."""
     best = found.best
-    events = breakaway.find(best.model, found.data.prepared, best.starts)
+    # Out of a long rest, under a torque that grows slowly: elsewhere the hub may only have been slow.
+    events = [e for e in breakaway.find(best.model, found.data.prepared, best.starts) if _at_onset(found, e)]
     told = []
     for direction, where in ((1, "forwards"), (-1, "backwards")):
         seen = [(abs(e.torque), e.angle) for e in events if e.direction == direction]
@@ -144,6 +147,11 @@ def break_aways(found: Found) -> list[str]:
         f"The hub breaks away {' and '.join(told)}. So few instants decide nothing: record slow ramps of torque, both "
         "ways."
     ]
+
+
+def _at_onset(found: Found, event: BreakAway) -> bool:
+    view = found.data.views[event.recording]
+    return any(abs(view.time[k] - event.time) < _BESIDE for k, _ in view.onsets)
 
 
 def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:

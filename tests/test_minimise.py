@@ -1,0 +1,61 @@
+"""The optimiser of the fits, on a residual whose least cost is known."""
+
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin import chain, fit
+from twin.evidence import Group
+from twin.fit import Unknown, Workbench
+from twin.model import Model, Start
+from twin.rigs import preset
+
+TRUE = 0.1  # N m^2, far from where the fit starts
+ROWS = 100
+
+
+class Curved:
+    """One recording whose residual bends: of 60 noise levels where the fit starts, none at the true stiffness."""
+
+    prepared = (SimpleNamespace(channels=("strain_base",)),)
+    groups = blocks = (Group(0, "strain_base", slice(0, ROWS)),)
+    weight = np.ones(ROWS)
+
+    def counts(self):
+        return np.array([float(ROWS)])
+
+    def residual(self, model, i, start):
+        off = np.log(model.rig["bending_stiffness"] / TRUE)
+        return {"strain_base": 60.0 * np.tanh(off) * np.ones(ROWS)}
+
+
+def fitted(goal):
+    """The fit, and the costs of its iterations."""
+    rig = preset("bossi2009")
+    model, told = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3), []
+    unknown = Unknown("rig", "bending_stiffness", 0.25, 1e-3, False, (0.01, 1.0))
+    with ThreadPoolExecutor(1) as pool:
+        bench = Workbench(Curved(), pool)
+        found = fit.minimise(
+            bench, model, (Start(),), (unknown,), iterations=12, report=told.append, goal=goal
+        )
+    return found, told
+
+
+def test_the_least_cost_is_found():
+    found, _ = fitted(np.inf)
+    assert found.model.rig["bending_stiffness"] == pytest.approx(TRUE, rel=1e-3)
+
+
+def test_what_may_still_come_to_its_goal_goes_on_to_the_end():
+    found, told = fitted(np.inf)
+    again, as_long = fitted(found.cost + 1.0)
+    assert again.cost == found.cost
+    assert as_long == told
+
+
+def test_what_will_not_come_to_its_goal_is_given_up():
+    _, told = fitted(-1e6)
+    assert len(told) == 1
