@@ -179,3 +179,13 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     exact = np.where(ahead, -LEVELS["coulomb_positive"], LEVELS["coulomb_negative"]).mean()
     assert mean == pytest.approx(exact, abs=1.5e-5)
     assert planar.hub_laws(twin.plant, time, angle, rate, nothing).max() == 0
+
+
+def test_a_break_away_torque_a_little_off_is_none_that_the_hub_slides_against():
+    # It would come free, stop at once, and come free again: such a run takes a thousand times as long.
+    rig = preset("bossi2009").replace(static_friction=0.02, coulomb_friction=0.02)
+    plain = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3)
+    less, more = plain.with_break_away(0.999).plant, plain.with_break_away(1.001).plant
+    assert (less.static_positive, less.static_negative) == (0.02, 0.02)
+    assert more.static_positive == pytest.approx(0.02002)
+    assert plain.with_break_away(1.001).plant.coulomb_positive == 0.02

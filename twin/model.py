@@ -172,6 +172,17 @@ class Model:
         changed.__dict__["plant"] = self.plant._replace(**changes)
         return changed
 
+    def with_break_away(self, share: float) -> Model:
+        """A model whose static levels are so many times as large: at least the Coulomb ones.
+
+        A hub that came free below what it slides against would stop at once, and come free again, without end.
+        """
+        p = self.plant
+        return self.with_plant(
+            static_positive=max(share * p.static_positive, p.coulomb_positive),
+            static_negative=max(share * p.static_negative, p.coulomb_negative),
+        )
+
     def drive(self, recording: Recording) -> Drive:
         """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
         limit = self.declared["torque_limit"]

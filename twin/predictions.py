@@ -51,10 +51,8 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
     """
     exact = [search.fine(m) for m in models]
     starts = [moving_start.first_state(m, prepared, pool) for m in models]
-    plant = exact[-1].plant
     for share in (1 - _NEARBY, 1 + _NEARBY):
-        levels = {name: share * getattr(plant, name) for name in ("static_positive", "static_negative")}
-        exact.append(exact[len(models) - 1].with_plant(**levels))
+        exact.append(exact[len(models) - 1].with_break_away(share))
         starts.append(starts[len(models) - 1])
     return list(
         pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), zip(exact, starts, strict=True))

@@ -125,7 +125,7 @@ def difference(
     one, other = run(first.model), run(second.model)
     if any(np.abs(r["hub_angle"]).max() > _TURN for r in (one, other)):
         return None
-    near = [run(_with_break_away(first.model, share)) for share in (1 - _NEARBY, 1 + _NEARBY)]
+    near = [run(first.model.with_break_away(share)) for share in (1 - _NEARBY, 1 + _NEARBY)]
     moves = [_Moves(e, at, run) for e, at in ((first, one), (second, other))]
     apart, slopes = {}, {}
     for channel, sigma in noise.items():
@@ -192,10 +192,3 @@ def loaded(model: Model, added_mass: float) -> Model:
         for name, values in model.effects.items()
     }
     return model.replace(declared=declared, effects=effects)
-
-
-def _with_break_away(model: Model, share: float) -> Model:
-    plant = model.plant
-    return model.with_plant(
-        static_positive=share * plant.static_positive, static_negative=share * plant.static_negative
-    )
