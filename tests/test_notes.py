@@ -8,6 +8,7 @@ import pytest
 from twin import notes
 from twin.breakaway import BreakAway
 from twin.diagnosis import ChannelError
+from twin.fit import Unknown
 
 STATIC = 0.065  # N m, of the model
 
@@ -62,6 +63,16 @@ def test_a_held_out_recording_that_is_missed_is_told(monkeypatch, role, after, r
     said = notes.astray(SimpleNamespace(), predictions)
     assert len(said) == told
     assert all("slew.csv was held out, and the hub angle is missed by 78 noise levels" in s for s in said)
+
+
+@pytest.mark.parametrize(("value", "told"), [(0.85, True), (0.84, False), (0.0, False)])
+def test_an_effect_at_the_end_of_its_range_is_told(value, told):
+    share = Unknown("torsional-mode", "inertia_share", 0.1, 0.01, False, (0.0, 0.85))
+    other = Unknown("rig", "damping_ratio", 0.02, 0.01, True, (0.0, 0.04))
+    best = SimpleNamespace(unknowns=(share, other), values=np.array([value, 0.04]))
+    said = notes.at_the_end(best, ["torsional-mode"])
+    assert len(said) == told
+    assert all("torsional-mode came to the end of its range (inertia_share 0.85)" in s for s in said)
 
 
 def test_what_is_outside_the_library_says_itself_that_it_is_missed(monkeypatch):

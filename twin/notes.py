@@ -10,7 +10,7 @@ from twin import breakaway, planar, timing, traces, verdict
 from twin.breakaway import BreakAway
 from twin.campaign import Campaign
 from twin.diagnosis import Prediction
-from twin.fit import ASSUMED_UNCERTAINTY
+from twin.fit import ASSUMED_UNCERTAINTY, Fit
 from twin.found import Found
 from twin.patch import HUB
 from twin.polish import Polished
@@ -22,6 +22,7 @@ _FAR = 30.0  # noise levels by which a prediction may change with a tiny change 
 _STUCK = (
     0.15  # relative error of the static friction, three times what the instants of the break-aways leave open
 )
+_END = 1e-3  # of the end of a range within which a number stands at it
 _BESIDE = 0.03  # s between two readings of the instant of one break-away
 _ASTRAY = 10.0  # times what can be predicted that a held-out recording may be off
 
@@ -47,6 +48,7 @@ def of(
         *_nameless(found),
         *drifts(behind, depends),
         *_taken_back(found),
+        *at_the_end(polished.augmented, found.names),
         *break_aways(found),
         *_unpredictable(predictions),
         *astray(found, predictions),
@@ -126,6 +128,21 @@ def _taken_back(found: Found) -> list[str]:
     return [
         f"{', '.join(first)} and {last} together follow what was measured, but how large either is cannot be told: "
         "each takes away what the other adds. They stand for something else and are not taken for its cause."
+    ]
+
+
+def at_the_end(best: Fit, names: Sequence[str]) -> list[str]:
+    """Effects of which a number would go on beyond what it may be, were it let: these stand for something else."""
+    told: dict[str, list[str]] = {}
+    for u, value in zip(best.unknowns, best.values, strict=True):
+        # A level of friction may be none at all.
+        ends = [end for end in u.bounds if end != 0 and abs(value - end) <= _END * abs(end)]
+        if u.owner in names and ends:
+            told.setdefault(u.owner, []).append(f"{u.name} {u.turned(value):.3g}")
+    return [
+        f"{name} came to the end of its range ({', '.join(numbers)}): it follows what was measured, but it may stand "
+        "for something else."
+        for name, numbers in told.items()
     ]
 
 
