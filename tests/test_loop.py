@@ -26,18 +26,25 @@ SEED = 4100
 # Not in four short recordings: a late reading of everything is a late drive, a soft clamp's value and the flanks of a
 # play are another engine's, and Stribeck's fall is loud in one recording alone, the slow ramp.
 LEFT_OPEN = ("sensor-delay", "root-compliance", "backlash", "stribeck-friction")
-# Viscous friction goes through the whole loop below; these are found as air drag, payload mass, tilt, delay and the
-# torque's gain are, which stay.
+# One of each kind goes through the search here: a friction, an angle's torque, a late drive, a line, the link's ways to
+# bend, a reading. Those that are found alike have their turn in the benchmark; viscous friction goes through the whole
+# loop below, a cable is known beside another, cogging is told from a hardening cable elsewhere.
 ALIKE = (
     "viscous-friction",
-    "air-pad-drag",
-    "stiffness-loss",
+    "position-dependent-friction",
+    "cable-torsion",
+    "cogging",
+    "torque-gain",
     "torque-bias",
     "actuator-lag",
+    "stiffness-loss",
+    "air-drag",
+    "air-pad-drag",
     "hub-sensor-gain",
+    "strain-gain",
 )
 # A slow ramp, on which every hub's break-away is followed, takes as long as all other recordings together.
-ON_FRICTION = ("asymmetric-friction", "position-dependent-friction")
+ON_FRICTION = ("asymmetric-friction",)
 
 
 def searched(folder, effects, seed, ramp=True):
@@ -141,9 +148,8 @@ def test_which_sensors_are_late_is_told_where_it_is_known_how_late(tmp_path):
     assert late == {"hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0}
 
 
-@pytest.mark.parametrize("seed", [4200, 4201])
-def test_nothing_is_named_where_nothing_is_missing(tmp_path, seed):
-    found = searched(tmp_path / "rig", {}, seed)
+def test_nothing_is_named_where_nothing_is_missing(tmp_path):
+    found = searched(tmp_path / "rig", {}, 4200)
     assert said(found) == "no-missing-effect"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
