@@ -11,6 +11,7 @@ import typer
 from twin.commands.shared import (
     COMPILING,
     CampaignFolder,
+    DeclaredRig,
     DiagnosisFolder,
     Force,
     JsonFile,
@@ -40,14 +41,7 @@ def diagnose(
     false_alarm_rate: Annotated[
         float, typer.Option(metavar="RATE", help="How often something may be found where nothing is missing.")
     ] = 0.01,
-    rig: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Parameter file (TOML) to declare the rig by, with the effects that it is known to have.",
-            show_default="as the campaign declares it",
-        ),
-    ] = None,
+    rig: DeclaredRig = None,
 ) -> None:
     """Find which physical effect a model lacks; write report, rerun recording and augmented model."""
     _diagnose(campaign, out, json_file, force, false_alarm_rate, rig)

@@ -11,6 +11,7 @@ import typer
 from twin.commands.shared import (
     COMPILING,
     CampaignFolder,
+    DeclaredRig,
     Force,
     IdentificationFolder,
     JsonFile,
@@ -39,14 +40,7 @@ def identify(
     ] = None,
     json_file: JsonFile = None,
     force: Force = False,
-    rig: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Parameter file (TOML) to declare the rig by, with the effects that it is known to have.",
-            show_default="as the campaign declares it",
-        ),
-    ] = None,
+    rig: DeclaredRig = None,
 ) -> None:
     """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
     from twin.campaign import files_of, read_campaign

@@ -42,6 +42,15 @@ JsonFile = Annotated[
 ]
 RIGS = "bossi2009, bossi2009-printed, or a parameter file (TOML)."
 RigOption = Annotated[str, typer.Option("--rig", metavar="NAME|FILE", help=RIGS)]
+DeclaredRig = Annotated[
+    Path | None,
+    typer.Option(
+        "--rig",
+        metavar="FILE",
+        help="Parameter file (TOML) to declare the rig by, with the effects that it is known to have.",
+        show_default="as the campaign declares it",
+    ),
+]
 DEFAULT_RIG = "bossi2009"
 DiagnosisFolder = Annotated[Path | None, _out_folder("diagnosis")]
 IdentificationFolder = Annotated[Path | None, _out_folder("identification")]
