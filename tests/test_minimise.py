@@ -19,7 +19,7 @@ ROWS = 100
 class Curved:
     """One recording whose residual bends: of 60 noise levels where the fit starts, none at the true stiffness."""
 
-    prepared = (SimpleNamespace(channels=("strain_base",)),)
+    prepared = (SimpleNamespace(channels=("strain_base",), recording=SimpleNamespace(duration=1.0)),)
     groups = blocks = (Group(0, "strain_base", slice(0, ROWS)),)
     weight = np.ones(ROWS)
 

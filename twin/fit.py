@@ -279,6 +279,8 @@ class Workbench:
             for i in range(len(self.prepared))
             if only is None or only == i
         ]
+        # The longest first, so that no processor waits for it at the end.
+        tasks.sort(key=lambda task: -self.prepared[task[1]].recording.duration)
         results = [np.zeros(len(self.weight)) for _ in jobs]
         for (index, i, _, _), parts in zip(tasks, self.pool.map(self._task, tasks), strict=True):
             for group in self.data.groups:
