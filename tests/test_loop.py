@@ -12,9 +12,10 @@ from twin import traces, waves
 from twin.calibration import calibrate
 from twin.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
-from twin.contenders import confirmed, freely_decided, seen_anew, settled
+from twin.contenders import calibrated_as_well, confirmed, freely_decided, seen_anew, settled
 from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
+from twin.fit import minimise
 from twin.patches import of_worst
 from twin.rigs import preset
 from twin.search import Candidate, at_peaks, explore, gain, tried
@@ -244,6 +245,18 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     assert choice.effects == right.effects
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]
     start.bench.defect = defect
+
+
+def test_what_a_calibration_that_stopped_short_would_gain_is_no_gain_of_an_effect(viscous):
+    start, right = viscous
+    unknowns, values = start.base.unknowns, start.base.values.copy()
+    values[[u.name for u in unknowns].index("hub_inertia")] *= 1.02
+    short = minimise(start.bench, start.base.model, start.base.starts, unknowns, values, iterations=0)
+    assert short.cost > start.base.cost + 20
+    better = calibrated_as_well(start.bench, short, right)
+    assert better is not None
+    assert better.cost == pytest.approx(start.base.cost, abs=0.5)
+    assert calibrated_as_well(start.bench, start.base, right) is None
 
 
 def test_noise_is_that_of_the_link_that_stands(viscous):

@@ -88,6 +88,18 @@ def fitted(
     return Candidate(candidate.effects, result, search.gain(bench, base, result))
 
 
+def calibrated_as_well(bench: Workbench, base: Fit, best: Candidate) -> Fit | None:
+    """The base fitted from where a candidate came to, if that takes away enough of its gain to matter; else None.
+
+    A calibration may have stopped short, of a recording that began in motion, say. Whatever is added to it goes on
+    from there, and gains what calibration alone would have.
+    """
+    first = search.first_values(base.unknowns, base.model, base, best.fit)
+    goal = base.cost - verdict.decisive(best.score)
+    again = fit.minimise(bench, base.model, base.starts, base.unknowns, first, None, LONG, goal=goal)
+    return again if again.cost < goal else None
+
+
 def _anew(before: Fit) -> np.ndarray:
     """The values (p) of a fit, declared parameters as declared: without the effect they had to stand in for it."""
     return np.array(

@@ -159,6 +159,10 @@ def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple
     # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
     if ranked and ranked[0].score > verdict.LEAST_SCORE:
         ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
+        better = contenders.calibrated_as_well(bench, current, ranked[0])
+        if better is not None:
+            progress("looking again beside a better calibration")
+            return one_more(with_best(found, better), progress, false_alarm_rate)
     ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, least)
     found = replace(
         found,
