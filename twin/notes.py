@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin import breakaway, planar, timing, traces, verdict
-from twin.breakaway import BreakAway
+from twin import releases, timing, traces, verdict
 from twin.campaign import Campaign
 from twin.diagnosis import Prediction
 from twin.fit import ASSUMED_UNCERTAINTY, Fit
@@ -15,7 +14,9 @@ from twin.found import Found
 from twin.patch import HUB
 from twin.polish import Polished
 from twin.report.display import named
+from twin.rest_run import RestRun
 from twin.traces import Unexplained
+from twin.view import View
 
 _MUCH = 0.2  # share of what is left that one parameter's change explains, from which it is told
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
@@ -150,13 +151,16 @@ def break_aways(found: Found) -> list[str]:
     """Directions in which the hub breaks away at another torque than the model's: all else may be explained yet."""
     best = found.best
     # Out of a long rest, under a torque that grows slowly: elsewhere the hub may only have been slow.
-    events = [e for e in breakaway.find(best.model, found.data.prepared, best.starts) if _at_onset(found, e)]
+    runs = [
+        run
+        for i, run in releases.runs(found.data, best.model, best.starts)
+        if run.is_slow and _at_onset(found.data.views[i], run)
+    ]
     told = []
     for direction, where in ((1, "forwards"), (-1, "backwards")):
-        seen = [(abs(e.torque), e.angle) for e in events if e.direction == direction]
-        levels = [planar.static_level(best.model.plant, angle, direction) for _, angle in seen]
-        torques = [torque for torque, _ in seen]
-        if seen and abs(np.median(np.array(torques) / levels) - 1) > _STUCK:
+        torques = np.array([run.borne[0] for run in runs if run.direction == direction])
+        levels = np.array([run.level for run in runs if run.direction == direction])
+        if len(torques) and abs(np.median(torques / levels) - 1) > _STUCK:
             told.append(f"at {np.median(torques):.2g} N m {where} (the model: {np.median(levels):.2g} N m)")
     if not told:
         return []
@@ -166,9 +170,8 @@ def break_aways(found: Found) -> list[str]:
     ]
 
 
-def _at_onset(found: Found, event: BreakAway) -> bool:
-    view = found.data.views[event.recording]
-    return any(abs(view.time[k] - event.time) < _BESIDE for k, _ in view.onsets)
+def _at_onset(view: View, run: RestRun) -> bool:
+    return any(abs(view.time[k] - run.end_of_rest) < _BESIDE for k, _ in view.onsets)
 
 
 def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:

@@ -7,14 +7,13 @@ enters: what the link does until then follows from the measured hub, and the run
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from twin.driven import DrivenData
 from twin.model import Model, Start
-from twin.observe import BEFORE_ONSET
 from twin.rest_run import INSTANT, RestRun
 from twin.view import move
 
@@ -62,17 +61,23 @@ def levels(data: DrivenData, model: Model, starts: Sequence[Start]) -> dict[int,
 def releases(data: DrivenData, model: Model, starts: Sequence[Start]) -> list[Release]:
     """The static level at the end of each rest that tells it; the model's other numbers are taken as true."""
     read = []
+    for i, run in runs(data, model, starts):
+        level = _level(run)
+        if level is not None:
+            read.append(Release(i, run.end_of_rest, run.direction, level))
+    return read
+
+
+def runs(data: DrivenData, model: Model, starts: Sequence[Start]) -> Iterator[tuple[int, RestRun]]:
+    """Each rest that ends, with the index of its recording; the link moves as the measured hub has moved it."""
     for i, (prepared, view, start) in enumerate(zip(data.prepared, data.views, starts, strict=True)):
         if prepared.hub is None:
             continue
         motion, _ = move(view, prepared, model, start)
         for onset, direction in prepared.hub.onsets:
             run = RestRun.of(model, prepared, motion, onset, direction)
-            level = _level(run) if run is not None else None
-            if level is not None:
-                last = float(prepared.recording.time[onset - BEFORE_ONSET])
-                read.append(Release(i, last, direction, level))
-    return read
+            if run is not None:
+                yield i, run
 
 
 def together(seen: Sequence[Level]) -> Level:

@@ -41,7 +41,7 @@ class RestRun:
       state: angles and rates of the plant at the first.
       end: index of the last at rest.
       direction: in which it comes free.
-      raised: by which the level there exceeds the plant's own [N m].
+      level: of the model's static friction there, in that direction [N m].
     """
 
     model: Model
@@ -52,7 +52,7 @@ class RestRun:
     state: tuple[np.ndarray, np.ndarray]
     end: int
     direction: int
-    raised: float
+    level: float
 
     @staticmethod
     def of(model: Model, prepared: Prepared, motion: Motion, onset: int, direction: int) -> RestRun | None:
@@ -74,7 +74,6 @@ class RestRun:
         plant = planar.closed(model.plant)
         angles, rates = (planar.extended(plant, values[row]) for values in motion.state())
         resting = model.hub_angle_of(hub.reading, time)[rows[0]]
-        own = plant.static_positive if direction > 0 else plant.static_negative
         return RestRun(
             model,
             prepared,
@@ -84,8 +83,19 @@ class RestRun:
             (angles + resting - angles[0], rates - rates[0]),
             int((rows <= last).sum()),
             direction,
-            float(planar.static_level(plant, resting, direction) - own),
+            float(planar.static_level(plant, resting, direction)),
         )
+
+    @property
+    def end_of_rest(self) -> float:
+        """The last instant at which the hub surely rested [s]."""
+        return float(self.time[self.end])
+
+    @property
+    def raised(self) -> float:
+        """By which the level there exceeds the plant's own [N m]."""
+        own = self.plant.static_positive if self.direction > 0 else self.plant.static_negative
+        return self.level - own
 
     @property
     def coulomb(self) -> float:
