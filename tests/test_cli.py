@@ -284,8 +284,11 @@ def test_a_patch_is_written_with_its_gain_and_gone_when_there_is_none(tmp_path, 
     lines = (tmp_path / "patch.csv").read_text().splitlines()
     assert lines[0] == "hub_angle,added_to_hub_torque,samples"
     assert lines[1] == "-1,0.01,100"
-    written = json.loads((tmp_path / ANSWER).read_text())["patch"]
-    assert written["errors"][file]["hub_angle"] == {"without": 0.02, "with": 0.005}
+    written = json.loads((tmp_path / ANSWER).read_text())
+    assert written["patch"]["errors"][file]["hub_angle"] == {"without": 0.02, "with": 0.005}
+    assert written["errors"][file]["hub_angle"]["patched"] == 0.005
+    assert "patched" not in written["errors"][file]["strain_base"]
     assert "A patch, not physics" in (tmp_path / "report.html").read_text()
     deliver(answer, {}, tmp_path)
+    assert "patched" not in (tmp_path / ANSWER).read_text()
     assert not (tmp_path / "patch.csv").exists()

@@ -12,7 +12,8 @@ import pytest
 import synthetic_diagnosis as synthetic
 from rich.console import Console
 
-from twin.diagnosis import ChannelError, Trace
+from twin.diagnosis import ChannelError, Patched, Trace
+from twin.patch import Patch
 from twin.report import display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
 from twin.report.figures import JoinedTime, compress, other_variables_figure, recording_figure, trace_figure
@@ -398,6 +399,18 @@ def test_summary_names_verdict_and_errors(verdict):
     assert "multisine.csv" not in text
     assert "out/report.html" in text
     assert "\x1b" not in text
+
+
+def test_what_a_patch_gains_stands_beside_the_models_that_have_none():
+    odd = synthetic.outside(duration=0.5)
+    file = next(iter(display.judged(odd)))
+    lookup = Patch("strain_base", "strain_base", np.linspace(-1e-3, 1e-3, 8), np.zeros(8), np.full(8, 100))
+    noise = odd.predictions[file].errors["strain_base"].noise
+    patched = Patched(lookup, "1", {file: {"strain_base": (8 * noise, 3.21 * noise)}})
+    assert "with patch" not in summary(odd)
+    text = summary(replace(odd, patched=patched))
+    assert "with patch" in text
+    assert [line for line in text.splitlines() if "base strain " in line and "3.2" in line]
 
 
 def test_columns_are_aligned(diagnosis):

@@ -136,6 +136,10 @@ class Patched:
     unit: str
     errors: Mapping[str, Mapping[str, tuple[float, float]]]
 
+    def error(self, file: str, channel: str) -> float:
+        """Root-mean-square error of a channel of a held-out file with the lookup, SI; NaN of any other file."""
+        return self.errors.get(file, {}).get(channel, (math.nan, math.nan))[1]
+
     def to_json(self) -> dict[str, Any]:
         """Returns it as plain values."""
         return {
@@ -226,7 +230,7 @@ class Diagnosis:
                 name: {"declared": c.declared, "fitted": c.fitted, "standard_error": c.standard_error}
                 for name, c in self.calibrated.items()
             },
-            "errors": {file: _errors_json(p) for file, p in self.predictions.items()},
+            "errors": {file: _errors_json(file, p, self.patched) for file, p in self.predictions.items()},
             "threshold": self.threshold,
             "false_alarm_rate": self.false_alarm_rate,
             "by_chance": self.by_chance,
@@ -242,7 +246,7 @@ def _values_json(effect: KnownEffect) -> dict[str, Any]:
     return {"parameters": dict(effect.parameters), "standard_errors": dict(effect.standard_errors)}
 
 
-def _errors_json(prediction: Prediction) -> dict[str, Any]:
+def _errors_json(file: str, prediction: Prediction, patched: Patched | None) -> dict[str, Any]:
     rows: dict[str, Any] = {"role": prediction.role}
     for channel, error in prediction.errors.items():
         rows[channel] = {
@@ -253,4 +257,7 @@ def _errors_json(prediction: Prediction) -> dict[str, Any]:
             "reach": error.reach if math.isfinite(error.reach) else None,
             "unit": CHANNEL_UNITS[channel],
         }
+        with_patch = patched.error(file, channel) if patched else math.nan
+        if math.isfinite(with_patch):
+            rows[channel]["patched"] = with_patch
     return rows

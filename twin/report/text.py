@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from twin.diagnosis import ChannelError, Diagnosis, Prediction
+from twin.diagnosis import Diagnosis, Patched, Prediction
 from twin.report import display
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     if diagnosis.predictions:
         what = "held-out recordings" if display.by_role(diagnosis, "holdout") else "fit recordings"
         parts += [line(""), line(f"Error on {what}, in multiples of the sensor noise", "dim")]
-        parts.append(_errors_table(display.judged(diagnosis), plain))
+        parts.append(_errors_table(display.judged(diagnosis), diagnosis.patched, plain))
     parts += [line(text) for text in _afterwards(diagnosis)]
     return Group(*parts)
 
@@ -113,20 +113,26 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
     return table
 
 
-def _errors_table(predictions: Mapping[str, Prediction], plain: bool) -> Table:
-    table = _table(plain, "recording", "channel", *(f">{model}" for model in display.MODELS), ">noise")
+def _errors_table(predictions: Mapping[str, Prediction], patched: Patched | None, plain: bool) -> Table:
+    corrected = patched if patched and patched.errors else None
+    models = (*display.MODELS, *(["with patch"] if corrected else []))
+    table = _table(plain, "recording", "channel", *(f">{model}" for model in models), ">noise")
     for file, prediction in predictions.items():
         for i, (name, error) in enumerate(prediction.errors.items()):
             shown = display.channel(name)
             noise = f"{display.number(shown.factor * error.noise, 2)} {shown.unit}"
-            models = (_cell(error, model, shown) for model in display.MODELS)
-            _row(table, plain, file if i == 0 else "", shown.label, *models, noise)
+            errors = [getattr(error, model) for model in display.MODELS]
+            if corrected:
+                errors.append(corrected.error(file, name))
+            cells = (_cell(value, error.noise, shown) for value in errors)
+            _row(table, plain, file if i == 0 else "", shown.label, *cells, noise)
     return table
 
 
-def _cell(error: ChannelError, model: str, shown: display.Shown) -> str:
-    value = getattr(error, model)
-    over = display.over_noise(value, error.noise)
+def _cell(value: float, noise: float, shown: display.Shown) -> str:
+    if value != value:
+        return ""
+    over = display.over_noise(value, noise)
     # Without a noise level the error itself, in its unit.
     known = over == over
     return display.ratio(over) if known else f"{display.number(shown.factor * value, 2)} {shown.unit}"
