@@ -220,8 +220,13 @@ def with_errors(found: Found, sound: Workbench) -> Found:
 
 
 def _sure(bench: Workbench, best: Fit) -> Fit:
-    """The fit with its slopes where it stands, and honest errors."""
+    """The fit where its slopes along its ridge take it, and honest errors.
+
+    Where nothing but declarations tells how large all inertias and stiffnesses are, a search creeps and stops short.
+    """
     smooth, by_roughness = ridge.looked_along(bench, best)
+    if ridge.promised(bench, smooth) > ridge.WORTH:
+        smooth, by_roughness = ridge.looked_along(bench, ridge.refined(bench, smooth))
     sure = disagreement.sure(bench, smooth)
     return replace(sure, covariance=sure.covariance + by_roughness)
 

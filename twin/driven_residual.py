@@ -14,8 +14,15 @@ from twin.view import LEFT_OUT, View, before_end, move, whitened
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
-    """Name -> (m) what is `missing`, as `white`."""
-    return white(missing(view, prepared, model, start), view)
+    """Name -> (m) what is `missing`, as `white`.
+
+    The balance of the hub stands in the unit of the command, which is known exactly: in newton metres, it would be the
+    smaller the smaller the rig and all that drives it were taken to be.
+    """
+    parts = white(missing(view, prepared, model, start), view)
+    if "hub_torque" in parts:
+        parts["hub_torque"] = parts["hub_torque"] / model.torque_gain
+    return parts
 
 
 def white(left: dict[str, np.ndarray], view: View) -> dict[str, np.ndarray]:

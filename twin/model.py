@@ -194,6 +194,14 @@ class Model:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
 
+    @property
+    def torque_gain(self) -> float:
+        """Torque that is delivered for one that is commanded [1], whatever else is added to it."""
+        steps = Drive(np.arange(2.0), np.arange(2.0))
+        for name, p in self.effects.items():
+            steps = REGISTRY[name].drive(steps, p)
+        return float(np.diff(steps.torque)[0])
+
     def read_torque(self, recording: Recording) -> np.ndarray:
         """Delivered torque at the samples of a recording: a card reads it as it puts its commands out."""
         return self.drive(recording).at(recording.commanded_at + self.late)

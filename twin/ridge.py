@@ -15,7 +15,9 @@ import numpy as np
 from twin import fit
 from twin.fit import Fit, Workbench
 
-_ROUNDS = 2
+_ROUNDS = 3
+WORTH = 0.02
+"""Gain in cost that is worth a step: what is a fifth of a standard error away costs that much."""
 _NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
 _HALVES = 3  # times that a step which makes things worse is halved
 _CLIFF = 10.0
@@ -25,14 +27,23 @@ _OF_SMALLER = 1.0 + 0.5 * np.sqrt(2.0)
 
 
 def refined(bench: Workbench, base: Fit) -> Fit:
-    """The fit taken further by Gauss-Newton steps; its covariance is the inverse of the information there."""
+    """The fit taken to its end by Gauss-Newton steps; its covariance is the inverse of the information there."""
     # The bench may have changed since.
     [r] = bench.residuals([(base.model, base.starts, None)])
     base = _at(bench, base, base.values, r, base.covariance)
     for _ in range(_ROUNDS):
-        base = _stepped(bench, with_slopes(bench, base))
+        base = with_slopes(bench, base)
+        if promised(bench, base) < WORTH:
+            break
+        base = _stepped(bench, base)
     information, _ = fit.normal_equations(bench, base)
     return _at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
+
+
+def promised(bench: Workbench, base: Fit) -> float:
+    """Gain in cost that a Gauss-Newton step from a fit promises."""
+    information, gradient = fit.normal_equations(bench, base)
+    return 0.5 * float(gradient @ np.linalg.pinv(information, hermitian=True) @ gradient)
 
 
 def with_slopes(bench: Workbench, base: Fit) -> Fit:
@@ -50,12 +61,12 @@ def looked_along(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
     read at the instants of its steps is late by a sample more, bounds a value and makes it no less certain; slopes are
     those of the other side then.
     """
-    information, gradient = fit.normal_equations(bench, base)
-    axes, ends = _axes(base, information)
+    axes, ends = _axes(base, fit.normal_equations(bench, base)[0])
     # The residual where it stands may be of other data than these.
     *found, here = _residuals(bench, base, [*ends, base.values])
-    level = fit.cost_of(bench, base.unknowns, base.values, here)
-    rises = [fit.cost_of(bench, base.unknowns, x, r) - level for x, r in zip(ends, found, strict=True)]
+    base = _at(bench, base, base.values, here, base.covariance)
+    information, gradient = fit.normal_equations(bench, base)
+    rises = [fit.cost_of(bench, base.unknowns, x, r) - base.cost for x, r in zip(ends, found, strict=True)]
     moves = [x - base.values for x in ends]
     parabola = [gradient @ m + 0.5 * m @ information @ m for m in moves]
     off = np.abs(np.array(rises) - parabola).reshape(-1, 2)
