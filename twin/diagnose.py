@@ -21,6 +21,7 @@ from twin import (
     planning,
     polish,
     predictions,
+    rather_named,
     reconsider,
     ridge,
     search,
@@ -118,7 +119,13 @@ def find(
         other = asked(with_errors(other, other.bench), other.bench, false_alarm_rate)
         if verdict.unexplained(other):
             return other
-    return asked(with_whole_orders(found, sound), sound, false_alarm_rate)
+    found = asked(with_whole_orders(found, sound), sound, false_alarm_rate)
+    named = rather_named.instead(found)
+    if named is None:
+        return found
+    named = with_whole_orders(with_errors(named, named.bench), named.bench)
+    named = asked(named, named.bench, false_alarm_rate)
+    return found if verdict.unexplained(named) else named
 
 
 def asked(found: Found, sound: Workbench, false_alarm_rate: float) -> Found:

@@ -1,0 +1,55 @@
+"""An effect goes before a function without a name that explains no more.
+
+What is small may be too little to be told from a model's own error by its size, and yet be a smooth function of one
+variable wherever that comes back. Then something is missing for sure, and which of the two it is, is a matter of how
+much likelier they make the recordings, each number that was fitted at its price: those of an effect, and how large and
+how smooth a function is.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+
+from twin import contenders, search, verdict
+from twin.found import Found
+
+_FITTED = 2  # numbers that a function was fitted by: its size and its smoothness
+
+
+def instead(found: Found) -> Found | None:
+    """What was found with the effect that explains as much as the function that has no name; None without one.
+
+    Args:
+      found: all of whose recordings are explained but for such a function, if any.
+    """
+    smooth = verdict.nameless(found)
+    if smooth is None or verdict.too_large(found) or not _left(found):
+        return None
+    least = max(smooth.evidence - search.price(_FITTED, found.bench), found.by_chance[-1])
+    # What was not worth adopting was only fitted quickly.
+    ranked = contenders.settled(found.bench, found.best, found.rounds[-1])
+    choice = ranked[0]
+    if choice.score < least or verdict.elsewhere(found.bench, found.best, choice) <= 0:
+        return None
+    bench = copy(found.bench)
+    fine = contenders.on_fine_chain(bench, choice.fit)
+    choice = replace(choice, fit=fine, score=search.gain(bench, found.best, fine))
+    if choice.score < least:
+        return None
+    bench, seen = contenders.seen_anew(bench, found.best, fine)
+    return replace(
+        found,
+        adopted=(*found.adopted, replace(choice, fit=seen)),
+        rounds=(*found.rounds[:-1], (choice, *ranked[1:])),
+        thresholds=(*found.thresholds[:-1], least),
+        benches=(*found.benches, bench),
+    )
+
+
+def _left(found: Found) -> bool:
+    """Whether the last round has candidates that were fitted and not adopted."""
+    if len(found.rounds) == len(found.adopted) or not found.rounds[-1]:
+        return False
+    best = found.rounds[-1][0]
+    return best.score > 0 and best.effects[-1] in best.fit.model.effects
