@@ -1,6 +1,7 @@
 """Friction of the hub as recordings show it: static levels where rests end, both levels where it turns round."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,21 @@ def test_static_levels_are_read_to_some_parts_in_ten_thousand(ramps):
     for direction, name in ((1, "static_positive"), (-1, "static_negative")):
         assert found[direction].value == pytest.approx(LEVELS[name], rel=1.5e-3)
         assert found[direction].error < 2e-3 * LEVELS[name]
+
+
+def test_a_link_that_swings_on_makes_a_static_level_less_sure(ramps, monkeypatch):
+    """What the noise of a hub in motion does to the modelled link pulls at the hub that rests behind it."""
+    data, twin, starts = ramps
+    [view] = data.views
+    first, second = [view.time[k] for k, _ in view.onsets]
+    before, between = view.time < first - 0.1, (view.time > second - 0.3) & (view.time < second - 0.1)
+    assert view.pull[before].max() < 1e-9
+    assert 5e-6 < view.pull[between].min() <= view.pull[between].max() < 5e-4
+    quiet = releases.levels(data, twin, starts)
+    monkeypatch.setattr(data, "views", (replace(view, pull=np.full(len(view.time), 1e-3)),))
+    for direction, level in releases.levels(data, twin, starts).items():
+        assert quiet[direction].error < 2e-4
+        assert level.error == pytest.approx(1e-3, rel=0.02)
 
 
 def test_a_play_makes_static_levels_less_sure(tmp_path):

@@ -69,7 +69,8 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     even, swing = evened(view, swings, torque)
     ringing_of = {"hub_torque": swing, **swinging_strains(view, model, swings)}
     view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
-    view = replace(view, swell=swell(view, prepared, model))
+    louder, pull = swell(view, prepared, model)
+    view = replace(view, swell=louder, pull=pull)
     moved, _ = move(view, prepared, model, prepared.start)
     leaving = departures.events(prepared, model, moved)
     _, departing = departures.residual(view.time, prepared, model, moved, leaving)

@@ -14,8 +14,8 @@ import numpy as np
 
 from twin.driven import DrivenData
 from twin.model import Model, Start
-from twin.rest_run import INSTANT, RestRun
-from twin.view import move
+from twin.rest_run import BEFORE, INSTANT, REST, RestRun
+from twin.view import View, move
 
 _LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
 _STEPS = 41  # levels that are tried, twice
@@ -62,7 +62,7 @@ def releases(data: DrivenData, model: Model, starts: Sequence[Start]) -> list[Re
     """The static level at the end of each rest that tells it; the model's other numbers are taken as true."""
     read = []
     for i, run in runs(data, model, starts):
-        level = _level(run)
+        level = _level(run, _pull(data.views[i], run.end_of_rest))
         if level is not None:
             read.append(Release(i, run.end_of_rest, run.direction, level))
     return read
@@ -91,8 +91,18 @@ def together(seen: Sequence[Level]) -> Level:
     return Level(value, float(1 / np.sqrt(weights.sum())))
 
 
-def _level(run: RestRun) -> Level | None:
-    """The level at which a run follows the rig; None where none does, or the torque that friction bore jumped."""
+def _pull(view: View, end: float) -> float:
+    """Standard deviation of the link's pull at the hub in the rest that ends at an instant [N m]."""
+    rest = (view.time > end - REST) & (view.time < end - BEFORE)
+    return float(np.sqrt(np.mean(view.pull[rest] ** 2)))
+
+
+def _level(run: RestRun, pull: float) -> Level | None:
+    """The level at which a run follows the rig; None where none does, or the torque that friction bore jumped.
+
+    A link that swings on pulls at the hub by a little more or less than the measured hub has moved it to, by `pull`
+    [N m].
+    """
     if not run.is_slow:
         return None
     torque, slope = run.borne
@@ -112,7 +122,7 @@ def _level(run: RestRun) -> Level | None:
     # Commands rise by stairs: between two of them all levels are alike.
     error = max(float(np.ptp(likely)) / np.sqrt(12), 2 * half / (_STEPS - 1))
     slips = _SLIPS * centre if run.model.plant.gap > 0 else 0.0
-    return Level(centre, float(np.linalg.norm([error, slope * INSTANT, slips])))
+    return Level(centre, float(np.linalg.norm([error, slope * INSTANT, slips, pull])))
 
 
 def _cost(run: RestRun, level: float) -> float:

@@ -18,8 +18,11 @@ from twin.observe import BEFORE_ONSET
 from twin.planar import STUCK
 from twin.recording import Recording
 
-_REST = 0.2  # s before a break-away in which the hub has to rest
-_BEFORE, _BEHIND = 0.06, 0.06  # s about a break-away that are run, from beyond the reach of the filter
+REST = 0.2
+"""Span before a break-away in which the hub has to rest [s]."""
+BEFORE = 0.06
+"""Span before a break-away from which on it is run, from beyond the reach of the filter [s]."""
+_BEHIND = 0.06  # s behind it that are run, too
 _FEWEST = 8  # readings behind the break-away that tell its instant
 INSTANT = 5e-4
 """To which a model tells when a hub came free, noise apart [s]."""
@@ -61,10 +64,10 @@ class RestRun:
         assert hub is not None
         time, last = recording.time, onset - BEFORE_ONSET
         end = time[max(last, 0)]
-        rest = (time > end - _REST) & (time <= end)
-        if time[0] > end - _REST or not (hub.tight[rest] == STUCK).all():
+        rest = (time > end - REST) & (time <= end)
+        if time[0] > end - REST or not (hub.tight[rest] == STUCK).all():
             return None
-        row = int(np.searchsorted(motion.time, end - _BEFORE))
+        row = int(np.searchsorted(motion.time, end - BEFORE))
         again = np.flatnonzero((time > end) & (time < end + _BEHIND) & (hub.observed == STUCK))
         known = np.isfinite(recording["hub_angle"])
         rows = np.flatnonzero((time > motion.time[row]) & (time < end + _BEHIND) & known)

@@ -45,6 +45,8 @@ class View:
       ringing: name -> what the noise of the hub angle does to it by way of a ringing link; empty where the hub is
         clamped.
       swell: name -> (m) size of the noise in that of the quiet stretches; empty where the hub is clamped.
+      pull: (m) standard deviation of the torque with which the link pulls at the hub, by the noise of the hub's angle
+        in the motion before [N m].
       moves: what the link did in the last simulations, by what it depends on.
     """
 
@@ -65,6 +67,7 @@ class View:
     holes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     departures: tuple[departures.Event, ...] = ()
     departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
+    pull: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
 

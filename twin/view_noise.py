@@ -45,23 +45,27 @@ def propagated(prepared: Prepared, view: View, model: Model) -> tuple[dict[str, 
         return sensor_noise(prepared, hub), low_passed(torque_moved - torque, GRID)
 
 
-def swell(view: View, prepared: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Name -> (m) size of the noise, in that of the quiet stretches.
+def swell(view: View, prepared: Prepared, model: Model) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Name -> (m) size of the noise, in that of the quiet stretches; and the deviation (m) of the link's pull [N m].
 
     All else takes what noise of the hub angle does to the link as the same throughout. A link that bends far answers to
-    it several times as loudly, at other frequencies than those at which it rings: noises are tried.
+    it several times as loudly, at other frequencies than those at which it rings: noises are tried. A hub that rests
+    makes none, but the link that it moved before swings on.
     """
-    moving = view.direction != 0
+    moving, pulled = view.direction != 0, np.zeros(len(view.time))
     if not moving.any():
-        return {}
+        return {}, pulled
     generator = np.random.default_rng(1)
     plain = residual(view, prepared, model, prepared.start)
+    _, pull = move(view, prepared, model, prepared.start)
     squares = {name: np.zeros(len(view.time)) for name in view.ringing}
     for _ in range(_DRAWS):
-        noisy = residual(_shaken(view, prepared, generator, moving), prepared, model, prepared.start)
+        shaken = _shaken(view, prepared, generator, moving)
+        noisy = residual(shaken, prepared, model, prepared.start)
         squares = {name: s + (noisy[name] - plain[name]) ** 2 / _DRAWS for name, s in squares.items()}
+        pulled += (move(shaken, prepared, model, prepared.start)[1] - pull) ** 2 / _DRAWS
     known = {**view.known, "hub_torque": view.sliding}
-    return {name: _swelling(s, known[name], moving) for name, s in squares.items()}
+    return {name: _swelling(s, known[name], moving) for name, s in squares.items()}, np.sqrt(pulled)
 
 
 def _shaken(view: View, prepared: Prepared, generator: np.random.Generator, where: np.ndarray) -> View:
