@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from twin import rather_named
+from twin import notes, rather_named
 from twin.found import Found
 from twin.search import Candidate
 
@@ -17,7 +17,8 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     fit = SimpleNamespace(model=SimpleNamespace(effects={"cogging": {}}))
     bench = SimpleNamespace()
     candidate = Candidate(("cogging",), fit, score)
-    smooth = SimpleNamespace(evidence=evidence) if evidence else None
+    law = SimpleNamespace(variable="hub_angle")
+    smooth = SimpleNamespace(evidence=evidence, law=law) if evidence else None
     monkeypatch.setattr(rather_named.verdict, "nameless", lambda _: smooth)
     monkeypatch.setattr(rather_named.verdict, "too_large", lambda _: large)
     monkeypatch.setattr(rather_named.verdict, "elsewhere", lambda *_: elsewhere)
@@ -37,6 +38,9 @@ def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch
     assert found.names == ["cogging"]
     assert found.thresholds == (max(evidence - PRICE, BY_CHANCE),)
     assert len(found.benches) == 2
+    [said] = notes._instead(found)
+    assert f"cogging gains {score:.0f}, less than 30" in said
+    assert f"the hub angle makes the recordings e^{evidence:.0f} times likelier" in said
     assert found.rounds[0][0].score == found.adopted[0].score == score
 
 
@@ -60,4 +64,6 @@ def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch
     ],
 )
 def test_else_the_function_stays_without_a_name(monkeypatch, case):
-    assert rather_named.instead(explored(monkeypatch, **case)) is None
+    found = explored(monkeypatch, **case)
+    assert rather_named.instead(found) is None
+    assert notes._instead(found) == []

@@ -401,6 +401,12 @@ def test_summary_names_verdict_and_errors(verdict):
     assert "\x1b" not in text
 
 
+def test_an_effect_of_a_small_score_has_a_reason(diagnosis):
+    assert "what was adopted gains less" not in render(diagnosis)
+    small = replace(diagnosis, ranking=(("cable-torsion", 17.4),))
+    assert "what was adopted gains less" in render(small)
+
+
 def test_what_a_patch_gains_stands_beside_the_models_that_have_none():
     odd = synthetic.outside(duration=0.5)
     file = next(iter(display.judged(odd)))

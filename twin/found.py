@@ -27,6 +27,7 @@ class Found:
       draws: scores that chance gives, of each round, see `twin.chance`.
       nameless: functions of one variable that may be behind what is left at the end, the likeliest first.
       taken_back: effects that were adopted, but only stand for something else together.
+      instead: function without a name in the place of which the last effect was adopted, see `twin.rather_named`.
     """
 
     start: Calibration
@@ -38,6 +39,7 @@ class Found:
     draws: tuple[np.ndarray, ...] = ()
     nameless: tuple[Nameless, ...] = ()
     taken_back: tuple[str, ...] = ()
+    instead: Nameless | None = None
 
     @property
     def names(self) -> list[str]:

@@ -47,6 +47,7 @@ def of(
         *_alone(found),
         *_quiet(found),
         *_nameless(found),
+        *_instead(found),
         *drifts(behind, depends),
         *_taken_back(found),
         *at_the_end(polished.augmented, found.names),
@@ -119,6 +120,17 @@ def _nameless(found: Found) -> list[str]:
         f"A torque on the hub{read} that is a smooth function of {named(smooth.law.variable)}{sided} makes the "
         f"recordings e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
         f"e^{max(smooth.by_chance, 0):.0f} times."
+    ]
+
+
+def _instead(found: Found) -> list[str]:
+    """Why an effect was adopted that is small by its score."""
+    if found.instead is None:
+        return []
+    return [
+        f"{found.names[-1]} gains {found.adopted[-1].score:.0f}, less than {verdict.LEAST_SCORE:g}. But something is "
+        f"missing for sure: a smooth torque on the hub over {named(found.instead.law.variable)} makes the recordings "
+        f"e^{found.instead.evidence:.0f} times likelier, and the effect explains as much with the numbers it takes."
     ]
 
 

@@ -44,6 +44,7 @@ def instead(found: Found) -> Found | None:
         rounds=(*found.rounds[:-1], (choice, *ranked[1:])),
         thresholds=(*found.thresholds[:-1], least),
         benches=(*found.benches, bench),
+        instead=smooth,
     )
 
 

@@ -252,7 +252,7 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
     }
 
 
-def _decision(d: Diagnosis) -> dict[str, str] | None:
+def _decision(d: Diagnosis) -> dict[str, str | bool] | None:
     """Returns the best score of the first round and what is held against it, where that is known."""
     scores = [score for _, score in d.ranking if math.isfinite(score)]
     if not scores or d.by_chance is None or d.false_alarm_rate is None or d.least_score is None:
@@ -262,6 +262,7 @@ def _decision(d: Diagnosis) -> dict[str, str] | None:
         "chance": _score(d.by_chance),
         "least": f"{d.least_score:g}",
         "rate": f"{100 * d.false_alarm_rate:.3g} %",
+        "below": bool(d.effects) and max(scores) < d.least_score,
     }
 
 
