@@ -145,3 +145,17 @@ def test_a_simulation_that_ran_away_is_no_error_of_a_late_sensor():
     lost = np.array([0.0, 1e-4, np.nan, np.nan])
     said = REGISTRY["sensor-delay"].sensing(np.arange(4) * 1e-2, {"strain_base": lost}, late)
     np.testing.assert_array_equal(said["strain_base"], lost)
+
+
+@pytest.mark.parametrize("name", [name for name, effect in REGISTRY.items() if effect.linear(PLANTED[name])])
+def test_coefficients_in_which_a_force_is_linear_stand_for_its_parameters(name):
+    effect, values = REGISTRY[name], PLANTED[name]
+    assert effect.of_linear(effect.linear(values)) == pytest.approx(values)
+    # Twice the force, from where it came from.
+    [size] = [p.name for p in effect.parameters if p.name not in effect.along]
+    twice = effect.of_linear([2 * c for c in effect.linear(values)])
+    assert twice == pytest.approx({**values, size: 2 * values[size]})
+
+
+def test_a_cable_that_pushes_is_none():
+    assert REGISTRY["cable-torsion"].of_linear((-1e-3, 2e-3)) is None

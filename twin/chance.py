@@ -15,7 +15,7 @@ the spectrum there is usually higher than that of white noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class Slopes:
       price: of its parameters.
       rivals: number of equally likely places from which these columns were chosen.
       level: gain that is usual about the place, in that of white noise.
+      coefficients: (k x c) of `Effect.linear`, of each column; empty where the effect has none.
     """
 
     columns: np.ndarray
@@ -42,6 +43,7 @@ class Slopes:
     price: float
     rivals: int = 1
     level: float = 1.0
+    coefficients: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def scores(

@@ -613,8 +613,18 @@ def normal_equations(bench: Workbench, base: Fit) -> tuple[np.ndarray, np.ndarra
 def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()) -> float:
     """Gain in cost that unknowns with these slopes (n x k) promise, the base's unknowns free to give way.
 
-    Declared parameters that the effect replaces no longer count as the base's.
     Half the drop of the weighted squares, turned into the groups' losses: to noise, it is n log of the sizes' ratio.
+    """
+    change, _ = slope_move(bench, base, columns, replaced)
+    return bench.cost(base.residual) - bench.cost(base.residual + change)
+
+
+def slope_move(
+    bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()
+) -> tuple[np.ndarray, np.ndarray]:
+    """Change of the residual (n) to which slopes lead, and the move (k) of the unknowns with these slopes (n x k).
+
+    Declared parameters that the effect replaces no longer count as the base's.
     """
     weights = row_weights(bench, base.residual)
     kept = np.array([u.owner != "rig" or u.name not in replaced for u in base.unknowns])
@@ -627,8 +637,7 @@ def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Seque
     here = base.values[kept]
     beyond = np.full(columns.shape[1], np.inf)
     move = bounded_move(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
-    after = base.residual + J @ move * bench.weight
-    return bench.cost(base.residual) - bench.cost(after)
+    return J @ move * bench.weight, move[len(here) :]
 
 
 def bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -128,7 +128,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     found = []
     for name in chosen:
         progress(f"trying {name}")
-        found.append(quick(bench, base, name, tops.get(name, ())))
+        found.append(quick(bench, base, name, slopes[name], tops.get(name, ())))
     for name, values in _far_off(bench, base, [n for n in names if n not in chosen], found).items():
         progress(f"trying {name}")
         chosen.append(name)
@@ -186,19 +186,40 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
         rivals, level = (tops[0].rivals, tops[0].level) if tops else (1, 1.0)
         return Slopes(columns, tuple(effect.replaces), paid, rivals, level)
     neutral = effect.neutral(base.model.declared)
-    changes = []
+    changes, coefficients = [], []
     for ray in rays(bench, effect, neutral, base.model):
-        _, change = visible(bench, base, name, neutral, ray, _STRAIGHT)
+        length, change = visible(bench, base, name, neutral, ray, _STRAIGHT)
         if change is not None:
-            changes.append(change / max(float(np.std(change)), 1e-12))
+            size = max(float(np.std(change)), 1e-12)
+            changes.append(change / size)
+            point = _on_ray(effect, neutral, ray, length)
+            coefficients.append(np.array(effect.linear(point or neutral)) / size)
     columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
-    return Slopes(columns, tuple(effect.replaces), paid)
+    linear = np.array(coefficients) if changes else np.zeros((0, 0))
+    return Slopes(columns, tuple(effect.replaces), paid, coefficients=linear)
 
 
-def quick(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Candidate:
+def quick(bench: Workbench, base: Fit, name: str, slopes: Slopes, tops: Sequence[Peak] = ()) -> Candidate:
     """Follows an effect out of its neutral value, or to the peaks of its wave, and fits it."""
-    points = at_peaks(bench, base, name, tops) if tops else [outwards(bench, base, name)[0]]
+    points = at_peaks(bench, base, name, tops) if tops else [_outside(bench, base, name, slopes)]
     return fitted(bench, base, name, points)
+
+
+def _outside(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str, float]:
+    """Where to start from away from neutral: where slopes lead, if that is better than neutral, or the best on rays.
+
+    Where a force comes from, as a cable's rest angle, has no slope at neutral, and a fit from a wrong one goes back.
+    """
+    effect = REGISTRY[name]
+    if slopes.coefficients.size:
+        _, amounts = fit.slope_move(bench, base, slopes.columns, slopes.replaces)
+        led = effect.of_linear(amounts @ slopes.coefficients)
+        if led is not None:
+            led = {p.name: float(np.clip(led[p.name], *p.bounds)) for p in effect.parameters}
+            [residual] = bench.residuals([(with_effect(base.model, name, led), base.starts, None)])
+            if bench.cost(residual) < bench.cost(base.residual):
+                return led
+    return outwards(bench, base, name)[0]
 
 
 def fitted(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str, float]]) -> Candidate:
@@ -233,7 +254,8 @@ def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
 def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
     """One effect added to a fitted model, followed out of its neutral value or from its spectrum, and fitted."""
     effect = REGISTRY[name]
-    return quick(bench, base, name, waves.peaks(bench, base, effect) if effect.wave is not None else ())
+    tops = waves.peaks(bench, base, effect) if effect.wave is not None else ()
+    return quick(bench, base, name, slopes_of(bench, base, name, tops), tops)
 
 
 def gain(bench: Workbench, base: Fit, result: Fit) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -166,6 +166,14 @@ class Effect:
         """Values close to neutral from which a search can leave it: one per direction that it should try."""
         neutral = self.neutral(rig)
         return ({p.name: p.turned(p.turned(neutral[p.name]) + p.step) for p in self.parameters},)
+
+    def linear(self, p: Mapping[str, float]) -> tuple[float, ...]:
+        """Coefficients in which its force is linear, small ones; none where parameters that are free have no such."""
+        return ()
+
+    def of_linear(self, coefficients: Sequence[float]) -> dict[str, float] | None:
+        """Parameters of these coefficients; None where there are none."""
+        return None
 
     def at_order(self, order: float, coefficients: tuple[float, ...]) -> dict[str, float]:
         """Parameters of a wave of this order whose sine and cosine have these coefficients."""

@@ -23,5 +23,12 @@ class CableTorsion(Effect):
         # The spring's two linear coefficients, stiffness and stiffness * rest_angle, need three points.
         return tuple({"stiffness": 1e-3, "rest_angle": angle} for angle in (0.0, 1.0, -1.0))
 
+    def linear(self, p):
+        return p["stiffness"], p["stiffness"] * p["rest_angle"]
+
+    def of_linear(self, coefficients):
+        stiffness, at_zero = coefficients
+        return {"stiffness": stiffness, "rest_angle": at_zero / stiffness} if stiffness > 0 else None
+
     def plant(self, plant, p):
         return plant._replace(cable_stiffness=p["stiffness"], cable_rest_angle=p["rest_angle"])

@@ -20,6 +20,13 @@ class GravityTilt(Effect):
         # Two components of one vector, none of which can be negative alone.
         return tuple({"tilt": 1e-3, "direction": angle} for angle in np.deg2rad([0.0, 120.0, -120.0]))
 
+    def linear(self, p):
+        return p["tilt"] * np.cos(p["direction"]), p["tilt"] * np.sin(p["direction"])
+
+    def of_linear(self, coefficients):
+        along, across = coefficients
+        return {"tilt": float(np.hypot(along, across)), "direction": float(np.arctan2(across, along))}
+
     def plant(self, plant, p):
         pull = g * np.sin(p["tilt"])
         return plant._replace(
