@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import calibration, look
+from twin import calibration, look, releases
 from twin.campaign import read_campaign
 from twin.errors import InputError
 from twin.virtual_rig import Rig, Sensors, make_campaign
@@ -38,6 +38,8 @@ def test_they_are_left_out_and_named(campaign, runs_away):
     assert {found.prepared[g.recording].recording.name for g in found.data.groups} == {"free-vibration.csv"}
     assert any("bang-bang-45.csv could not be used" in note for note in found.notes)
     assert np.isfinite(found.base.values).all()
+    # Rests in them are asked for their static levels all the same.
+    assert releases.levels(found.data, found.base.model, found.base.starts) == {}
 
 
 def test_where_there_is_no_other_it_is_an_error(tmp_path, runs_away):

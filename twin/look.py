@@ -60,7 +60,10 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     if not np.isfinite(torque).all():
         # The modelled link runs away under this motion: nothing of the recording can be compared with it.
         return replace(
-            view, noise=dict.fromkeys((*noise, "hub_torque"), np.inf), departing=np.zeros(count, dtype=bool)
+            view,
+            noise=dict.fromkeys((*noise, "hub_torque"), np.inf),
+            departing=np.zeros(count, dtype=bool),
+            pull=np.zeros(count),
         )
     density = prepared.noise["hub_angle"] ** 2 * recording.period
     swings = ringing.swings(model, time, direction != 0, density, BAND)
