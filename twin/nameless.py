@@ -145,7 +145,7 @@ def _basis(
     x = np.linspace(low, high, _KNOTS)
     groups = sorted([*on_hub, *read], key=lambda g: g.rows.start)
     parts = [
-        _on_hub(data.views[g.recording], moving[g.recording], law, x)
+        _on_hub(data.views[g.recording], moving[g.recording], law, x) / best.model.torque_gain
         if g.channel == HUB
         else _on_reading(data.views[g.recording], data.prepared[g.recording], best.model, x)
         for g in groups
