@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from homogeneous import HOMOGENEOUS
 
 from twin import chain, fit, planning, separation
 from twin.errors import InputError
@@ -90,20 +91,9 @@ def test_effects_that_differ_in_kind_stay_apart_whatever_the_rig_does_within_its
     assert plans["small-decay"].separation < 1
 
 
-SCALED = (
-    "bending_stiffness",
-    "linear_density",
-    "hub_inertia",
-    "tip_mass",
-    "tip_inertia",
-    "static_friction",
-    "coulomb_friction",
-)
-
-
 def gain_or_scale(error):
     """A drive that gives 2 % more, and a rig whose forces and inertias are off by a common factor, to `error`."""
-    unknowns = [u for u in fit.calibration(MODEL) if u.name in SCALED]
+    unknowns = [u for u in fit.calibration(MODEL) if u.name in HOMOGENEOUS]
     values = np.array([u.start for u in unknowns])
     scale = Explanation.of(MODEL, unknowns, values, error**2 * np.outer(values, values))
     return Explanation(MODEL.replace(effects={"torque-gain": {"gain": 1.02}})), scale

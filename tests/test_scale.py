@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from homogeneous import HOMOGENEOUS
 
 from twin import chain, fit
 from twin.driven import DrivenData
@@ -11,15 +12,6 @@ from twin.recording import Recording, Sensor
 from twin.rigs import preset
 
 NOISE = {"hub_angle": 3e-4, "strain_base": 2e-6}
-HOMOGENEOUS = (
-    "bending_stiffness",
-    "linear_density",
-    "hub_inertia",
-    "tip_mass",
-    "tip_inertia",
-    "static_friction",
-    "coulomb_friction",
-)
 
 
 def scaled(model, factor):

@@ -187,9 +187,7 @@ class Model:
         """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
         limit = self.declared["torque_limit"]
         put_out = recording.commanded_at + self.late
-        command = Drive(put_out, np.clip(recording["torque_command"], -limit, limit))
-        for name, p in self.effects.items():
-            command = REGISTRY[name].drive(command, p)
+        command = self._through_effects(Drive(put_out, np.clip(recording["torque_command"], -limit, limit)))
         if self.patch is not None:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
@@ -197,10 +195,13 @@ class Model:
     @property
     def torque_gain(self) -> float:
         """Torque that is delivered for one that is commanded [1], whatever else is added to it."""
-        steps = Drive(np.arange(2.0), np.arange(2.0))
-        for name, p in self.effects.items():
-            steps = REGISTRY[name].drive(steps, p)
+        steps = self._through_effects(Drive(np.arange(2.0), np.arange(2.0)))
         return float(np.diff(steps.torque)[0])
+
+    def _through_effects(self, drive: Drive) -> Drive:
+        for name, p in self.effects.items():
+            drive = REGISTRY[name].drive(drive, p)
+        return drive
 
     def read_torque(self, recording: Recording) -> np.ndarray:
         """Delivered torque at the samples of a recording: a card reads it as it puts its commands out."""
