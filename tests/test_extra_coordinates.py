@@ -43,9 +43,9 @@ def test_inertia_of_the_hub_is_shared_not_added(plant):
 
 
 def test_extras_keep_their_places_whichever_comes_first():
-    oscillator, play = (1e-4, 2.5, 1e-3), (0.02, MOTOR)
-    one = planar.with_backlash(planar.with_torsion(PLANT, *oscillator), *play)
-    other = planar.with_torsion(planar.with_backlash(PLANT, *play), *oscillator)
+    oscillator, motor = (1e-4, 2.5, 1e-3), (0.02, MOTOR)
+    one = planar.with_backlash(planar.with_torsion(PLANT, *oscillator), *motor)
+    other = planar.with_torsion(planar.with_backlash(PLANT, *motor), *oscillator)
     for a, b in zip(one, other, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-14)
 

@@ -10,7 +10,7 @@ from twin import chain, contenders, fit, hub_balance, planar, polish, releases
 from twin.calibration import noises
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
-from twin.fit import Unknown, Workbench
+from twin.fit import Fit, Unknown, Workbench
 from twin.low_pass import GRID
 from twin.model import Model, Motion
 from twin.releases import Level
@@ -96,8 +96,8 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
         x = np.array(list(LEVELS.values()))
         slopes = np.zeros((len(residual), len(x)))
         size = np.ones(len(bench.groups))
-        best = fit.Fit(twin, tuple(starts), tuple(unknowns), x, np.eye(4), residual, size, 0.0, slopes)
-        monkeypatch.setattr(fit, "costs", None)
+        best = Fit(twin, tuple(starts), tuple(unknowns), x, np.eye(4), residual, size, 0.0, slopes)
+        monkeypatch.setattr(polish, "_scanned", None)
         polished = polish.polish(data, best, best, twin, pool, whole=True)
     told = dict(zip(LEVELS, polished.augmented.errors, strict=True))
     assert told["static_positive"] < 1e-4
@@ -114,7 +114,7 @@ def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramp
     covariance = error**2 * np.diag([1.0, 1.0, 0.25 + 0.01, 1.0])
     covariance[0, 2] = covariance[2, 0] = -0.5 * error**2
     none = np.zeros(0)
-    best = fit.Fit(twin, tuple(starts), tuple(unknowns), x, covariance, none, none, 0.0, none)
+    best = Fit(twin, tuple(starts), tuple(unknowns), x, covariance, none, none, 0.0, none)
     found = polish.with_static_levels(data, best)
     values, errors = (
         dict(zip(LEVELS, found.values, strict=True)),
@@ -133,7 +133,7 @@ def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell
     unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in off.items()]
     x, none = np.array(list(off.values())), np.zeros(0)
     model = twin.replace(effects={"asymmetric-friction": off})
-    badly_known = fit.Fit(model, tuple(starts), tuple(unknowns), x, np.eye(4), none, none, 0.0, none)
+    badly_known = Fit(model, tuple(starts), tuple(unknowns), x, np.eye(4), none, none, 0.0, none)
     tried = []
 
     class Free:

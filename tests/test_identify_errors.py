@@ -138,24 +138,24 @@ def left(sweep, **gone):
 
 
 def test_noise_that_swells_where_the_link_bends_far_is_taken_for_noise(sweep):
-    residual, view = left(sweep)
+    parts, view = left(sweep)
     swell = view.swell["strain_base"]
     loud = swell > 1.5
     assert 0.02 < loud.mean() < 0.3
     assert np.median(swell) < 1.05
-    assert np.std(residual["strain_base"][loud] * swell[loud]) > 1.5
-    assert np.std(residual["strain_base"][loud]) == pytest.approx(1.0, abs=0.35)
+    assert np.std(parts["strain_base"][loud] * swell[loud]) > 1.5
+    assert np.std(parts["strain_base"][loud]) == pytest.approx(1.0, abs=0.35)
 
 
 def test_missing_strains_leave_no_trace_beside_them(sweep):
-    residual, _ = left(sweep)
+    parts, _ = left(sweep)
     # 24 ms in every half second, through the resonance too.
     gone = (sweep[0].time + 0.3) % 0.5 < 0.023
     filled, view = left(sweep, strain_base=gone)
     known = view.known["strain_base"]
     assert known.mean() == pytest.approx(1 - gone.mean(), abs=0.01)
     # The noise of what is missing is gone from beside it as well.
-    assert np.std((filled["strain_base"] - residual["strain_base"])[known]) < 0.5
+    assert np.std((filled["strain_base"] - parts["strain_base"])[known]) < 0.5
     prepared, _ = fit.prepare(sweep[0], sweep[1])
     as_it_is, bridged = (
         driven_residual.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
@@ -165,10 +165,10 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
 
 
 def test_a_missing_hub_angle_is_bridged_to_its_noise(sweep):
-    residual, _ = left(sweep)
+    parts, _ = left(sweep)
     bridged, _ = left(sweep, hub_angle=(sweep[0].time + 0.3) % 0.5 < 0.013)
     for channel in ("strain_base", "strain_mid"):
-        assert np.std(bridged[channel]) < np.std(residual[channel]) + 0.1
+        assert np.std(bridged[channel]) < np.std(parts[channel]) + 0.1
 
 
 def test_commands_that_act_a_little_late_move_no_break_away():

@@ -82,7 +82,7 @@ def calibrate(
     progress("calibrating")
     # Some tenths of a millisecond decide more than many an effect does, but less than a calibration.
     known = _Known(campaign.effect_errors, told)
-    clocks = timing.clocks(sound) if clock is None else (clock,)
+    clocks = timing.possible_clocks(sound) if clock is None else (clock,)
     options = [_roughly(option, sound, noise, model, known, pool) for option in clocks]
     rough = min(options, key=lambda option: option.fit.cost)
     bench, base = _calibrated(rough.bench, model, rough.fit)
@@ -92,7 +92,7 @@ def calibrate(
 
 def likeliest_clock(start: Calibration, best: Fit) -> Clock:
     """The clock on which a model fits best; one that lacks an effect may have chosen another."""
-    clocks = timing.clocks(start.sound)
+    clocks = timing.possible_clocks(start.sound)
     if len(clocks) == 1:
         return start.clock
     return min(clocks, key=lambda clock: _cost_on(clock, start, best))

@@ -45,12 +45,12 @@ def settled(
     return simplest_first(refined + rest)
 
 
-def simplest_first(candidates: Sequence[Candidate]) -> list[Candidate]:
+def simplest_first(fitted_ones: Sequence[Candidate]) -> list[Candidate]:
     """The candidates by score, but of those that are about as good as the best the one of fewest parameters first.
 
     What a model gets wrong itself grows with what there is to explain, and every parameter more can follow it.
     """
-    ranked = sorted(candidates, key=lambda c: -c.score)
+    ranked = sorted(fitted_ones, key=lambda c: -c.score)
     best, near = ranked[0], _close(ranked[0].score)
     more = [max(1, len(best.fit.unknowns) - len(c.fit.unknowns)) for c in ranked]
     alike = [c for c, count in zip(ranked, more, strict=True) if c.score > best.score - count * near]

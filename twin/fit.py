@@ -564,7 +564,7 @@ def _secant(J: np.ndarray, moved: np.ndarray, change: np.ndarray, steps: np.ndar
     return J + np.outer(change - J @ moved, scaled / length) if length > 0 else J
 
 
-def costs(
+def costs_at(
     bench: Workbench,
     model: Model,
     starts: Sequence[Start],

@@ -134,7 +134,7 @@ def _best_of_grid(
     half = reach * abs(x[index])
     values = np.clip(x[index] + np.linspace(-half, half, count), *best.unknowns[index].bounds)
     points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
-    cost = fit.costs(free, model, best.starts, best.unknowns, points)
+    cost = fit.costs_at(free, model, best.starts, best.unknowns, points)
     likely = values[cost < cost.min() + _LIKELY]
     error = max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
     return points[int(np.argmin(cost))], error, float(cost.min())

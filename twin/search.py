@@ -66,7 +66,7 @@ def roughly(
                 spread = min(1.0, 2 * u.scale / abs(u.start))
                 values = np.clip(x[index] * np.geomspace(1 / (1 + spread), 1 + spread, 11), *u.bounds)
                 points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
-                x = points[int(np.argmin(fit.costs(bench, model, starts, unknowns, points)))]
+                x = points[int(np.argmin(fit.costs_at(bench, model, starts, unknowns, points)))]
     return x
 
 

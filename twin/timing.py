@@ -17,7 +17,7 @@ Clock = Literal["stamped", "mean", "earliest"]
 _SURE = 3.0  # standard errors from which commands are said to act late
 
 
-def clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
+def possible_clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
     """Clocks on which the card may have put out its commands: their time stamps, unless these scatter about another."""
     jittered = any(observe.clock(r.time) is not None for r in recordings)
     return ("stamped", "mean", "earliest") if jittered else ("stamped",)

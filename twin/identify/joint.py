@@ -301,5 +301,5 @@ def _rises(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:
             points.append(np.clip(base.values + away, low, high))
             moved = points[-1] - base.values
             expected.append(0.5 * moved @ information @ moved)
-    costs = fit.costs(bench, base.model, base.starts, base.unknowns, points)
+    costs = fit.costs_at(bench, base.model, base.starts, base.unknowns, points)
     return ((costs - base.cost) / np.maximum(expected, 1e-3)).reshape(-1, 2)
