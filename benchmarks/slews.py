@@ -93,7 +93,7 @@ def _as_declared(campaign: Campaign, generator: np.random.Generator) -> Campaign
 
 
 def _prepared(campaign: Campaign) -> list[Prepared]:
-    noise = calibration.noises(campaign)
+    noise = calibration.noise_levels(campaign)
     return [fit.prepare(recording, noise)[0] for recording in campaign.fit]
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from twin import chain, departures, falling_friction, fit, hub_balance, planar
-from twin.calibration import noises
+from twin.calibration import noise_levels
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.low_pass import GRID, REACH, low_passed, smooth
@@ -26,7 +26,7 @@ def ramps(folder, effects, seed):
     make_campaign(folder, effects, seed, experiments=slow)
     campaign = read_campaign(folder)
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
-    return DrivenData([fit.prepare(r, noises(campaign))[0] for r in campaign.fit], twin), twin
+    return DrivenData([fit.prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
 
 
 @pytest.fixture(scope="module")

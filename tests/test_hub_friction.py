@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin import chain, contenders, fit, hub_balance, planar, polish, releases
-from twin.calibration import noises
+from twin.calibration import noise_levels
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.fit import Fit, Unknown, Workbench
@@ -42,7 +42,7 @@ def ramps(tmp_path_factory):
     make_campaign(folder, {"asymmetric-friction": LEVELS}, 7, experiments=slow)
     campaign = read_campaign(folder)
     twin = model(campaign.rig, campaign.sensors)
-    prepared = [fit.prepare(r, noises(campaign))[0] for r in campaign.fit]
+    prepared = [fit.prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
     return DrivenData(prepared, twin), twin, [p.start for p in prepared]
 
 
@@ -79,7 +79,7 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
     shape = chain.fit_shape(campaign.rig, 5)
     known = {"backlash": {**play["backlash"], "contact_loss": planar.CONTACT_LOSS}}
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
-    prepared = [fit.prepare(r, noises(campaign))[0] for r in campaign.fit]
+    prepared = [fit.prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
     found = releases.levels(DrivenData(prepared, twin), twin, [p.start for p in prepared])
     assert found
     for level in found.values():

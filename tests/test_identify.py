@@ -590,7 +590,7 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb,
     plan = replace(plan, commands=plan.commands[:1500])
     make_campaign(tmp_path / "released", {}, seed, rig=rig, experiments=[plan])
     given = read_campaign(tmp_path / "released")
-    prepared, _ = fit.prepare(given.fit[0], calibration.noises(given))
+    prepared, _ = fit.prepare(given.fit[0], calibration.noise_levels(given))
     believed = given.rig.replace("believed", coulomb_friction=0.85 * coulomb)
     model = Model(believed, given.sensors, chain.fit_shape(believed, 12), step=2.5e-4)
     found = friction_map.read(model, [prepared], [prepared.start])

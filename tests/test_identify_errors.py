@@ -230,7 +230,7 @@ class Bench:
         return [self.noise - self.function(m.declared["a"], m.declared["b"]) for m, _, _ in jobs]
 
     def sizes(self, r):
-        return evidence.sizes(r, self.groups, self.weight)
+        return evidence.group_sizes(r, self.groups, self.weight)
 
     def cost(self, r):
         return float(self.count @ evidence.loss(self.sizes(r)))

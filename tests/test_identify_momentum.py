@@ -35,7 +35,7 @@ def slewed(folder, seed, sensors=None, noise=None):
     campaign = read_campaign(folder)
     true = campaign.rig.replace("true", **truth)
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
-    noise = noise or calibration.noises(campaign)
+    noise = noise or calibration.noise_levels(campaign)
     prepared = [fit.prepare(recording, noise)[0] for recording in campaign.fit]
     return truth, campaign.rig, model, DrivenData(prepared, model, joint.BANDS)
 

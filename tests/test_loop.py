@@ -277,7 +277,7 @@ def test_noise_is_that_of_the_link_that_stands(viscous):
 def test_a_wave_starts_from_its_highest_peak_and_from_the_one_that_fits_as_it_stands(viscous):
     start, _ = viscous
     effect = REGISTRY["position-dependent-friction"]
-    tops = waves.peaks(start.bench, start.base, effect)
+    tops = waves.spectral_peaks(start.bench, start.base, effect)
     # As if the highest stood for far more friction than there is.
     far = replace(tops[0], coefficients=tuple(0.05 + 0 * c for c in tops[0].coefficients))
     points = at_peaks(start.bench, start.base, effect.name, (far, *tops[1:]))

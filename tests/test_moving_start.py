@@ -73,7 +73,7 @@ def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
     _, _, bang = campaign.fit
     found = calibrated(campaign, [bang])
     cut = from_sample(bang, 500)
-    noise = calibration.noises(campaign)
+    noise = calibration.noise_levels(campaign)
     with ThreadPoolExecutor(2) as pool:
         for recording in (bang, cut):
             ready, _ = calibration.made_ready(recording, campaign.sensors, found.clock, noise)

@@ -43,7 +43,7 @@ def within(model, unknowns, share):
 
 def declared_within(effects, share):
     model = MODEL.replace(effects=effects)
-    return within(model, fit.calibration(model), share)
+    return within(model, fit.declared_unknowns(model), share)
 
 
 def test_nothing_separates_a_model_from_itself():
@@ -62,7 +62,7 @@ def test_what_acts_on_the_link_alone_is_seen_with_the_hub_locked():
 @pytest.mark.parametrize("factor", [0.99, 1.005, 1.01])
 def test_what_the_stiffness_does_within_its_error_separates_nothing(factor):
     """Slews of other stiffness stick elsewhere: no slope says that, but a standard error leaves it open."""
-    stiffness = [u for u in fit.calibration(MODEL) if u.name == "bending_stiffness"]
+    stiffness = [u for u in fit.declared_unknowns(MODEL) if u.name == "bending_stiffness"]
     other = MODEL.replace(declared=RIG.replace(bending_stiffness=factor * RIG["bending_stiffness"]))
     names = ["slews", "far-slew", "large-decay", "slews-payload"]
     assert stiffness[0].scale == pytest.approx(0.02 * RIG["bending_stiffness"])
@@ -93,7 +93,7 @@ def test_effects_that_differ_in_kind_stay_apart_whatever_the_rig_does_within_its
 
 def gain_or_scale(error):
     """A drive that gives 2 % more, and a rig whose forces and inertias are off by a common factor, to `error`."""
-    unknowns = [u for u in fit.calibration(MODEL) if u.name in HOMOGENEOUS]
+    unknowns = [u for u in fit.declared_unknowns(MODEL) if u.name in HOMOGENEOUS]
     values = np.array([u.start for u in unknowns])
     scale = Explanation.of(MODEL, unknowns, values, error**2 * np.outer(values, values))
     return Explanation(MODEL.replace(effects={"torque-gain": {"gain": 1.02}})), scale
@@ -119,7 +119,7 @@ def test_payload_is_added_to_that_of_an_effect():
 
 
 def test_moves_are_those_of_the_covariance_of_a_fit_without_clock_and_starts():
-    unknowns = (*fit.calibration(MODEL)[:3], fit.Unknown("clock", "late", 0.0, 1e-4, True, (-1e-3, 1e-3)))
+    unknowns = (*fit.declared_unknowns(MODEL)[:3], fit.Unknown("clock", "late", 0.0, 1e-4, True, (-1e-3, 1e-3)))
     root = np.tril(np.random.default_rng(1).normal(size=(4, 4)))
     covariance = root @ root.T * np.outer(*2 * [[1e-3 * u.scale for u in unknowns]])
     values, nothing = np.array([u.start for u in unknowns]), np.zeros(0)
@@ -130,7 +130,7 @@ def test_moves_are_those_of_the_covariance_of_a_fit_without_clock_and_starts():
 
 
 def test_moves_stay_within_bounds():
-    stiffness = fit.calibration(MODEL)[:1]
+    stiffness = fit.declared_unknowns(MODEL)[:1]
     explanation = within(MODEL, stiffness, 1.0)
     moved = explanation.moved(10 * explanation.axes[0])
     assert moved.declared["bending_stiffness"] in stiffness[0].bounds

@@ -73,7 +73,7 @@ def calibrate(
       told: parameter of the rig -> where to begin, if not as declared.
       clock: when commands act; None for that on which the calibrated model fits best.
     """
-    noise = noises(campaign)
+    noise = noise_levels(campaign)
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
     model = Model(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
     progress("reading the recordings")
@@ -144,12 +144,12 @@ def _roughly(
     pairs = [_prepared(clock, recording, noise, model) for recording in recordings]
     data = driven.DrivenData([prepared for prepared, _ in pairs], model)
     left_out = [note for _, notes in pairs for note in notes]
-    notes = (*left_out, *timing.told(clock), *_out_of_reach(data))
+    notes = (*left_out, *timing.clock_notes(clock), *_out_of_reach(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
     unknowns = (
-        *fit.calibration(model),
-        *fit.known_effects(model, known.errors, bench.channels()),
-        fit.clock(bench.prepared),
+        *fit.declared_unknowns(model),
+        *fit.known_effect_unknowns(model, known.errors, bench.channels()),
+        fit.clock_unknown(bench.prepared),
         *fit.start_unknowns(bench.prepared),
     )
     limit.move(bench, model, starts, limit.ROUGH)
@@ -180,13 +180,13 @@ def _out_of_reach(data: driven.DrivenData) -> list[str]:
 def made_ready(
     recording: Recording, sensors: Mapping[str, Sensor], clock: Clock, noise: Mapping[str, float]
 ) -> tuple[Prepared, tuple[str, ...]]:
-    """A whole recording as models are held beside it, and what was left out of it; `noise` as by `noises`."""
+    """A whole recording as models are held beside it, and what was left out of it; `noise` as by `noise_levels`."""
     [clean], odd = defects.without_defects([recording], sensors)
     prepared, left_out = fit.prepare(timing.on_clock(clean, clock), noise)
     return prepared, (*odd, *left_out)
 
 
-def noises(campaign: Campaign) -> dict[str, float]:
+def noise_levels(campaign: Campaign) -> dict[str, float]:
     """Channel -> standard deviation of its noise: declared, or seen in the fit recordings."""
     found = {}
     for name, sensor in campaign.sensors.items():

@@ -358,7 +358,7 @@ def _rows_missing(time: np.ndarray) -> int:
     """Ticks of a uniform clock without a row; 0 where the stamps follow no clock."""
     if len(time) < _FEWEST:
         return 0
-    ticks = observe.clock(time)
+    ticks = observe.sample_clock(time)
     steps = np.diff(time if ticks is None else ticks)
     steps = steps / np.median(steps)
     on_clock = np.abs(steps - np.round(steps)) < 0.1

@@ -91,7 +91,7 @@ def planned(
     campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ThreadPoolExecutor
 ) -> list[planning.Plan]:
     """Experiments that would tell two candidates apart, best first."""
-    noise = {c: s for c, s in calibration.noises(campaign).items() if c in MEASURED}
+    noise = {c: s for c, s in calibration.noise_levels(campaign).items() if c in MEASURED}
     first, second = (Explanation.of_fit(c.fit, PLANNING_STEP) for c in pair)
     return planning.plan(first, second, noise, pool)
 

@@ -36,7 +36,7 @@ class DrivenData:
         self.prepared = tuple(prepared)
         self.views = tuple(look(p, model, bands) for p in self.prepared)
         self.groups, self.weight = self._layout()
-        self.blocks = evidence.blocks(self.groups, self.weight, int(BLOCK / GRID))
+        self.blocks = evidence.stretches(self.groups, self.weight, int(BLOCK / GRID))
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """See `residual`."""

@@ -24,7 +24,7 @@ class Group:
     rows: slice
 
 
-def sizes(residual: np.ndarray, groups: Sequence[Group], weight: np.ndarray) -> np.ndarray:
+def group_sizes(residual: np.ndarray, groups: Sequence[Group], weight: np.ndarray) -> np.ndarray:
     """Root-mean-square of each group (g) in noise units; `weight` (n) is 0 where a sample is missing.
 
     The groups follow one another without a gap.
@@ -34,7 +34,7 @@ def sizes(residual: np.ndarray, groups: Sequence[Group], weight: np.ndarray) -> 
     return np.sqrt(squares / np.maximum(np.add.reduceat(weight, starts), 1))
 
 
-def blocks(groups: Sequence[Group], weight: np.ndarray, rows: int) -> tuple[Group, ...]:
+def stretches(groups: Sequence[Group], weight: np.ndarray, rows: int) -> tuple[Group, ...]:
     """The groups cut into stretches of about so many rows, those without any sample joined to the one before."""
     found: list[Group] = []
     for group in groups:

@@ -134,14 +134,14 @@ def relative_uncertainty(parameter: Parameter) -> float:
     return parameter.uncertainty
 
 
-def replaced(model: Model) -> set[str]:
+def replaced_parameters(model: Model) -> set[str]:
     """Declared parameters that a model's effects take over."""
     return {p for name in model.effects for p in REGISTRY[name].replaces}
 
 
-def calibration(model: Model) -> list[Unknown]:
+def declared_unknowns(model: Model) -> list[Unknown]:
     """Declared parameters that may move within their uncertainty."""
-    found, gone = [], replaced(model)
+    found, gone = [], replaced_parameters(model)
     for name, parameter in model.declared.parameters.items():
         relative = relative_uncertainty(parameter)
         scale = relative * abs(parameter.value)
@@ -159,7 +159,7 @@ def declared_range(parameter: Parameter, deviations: float) -> tuple[float, floa
     return max(parameter.value / factor, low), min(parameter.value * factor, high)
 
 
-def clock(prepared: Sequence[Prepared]) -> Unknown:
+def clock_unknown(prepared: Sequence[Prepared]) -> Unknown:
     """When within a sample a card puts its commands out: nobody declares that to a tenth of a sample.
 
     Nothing that the model lacks follows from it. An effect may look like it, so that it stays open beside all of them.
@@ -182,7 +182,7 @@ def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen
     ]
 
 
-def known_effects(model: Model, errors: Mapping[str, Mapping[str, float]], seen: set[str]) -> list[Unknown]:
+def known_effect_unknowns(model: Model, errors: Mapping[str, Mapping[str, float]], seen: set[str]) -> list[Unknown]:
     """Parameters of the effects that a model begins with; those with a standard error (effect -> name) have a prior."""
     found = []
     for effect, values in model.effects.items():
@@ -296,7 +296,7 @@ class Workbench:
 
     def sizes(self, residual: np.ndarray) -> np.ndarray:
         """Root-mean-square of each group (g), noise units."""
-        return evidence.sizes(residual, self.groups, self.weight)
+        return evidence.group_sizes(residual, self.groups, self.weight)
 
     def cost(self, residual: np.ndarray) -> float:
         """What a residual (n) costs, priors apart."""

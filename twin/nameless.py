@@ -205,7 +205,7 @@ class _Given:
 
     @classmethod
     def of(cls, bench: Workbench, base: Fit) -> _Given:
-        weights = fit.row_weights(bench, base.residual) * timed.known(bench, base)
+        weights = fit.row_weights(bench, base.residual) * timed.known_weights(bench, base)
         prior = fit.prior_precision(base.unknowns)
         known = base.jacobian.T**2 @ weights + prior
         scale = np.sqrt(np.where(known > 0, known, 1.0))

@@ -124,7 +124,7 @@ def longest_sound_stretch(
     return cut, note
 
 
-def clock(time: np.ndarray) -> np.ndarray | None:
+def sample_clock(time: np.ndarray) -> np.ndarray | None:
     """Instants (n) of the uniform clock about which jittered time stamps scatter; None where they do not.
 
     A card's output may keep to its clock while the instants of its readings scatter. Samples may be missing.

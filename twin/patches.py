@@ -41,7 +41,7 @@ def patched(
     if lookup is None:
         return None
     model = search.fine(polished.augmented.model.replace(patch=lookup))
-    noise = calibration.noises(campaign)
+    noise = calibration.noise_levels(campaign)
 
     def errors(prepared: Prepared, start: Start) -> dict[str, tuple[float, float]]:
         after = simulate(model, prepared.recording, start)

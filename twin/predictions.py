@@ -24,7 +24,7 @@ def predict(
     campaign: Campaign, found: Found, polished: Polished, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
     """Every recording beside the declared, the calibrated and the augmented model, free-running."""
-    noise = calibration.noises(campaign)
+    noise = calibration.noise_levels(campaign)
     augmented = polished.augmented.model
     models = (polished.declared, polished.calibrated.model, augmented)
     found_all: dict[str, Prediction] = {}

@@ -118,7 +118,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     names = list(names)
     progress("scoring the effects")
     tops = {
-        name: waves.peaks(bench, base, REGISTRY[name]) for name in names if REGISTRY[name].wave is not None
+        name: waves.spectral_peaks(bench, base, REGISTRY[name]) for name in names if REGISTRY[name].wave is not None
     }
     slopes = {name: slopes_of(bench, base, name, tops.get(name, ())) for name in names}
     promise = {name: promised(bench, base, slopes[name]) for name in names}
@@ -182,7 +182,7 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
     effect = REGISTRY[name]
     paid = price(len(effect.free(effect.neutral(base.model.declared))), bench)
     if effect.wave is not None:
-        columns = waves.slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
+        columns = waves.wave_slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
         rivals, level = (tops[0].rivals, tops[0].level) if tops else (1, 1.0)
         return Slopes(columns, tuple(effect.replaces), paid, rivals, level)
     neutral = effect.neutral(base.model.declared)
@@ -254,7 +254,7 @@ def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
 def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
     """One effect added to a fitted model, followed out of its neutral value or from its spectrum, and fitted."""
     effect = REGISTRY[name]
-    tops = waves.peaks(bench, base, effect) if effect.wave is not None else ()
+    tops = waves.spectral_peaks(bench, base, effect) if effect.wave is not None else ()
     return quick(bench, base, name, slopes_of(bench, base, name, tops), tops)
 
 
@@ -277,7 +277,7 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
 
 def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
     """What a fit of this model may move: declared parameters that no effect replaces, effects, first states."""
-    replaced = fit.replaced(model)
+    replaced = fit.replaced_parameters(model)
     kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
     kept += [u for u in base.unknowns if u.owner == "clock"]
     starts = [u for u in base.unknowns if u.owner == "start"]

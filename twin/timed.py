@@ -10,7 +10,7 @@ from twin.fit import Fit, Workbench
 from twin.patch import HUB
 
 
-def known(bench: Workbench, fit: Fit) -> np.ndarray:
+def known_weights(bench: Workbench, fit: Fit) -> np.ndarray:
     """1 where a torque can be told in time, 0 about fast reversals under a sliding friction that falls with speed (n).
 
     There it jumps by twice the break-away torque within milliseconds: when the measured hub turns round is not known

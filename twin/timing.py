@@ -19,20 +19,20 @@ _SURE = 3.0  # standard errors from which commands are said to act late
 
 def possible_clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
     """Clocks on which the card may have put out its commands: their time stamps, unless these scatter about another."""
-    jittered = any(observe.clock(r.time) is not None for r in recordings)
+    jittered = any(observe.sample_clock(r.time) is not None for r in recordings)
     return ("stamped", "mean", "earliest") if jittered else ("stamped",)
 
 
 def on_clock(recording: Recording, clock: Clock) -> Recording:
     """The recording with its commands held on this clock."""
-    ticks = observe.clock(recording.time)
+    ticks = observe.sample_clock(recording.time)
     if clock == "stamped" or ticks is None:
         return recording
     early = float(np.min(recording.time - ticks)) if clock == "earliest" else 0.0
     return recording.replace(command_time=ticks + early)
 
 
-def told(clock: Clock) -> list[str]:
+def clock_notes(clock: Clock) -> list[str]:
     """What is said of a clock other than the time stamps."""
     if clock == "stamped":
         return []

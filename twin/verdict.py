@@ -146,7 +146,7 @@ def too_quiet(found: Found) -> dict[str, float]:
 
 def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> size of the residual in noise levels."""
-    sizes = evidence.sizes(fit.residual, bench.data.groups, bench.weight * timed.known(bench, fit))
+    sizes = evidence.group_sizes(fit.residual, bench.data.groups, bench.weight * timed.known_weights(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 

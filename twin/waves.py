@@ -58,7 +58,7 @@ class Peak:
     acts: str = ""
 
 
-def peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
+def spectral_peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
     """The highest peaks of the spectrum, best first."""
     scan = _Scan.of(bench, base, _wave(effect).acts)
     if scan is None:
@@ -124,8 +124,8 @@ def _usual(spectrum: np.ndarray, place: int) -> float:
     return float(np.median(spectrum[max(place - _ABOUT, 0) : place + _ABOUT + 1]))
 
 
-def slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
-    """Slopes (n x k) of the residual for the wave at one of its `peaks`, for `fit.slope_gain`."""
+def wave_slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
+    """Slopes (n x k) of the residual for the wave at one of its `spectral_peaks`, for `fit.slope_gain`."""
     scan = _Scan.of(bench, base, peak.acts)
     if scan is None:
         return np.zeros((len(base.residual), 0))

@@ -57,7 +57,7 @@ def errors(
     campaign: Campaign, found: Joint, rig: Rig, pool: ThreadPoolExecutor
 ) -> tuple[tuple[HeldOutError, ...], list[str]]:
     """Errors on every held-out recording, and what they leave out; `rig` is the identified one."""
-    noise = calibration.noises(campaign)
+    noise = calibration.noise_levels(campaign)
     models = [found.fit.model.replace(declared=r) for r in (campaign.rig, rig)]
     rows: list[HeldOutError] = []
     notes: list[str] = []
