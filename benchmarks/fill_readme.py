@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from twin.effects import REGISTRY, Effect
-from twin.report.display import MEANINGS, unit
+from twin.labels import unit
+from twin.report.display import MEANINGS
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 
@@ -50,7 +51,7 @@ def _law(effect: Effect) -> str:
 
 def accuracy() -> str:
     """Frequencies and damping ratios of the chain beside the exact ones."""
-    from twin.check import check, text_rows
+    from twin.mechanics.accuracy import check, text_rows
     from twin.rigs import preset
 
     head = ("mode", "exact [Hz]", "chain", "simulated", "damping ratio", "chain", "simulated")

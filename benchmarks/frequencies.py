@@ -3,7 +3,7 @@
 A uniform chain (half a segment, whole ones, half a segment, k = EI/h) and the fitted one, 4 to 32 segments,
 each with its largest stable step in MuJoCo. Frequencies and statics against the exact beam; the trajectory, a
 quarter turn by bang-bang torque with sticking, against a uniform chain of 48 segments integrated by
-`twin.planar` (64 segments differ from it by 0.014 mrad). Cost is processor time per simulated second,
+`twin.mechanics.planar` (64 segments differ from it by 0.014 mrad). Cost is processor time per simulated second,
 friction included.
 """
 
@@ -14,11 +14,11 @@ from typing import NamedTuple
 import machine
 import numpy as np
 
-from twin import beam, planar
-from twin.chain import Chain, build, uniform_shape
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import beam, planar
+from twin.mechanics.chain import Chain, build, uniform_shape
+from twin.mechanics.mujoco_chain import MujocoChain
+from twin.mechanics.planar import declared_plant
 from twin.parameters import Rig
-from twin.planar import declared_plant
 from twin.rigs import preset
 
 SEGMENTS = (4, 5, 6, 8, 12, 16, 24, 32)

@@ -10,11 +10,11 @@ import machine
 import numpy as np
 from frequencies import DURATION, Slew, slew
 
-from twin import planar
-from twin.chain import Chain, build
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import planar
+from twin.mechanics.chain import Chain, build
+from twin.mechanics.mujoco_chain import MujocoChain
+from twin.mechanics.planar import Plant, declared_plant
 from twin.parameters import Rig
-from twin.planar import Plant, declared_plant
 from twin.rigs import preset
 
 SEGMENTS = (4, 5, 6, 8, 12)

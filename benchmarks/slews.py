@@ -22,15 +22,15 @@ import numpy as np
 import resumable
 from machine import describe
 
-from twin import beam, calibration, chain, fit
+from twin import calibration, fit
 from twin.campaign import Campaign, read_campaign
 from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.identify import balance, friction_map, joint, momentum
 from twin.identify.results import Estimate
-from twin.model import Model
+from twin.mechanics import beam, chain
 from twin.parameters import Rig
-from twin.search import FINE_STEP
+from twin.rigs.model import FINE_STEP, Model
 from twin.virtual_rig import Rig as VirtualRig
 from twin.virtual_rig import Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang, free_release

@@ -24,12 +24,12 @@ from functools import cache, partial
 import machine
 import numpy as np
 
-from twin import chain, planar
 from twin.effects import REGISTRY
-from twin.model import Model
+from twin.mechanics import chain, planar
 from twin.open_loop import DURATION, Family, Profile
 from twin.plants.paper import PaperPlant
 from twin.rigs import preset
+from twin.rigs.model import Model
 from twin.turns import (
     Free,
     Outcomes,

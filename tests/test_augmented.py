@@ -10,7 +10,7 @@ from twin.augmented import to_toml, write_augmented
 from twin.correlations import of_covariance
 from twin.errors import InputError
 from twin.parameters import Rig
-from twin.rig_file import read_rig_file, read_uncertainty
+from twin.rigs.rig_file import read_rig_file, read_uncertainty
 
 MINIMAL = """format = 1
 name = "mine"

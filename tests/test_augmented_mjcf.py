@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin import chain
-from twin.augmented_mjcf import to_mjcf
 from twin.diagnosis import AdoptedEffect
 from twin.effects import REGISTRY
-from twin.mjcf_sensing import SENSORS
-from twin.model import Model, Start, simulate
+from twin.mechanics import chain
+from twin.mechanics.state import Start
 from twin.parameters import Rig
 from twin.recording import Recording
+from twin.rigs.mjcf_export import to_mjcf
+from twin.rigs.mjcf_sensors import SENSORS
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +99,7 @@ def test_what_is_left_out_is_told_in_the_file(explained):
 def test_a_reading_that_cannot_be_written_is_told(explained, monkeypatch):
     misread = with_effect(explained, "hub-sensor-gain")
     assert "hub-sensor-gain" not in to_mjcf(misread, synthetic.SENSORS).left_out
-    monkeypatch.setattr("twin.mjcf_sensing.says", lambda name: False)
+    monkeypatch.setattr("twin.rigs.mjcf_sensors.says", lambda name: False)
     assert "hub-sensor-gain" in to_mjcf(misread, synthetic.SENSORS).left_out
 
 

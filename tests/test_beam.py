@@ -8,7 +8,7 @@ import pytest
 from finite_elements import FiniteElementLink
 from scipy.optimize import brentq
 
-from twin.beam import modes, rigid_inertia, static_tip_compliance
+from twin.mechanics.beam import modes, rigid_inertia, static_tip_compliance
 from twin.rigs import preset
 
 PUBLISHED = Path(__file__).parent / "published"

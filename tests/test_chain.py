@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from twin import beam, chain
-from twin.chain import build, curvature_row, uniform_shape
+from twin.mechanics import beam, chain
+from twin.mechanics.chain import build, curvature_row, uniform_shape
 from twin.rigs import preset
 
 RIG = preset("bossi2009")

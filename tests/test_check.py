@@ -5,9 +5,9 @@ import sys
 import numpy as np
 import pytest
 
-from twin.chain_modes import fit_ring_down
-from twin.check import check, to_json
 from twin.errors import InputError
+from twin.mechanics.accuracy import check, to_json
+from twin.mechanics.chain_modes import fit_ring_down
 from twin.rigs import preset
 
 

@@ -19,8 +19,8 @@ from twin import cli
 from twin.commands import shared
 from twin.deliver import ANSWER, FILES, FOLDER, deliver
 from twin.diagnosis import Patched
-from twin.json_file import to_text
-from twin.patch import HUB, Patch
+from twin.files.json import to_text
+from twin.rigs.patch import HUB, Patch
 
 TWIN = [sys.executable, "-m", "twin.cli"]
 WRITTEN = [name for name in FILES.values() if name != FILES["patch"]]

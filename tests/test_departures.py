@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twin import chain, departures, falling_friction, fit, hub_balance, planar
+from twin import departures, falling_friction, fit, hub_balance
 from twin.calibration import noise_levels
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.low_pass import GRID, REACH, low_passed, smooth
-from twin.model import Model, Motion
+from twin.mechanics import chain, planar
+from twin.mechanics.state import Motion
 from twin.rest_run import RestRun
 from twin.rigs import preset
+from twin.rigs.model import Model
 from twin.view import View, move
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -168,7 +170,7 @@ def test_the_mean_of_friction_at_a_steady_rate_is_its_level():
 def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypatch):
     rig = preset("bossi2009")
     twin = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3).with_plant(stribeck_velocity=0.8)
-    plant, inertia = twin.plant, twin.chain.free_hub_inertia()
+    plant, inertia = twin.plant, twin.mechanics.chain.free_hub_inertia()
     fine, finer = np.arange(0, 2, 2e-4), 10
     torque = 1.6 * plant.static_positive * np.sin(2 * np.pi * 4 * fine + 0.3)
 
@@ -185,7 +187,7 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
     spline = smooth(time, low_passed(angle[::finer], GRID, 70.0))
     seen = spline(time), spline(time, 1), spline(time, 2)
     view = View(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, {}, ())
-    links = len(twin.chain.lengths)
+    links = len(twin.mechanics.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in seen[:2])
     motion = Motion.of(time, angles, rates, np.sign(seen[1]), links)
 
@@ -208,7 +210,7 @@ def test_what_friction_seems_to_do_where_a_rest_ends_does_not_turn_a_creeping_hu
     angle, nothing = np.cumsum(rate) * GRID, np.zeros(len(time))
     surely = time > 1.0 + REACH
     view = View(time, angle, rate, nothing, np.sign(rate), surely, {}, {}, {}, ())
-    links = len(twin.chain.lengths)
+    links = len(twin.mechanics.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in (angle, rate))
     found = hub_balance.hub_laws(view, twin, Motion.of(time, angles, rates, np.sign(rate), links))
     level = planar.sliding_level(twin.plant, 0.0, 0.015, 1)

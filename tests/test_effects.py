@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from twin import chain, planar
 from twin.effects import REGISTRY
-from twin.model import Model, Start, initial_state, integrate, simulate
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import chain, planar
+from twin.mechanics.mujoco_chain import MujocoChain
+from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.rigs.model import Model
+from twin.rigs.simulate import initial_state, integrate, simulate
 
 GAUGES = {
     "strain_base": Sensor("strain_base", 2e-6, 0.02, 8e-4),

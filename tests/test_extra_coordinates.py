@@ -6,10 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import mjcf, planar, play
-from twin.chain import build
+from twin import play
 from twin.low_pass import low_passed
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import mjcf, planar
+from twin.mechanics.chain import build
+from twin.mechanics.mujoco_chain import MujocoChain
 from twin.rigs import preset
 
 RIG = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)

@@ -6,15 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import chain, contenders, fit, hub_balance, planar, polish, releases
+from twin import contenders, fit, hub_balance, polish, releases
 from twin.calibration import noise_levels
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.fit import Fit, Unknown, Workbench
 from twin.low_pass import GRID
-from twin.model import Model, Motion
+from twin.mechanics import chain, planar
+from twin.mechanics.state import Motion
 from twin.releases import Level
 from twin.rigs import preset
+from twin.rigs.model import Model
 from twin.search import Candidate
 from twin.view import View
 from twin.virtual_rig import Rig, Sensors, make_campaign
@@ -185,7 +187,7 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     view = View(
         time, angle, rate, -(omega**2) * angle, np.sign(rate), np.ones(len(time), dtype=bool), {}, {}, {}, ()
     )
-    links = len(twin.chain.lengths)
+    links = len(twin.mechanics.chain.lengths)
     angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
     motion = Motion.of(time, angles, rates, np.sign(rate), links)
     inner = slice(200, -200)

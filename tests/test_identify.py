@@ -13,7 +13,7 @@ from scipy.constants import g
 from scipy.signal import cont2discrete, lfilter, sosfiltfilt
 from typer.testing import CliRunner
 
-from twin import beam, calibration, campaign, chain, cli, fit
+from twin import calibration, campaign, cli, fit
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.errors import InputError
@@ -32,10 +32,13 @@ from twin.identify.backbone import Backbone, backbone
 from twin.identify.break_away import StaticFriction
 from twin.identify.deliver import FOLDER
 from twin.identify.results import Estimate, Mode, disagreement, pooled
-from twin.model import Model, Start, simulate
+from twin.mechanics import beam, chain
+from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
-from twin.rig_file import effect_lines, header, parameter_lines, read_rig_file
 from twin.rigs import preset
+from twin.rigs.model import Model
+from twin.rigs.rig_file import effect_lines, header, parameter_lines, read_rig_file
+from twin.rigs.simulate import simulate
 from twin.virtual_rig import UNCERTAINTY, Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import Experiment, free_release
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin import chain, fit
+from twin import fit
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.identify import balance, joint
-from twin.model import Model
+from twin.mechanics import chain
+from twin.rigs.model import Model
 from twin.virtual_rig import Sensors, make_campaign
 from twin.virtual_rig.experiments import Experiment
 

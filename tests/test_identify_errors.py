@@ -10,9 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from twin import (
-    beam,
     breakaway,
-    chain,
     disagreement,
     driven,
     driven_residual,
@@ -20,7 +18,6 @@ from twin import (
     fit,
     limit,
     observe,
-    planar,
     ridge,
     scatter,
     waves,
@@ -43,9 +40,12 @@ from twin.identify import (
 from twin.identify.against import Comparison
 from twin.identify.results import Identified
 from twin.look import look
-from twin.model import Model, Start, simulate
+from twin.mechanics import beam, chain, planar
+from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 from twin.view import move
 from twin.virtual_rig import Rig as VirtualRig
 from twin.virtual_rig import Sensors, make_campaign

@@ -9,14 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import beam, calibration, chain, fit
+from twin import calibration, fit
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.identify import balance, identification, joint, momentum, sentences
 from twin.identify.break_away import StaticFriction
 from twin.identify.results import Estimate
-from twin.model import Model
+from twin.mechanics import beam, chain
 from twin.rigs import preset
+from twin.rigs.model import Model
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang
 

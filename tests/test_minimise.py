@@ -6,11 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import chain, fit
+from twin import fit
 from twin.evidence import Group
 from twin.fit import Unknown, Workbench
-from twin.model import Model, Start
+from twin.mechanics import chain
+from twin.mechanics.state import Start
 from twin.rigs import preset
+from twin.rigs.model import Model
 
 TRUE = 0.1  # N m^2, far from where the fit starts
 ROWS = 100

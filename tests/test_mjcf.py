@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import beam, mjcf, planar
-from twin.chain import build
-from twin.check import linearised
+from twin.mechanics import beam, mjcf, planar
+from twin.mechanics.accuracy import linearised
+from twin.mechanics.chain import build
 from twin.recording import Sensor
 from twin.rigs import preset
 

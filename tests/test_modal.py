@@ -8,8 +8,8 @@ from finite_elements import FiniteElementLink
 from scipy.linalg import eig
 from scipy.signal import cont2discrete
 
-from twin.beam import modes, rigid_inertia, static_tip_compliance
-from twin.modal import (
+from twin.mechanics.beam import modes, rigid_inertia, static_tip_compliance
+from twin.mechanics.modal import (
     clamped_damping_ratios,
     clamped_state_space,
     held_response,

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
 
-from twin import chain
 from twin.effects import REGISTRY, Effect
 from twin.errors import InputError
-from twin.mjcf import GAUGES
-from twin.model import Model
+from twin.mechanics import chain
+from twin.mechanics.mjcf import GAUGES
 from twin.plants.base import READINGS
 from twin.plants.chain import CompiledPlant
 from twin.plants.modal import ModalPlant
 from twin.plants.modal_rig import modal_rig
 from twin.plants.reporting import Reporting
 from twin.rigs import preset
+from twin.rigs.model import Model
 
 # A tenth of the friction, for a tenth of the motion: the modal model has no large angles between link and hub.
 RIG = preset("bossi2009").replace(static_friction=5.5e-3, coulomb_friction=4.5e-4)

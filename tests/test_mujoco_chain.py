@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import beam, planar
-from twin.chain import build
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import beam, planar
+from twin.mechanics.chain import build
+from twin.mechanics.mujoco_chain import MujocoChain
 from twin.rigs import preset
 
 RIG = preset("bossi2009")

@@ -7,7 +7,7 @@ import campaign_folder
 import pytest
 
 from twin.errors import InputError
-from twin.outputs import ResultsFolder, check_writable
+from twin.files.outputs import ResultsFolder, check_writable
 
 CASES = {
     "compare over its first file": ("compare a.csv b.csv --rrd a.csv", "a.csv"),

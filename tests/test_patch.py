@@ -5,14 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from twin import chain, plants
+from twin import plants
 from twin.errors import InputError
-from twin.model import Model, Start, simulate
-from twin.patch import HUB, Patch, read, smooth, to_csv
+from twin.mechanics import chain
+from twin.mechanics.state import Start
 from twin.plants.base import READINGS
 from twin.plants.reporting import Reporting
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.rigs.model import Model
+from twin.rigs.patch import HUB, Patch, read, smooth, to_csv
+from twin.rigs.simulate import simulate
 
 RIG = preset("bossi2009")
 SENSORS = {"strain_base": Sensor("strain_base", 2e-6, 0.02, 0.001)}

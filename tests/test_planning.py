@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from homogeneous import HOMOGENEOUS
 
-from twin import chain, fit, planning, separation
+from twin import fit, planning, separation
 from twin.errors import InputError
-from twin.model import Model
+from twin.mechanics import chain
 from twin.planner import Planned, to_json, write_torque
 from twin.planner import plan as plan_for
 from twin.recording import Sensor
 from twin.rigs import preset
+from twin.rigs.model import Model
 from twin.separation import Explanation
 
 RIG = preset("bossi2009")
@@ -119,7 +120,10 @@ def test_payload_is_added_to_that_of_an_effect():
 
 
 def test_moves_are_those_of_the_covariance_of_a_fit_without_clock_and_starts():
-    unknowns = (*fit.declared_unknowns(MODEL)[:3], fit.Unknown("clock", "late", 0.0, 1e-4, True, (-1e-3, 1e-3)))
+    unknowns = (
+        *fit.declared_unknowns(MODEL)[:3],
+        fit.Unknown("clock", "late", 0.0, 1e-4, True, (-1e-3, 1e-3)),
+    )
     root = np.tril(np.random.default_rng(1).normal(size=(4, 4)))
     covariance = root @ root.T * np.outer(*2 * [[1e-3 * u.scale for u in unknowns]])
     values, nothing = np.array([u.start for u in unknowns]), np.zeros(0)

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from twin import chain
-from twin.beam import rigid_inertia
 from twin.errors import InputError
-from twin.mjcf import GAUGES
-from twin.model import Model
+from twin.mechanics import chain
+from twin.mechanics.beam import rigid_inertia
+from twin.mechanics.mjcf import GAUGES
 from twin.plants import make
 from twin.plants.base import READINGS
 from twin.plants.chain import ChainPlant, CompiledPlant
 from twin.plants.modal import ModalPlant
 from twin.plants.paper import PaperPlant
 from twin.rigs import preset
+from twin.rigs.model import Model
 
 PLANTS = (ChainPlant, CompiledPlant, ModalPlant, PaperPlant)
 RIG = preset("bossi2009")

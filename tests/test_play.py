@@ -7,12 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import chain, fit, limit, play
+from twin import fit, limit, play
 from twin.driven import DrivenData
-from twin.model import Model, Start, simulate
+from twin.mechanics import chain
+from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
-from twin.search import fine
+from twin.rigs.model import Model, fine
+from twin.rigs.simulate import simulate
 
 _RATE = 500.0
 _NOISE = {"hub_angle": 2e-4}

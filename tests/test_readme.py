@@ -11,8 +11,8 @@ import typer.main
 
 from twin import schema
 from twin.cli import app
+from twin.parameters import DEFAULTS, PARAMETERS
 from twin.recording import CHANNEL_UNITS
-from twin.schema import DEFAULTS, PARAMETERS
 from twin.units import TIME, allowed
 
 ROOT = Path(__file__).parent.parent

@@ -12,12 +12,13 @@ import pytest
 import synthetic_diagnosis as synthetic
 from rich.console import Console
 
+from twin import labels
 from twin.diagnosis import ChannelError, Patched, Trace
-from twin.patch import Patch
 from twin.report import display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
 from twin.report.figures import JoinedTime, compress, other_variables_figure, recording_figure, trace_figure
 from twin.report.html import render
+from twin.rigs.patch import Patch
 
 VERDICTS = {
     "explained": (synthetic.diagnosis, "The model lacks cable torsion"),
@@ -105,7 +106,7 @@ def test_errors_are_multiples_of_the_noise(diagnosis):
     error = diagnosis.predictions["bang-bang-90.csv"].errors["hub_angle"]
     text = seen(page(diagnosis))
     for model in ("before", "calibrated", "after"):
-        assert display.ratio(getattr(error, model) / error.noise) in text
+        assert labels.ratio(getattr(error, model) / error.noise) in text
 
 
 def test_false_alarm_rate_is_told_with_what_it_came_to(diagnosis):
@@ -335,11 +336,11 @@ def test_what_remains_is_listed_worst_first(diagnosis):
     ],
 )
 def test_value_has_the_digits_that_its_error_allows(value, error, text):
-    assert display.with_error(value, error) == text
+    assert labels.with_error(value, error) == text
 
 
 def test_number_keeps_significant_digits():
-    assert [display.number(x, 2) for x in (0.0, 12.34, 0.000123, 1e-9, np.nan)] == [
+    assert [labels.number(x, 2) for x in (0.0, 12.34, 0.000123, 1e-9, np.nan)] == [
         "0",
         "12",
         "0.00012",
@@ -349,9 +350,9 @@ def test_number_keeps_significant_digits():
 
 
 def test_probability_is_never_certain():
-    assert display.probability(1.0) == "> 99.9 %"
-    assert display.probability(0.0) == "< 0.1 %"
-    assert display.probability(0.982) == "98.2 %"
+    assert labels.probability(1.0) == "> 99.9 %"
+    assert labels.probability(0.0) == "< 0.1 %"
+    assert labels.probability(0.982) == "98.2 %"
 
 
 def test_compressed_axis_is_odd_and_logarithmic_far_out():

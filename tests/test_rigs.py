@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.beam import modes
 from twin.errors import InputError
+from twin.mechanics.beam import modes
 from twin.parameters import Parameter
-from twin.reconcile import reconcile
 from twin.rigs import PRESETS, bossi2009, preset
+from twin.rigs.match_modes import reconcile
 
 BOSSI = tomllib.loads((Path(__file__).parent / "published" / "bossi2009.toml").read_text())
 

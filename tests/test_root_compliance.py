@@ -6,8 +6,8 @@ import pytest
 from finite_elements import FiniteElementLink
 from scipy.linalg import eigh
 
-from twin import mjcf, planar
-from twin.chain import build, curvature_row, with_root
+from twin.mechanics import mjcf, planar
+from twin.mechanics.chain import build, curvature_row, with_root
 from twin.rigs import preset
 
 RIG = preset("bossi2009")

@@ -14,8 +14,8 @@ from twin import run_stream, scenarios
 from twin.compare import compare, read_tracks
 from twin.errors import InputError
 from twin.experiment import Experiment, run_shown
-from twin.rig_file import header, parameter_lines
 from twin.rigs import preset
+from twin.rigs.rig_file import header, parameter_lines
 from twin.run_files import read_track, write_csv
 from twin.viewer import watch
 

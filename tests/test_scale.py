@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from homogeneous import HOMOGENEOUS
 
-from twin import chain, fit
+from twin import fit
 from twin.driven import DrivenData
 from twin.low_pass import GRID
-from twin.model import Model, Start, simulate
+from twin.mechanics import chain
+from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 
 NOISE = {"hub_angle": 3e-4, "strain_base": 2e-6}
 

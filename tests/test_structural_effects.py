@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from twin import chain
-from twin.model import Model, Start, simulate
+from twin.mechanics import chain
+from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 from twin.virtual_rig import beam, effects, plant, sensors
 from twin.virtual_rig.rig import Rig, declared_values
 

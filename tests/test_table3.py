@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin import chain
-from twin.beam import rigid_inertia
 from twin.effects import REGISTRY
-from twin.model import Model
+from twin.mechanics import chain
+from twin.mechanics.beam import rigid_inertia
 from twin.open_loop import Family, designed, turn
 from twin.rigs import preset
+from twin.rigs.model import Model
 from twin.turns import (
     Free,
     Outcomes,

@@ -5,16 +5,19 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import chain, driven_residual, fit, search
+from twin import driven_residual, fit, search
 from twin.calibration import calibrate, likeliest_clock
 from twin.campaign import read_campaign
 from twin.driven import DrivenData
 from twin.low_pass import GRID
-from twin.modal import held_response
-from twin.model import Model, Start, simulate
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import chain
+from twin.mechanics.modal import held_response
+from twin.mechanics.mujoco_chain import MujocoChain
+from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang, planned_campaign
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin.notes import drifts
-from twin.patch import HUB
 from twin.patches import why_none
+from twin.rigs.patch import HUB
 from twin.traces import DEPENDS, TRAVEL, Unexplained, dependence, drift, remaining, strongest
 
 NOISE = 1e-3

@@ -14,7 +14,7 @@ from twin.control.base import LinearController
 from twin.control.library import CONTROLLERS, controller
 from twin.correlations import Correlations
 from twin.errors import InputError
-from twin.modal import held_response, state_space
+from twin.mechanics.modal import held_response, state_space
 from twin.plants.base import READINGS
 from twin.plants.reporting import Reporting
 from twin.plants.sensors import Sensors

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from twin.diagnosis import Diagnosis, KnownEffect
 from twin.parameters import Parameter
-from twin.rig_file import effect_lines, header, parameter_lines
+from twin.rigs.rig_file import effect_lines, header, parameter_lines
 
 FILE = "augmented-rig.toml"
 

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import planar
 from twin.fit import Prepared, guided
-from twin.model import Model, Motion, Start, integrate
+from twin.mechanics import planar
+from twin.mechanics.state import Motion, Start
 from twin.observe import BEFORE_ONSET
+from twin.rigs.model import Model
+from twin.rigs.simulate import integrate
 
 _SLOW = 0.02  # relative change of the torque over `_SPAN` up to which the instant of the break-away is sure enough
 _SPAN = 0.01  # s

@@ -9,13 +9,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin import chain, defects, driven, fit, limit, moving_start, observe, search, timing
+from twin import defects, driven, fit, limit, moving_start, observe, search, timing
 from twin.campaign import Campaign
 from twin.errors import InputError
 from twin.fit import Fit, Prepared, Workbench
-from twin.model import Model
+from twin.mechanics import chain
+from twin.progress import Progress, silent
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
-from twin.search import Progress, silent
+from twin.rigs.model import Model
 from twin.timing import Clock
 
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3

@@ -14,9 +14,9 @@ import numpy as np
 
 from twin import plausibility, proportions, rigs, schema, units
 from twin.errors import InputError, nearest
-from twin.parameters import Parameter, Rig
+from twin.files.table import Table, read_table, read_text
+from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
 from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
-from twin.table import Table, read_table, read_text
 
 STATIC = "static.csv"
 _COMMAND = "torque_command"
@@ -177,24 +177,24 @@ def _rig(said: schema.CampaignFile) -> Rig:
 
 def _undescribed(said: schema.CampaignFile) -> dict[str, Parameter]:
     """Returns the parameters that a rig without a preset has when nothing is said of them."""
-    required = [name for name in schema.PARAMETERS if name not in schema.DEFAULTS]
+    required = [name for name in PARAMETERS if name not in DEFAULTS]
     lacking = [name for name in required if name not in said.parameters]
     if lacking:
         raise InputError(
             f"{schema.FILE}: rig '{said.rig}' is not a preset ({', '.join(rigs.PRESETS)}), so [parameters] "
             f"must give {', '.join(required)}; missing: {', '.join(lacking)}{nearest(said.rig, rigs.PRESETS)}"
         )
-    return {name: _default(name, value) for name, value in schema.DEFAULTS.items()}
+    return {name: _default(name, value) for name, value in DEFAULTS.items()}
 
 
 def _default(name: str, value: float) -> Parameter:
-    unit, bounds = schema.PARAMETERS[name]
+    unit, bounds = PARAMETERS[name]
     uncertainty = 1.0 if name == "damping_ratio" else None
     return Parameter(name, value, unit, uncertainty, bounds, "default of the recording format")
 
 
 def _declared(name: str, value: float, base: Mapping[str, Parameter]) -> Parameter:
-    unit, bounds = schema.PARAMETERS[name]
+    unit, bounds = PARAMETERS[name]
     if name in base:
         unit, bounds = base[name].unit, base[name].bounds
     try:

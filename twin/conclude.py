@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from twin import notes, patches, planning, traces, verdict
+from twin import labels, notes, patches, planning, traces, verdict
 from twin.campaign import Campaign
 from twin.correlations import Correlations, of_covariance
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, KnownEffect, Patched, Prediction, Verdict
 from twin.effects import REGISTRY
 from twin.fit import Fit
 from twin.found import Found
-from twin.patch import HUB
 from twin.planning import Plan
 from twin.polish import Polished
-from twin.report import display
+from twin.rigs.patch import HUB
 from twin.traces import Unexplained
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
@@ -180,7 +179,7 @@ def _summary(
         return held
     where = " and ".join(_place(channel) for channel in left)
     is_not = "are not" if len(left) > 1 else "is not"
-    known = f" It depends on {', '.join(display.named(name) for name in depends[:3])}." if depends else ""
+    known = f" It depends on {', '.join(labels.named(name) for name in depends[:3])}." if depends else ""
     part = "explain a part" if len(effects) > 1 else "explains a part"
     partly = f" {names.capitalize()} {part} of it." if effects else ""
     return f"Something outside the library is missing: {where} {is_not} explained.{known}{partly} {held}"
@@ -204,7 +203,7 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
 def _place(channel: str) -> str:
     if channel == HUB:
         return "the balance of the hub (drive, friction, hub)"
-    return f"{display.channel(channel).label} (link or sensor)"
+    return f"{labels.channel(channel).label} (link or sensor)"
 
 
 def _next(

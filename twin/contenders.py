@@ -12,9 +12,10 @@ from twin import fit, limit, search, verdict
 from twin.calibration import seen_by
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
-from twin.model import Model
 from twin.polish import with_static_levels
-from twin.search import Candidate, Progress, silent
+from twin.progress import Progress, silent
+from twin.rigs.model import Model
+from twin.search import Candidate
 from twin.view import on_link
 
 CONTENDERS = 3  # candidates that are fitted to the end

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from twin import augmented
 from twin.diagnosis import Diagnosis
-from twin.json_file import write_json
-from twin.outputs import ResultsFolder, writing
-from twin.patch import to_csv
+from twin.files.json import write_json
+from twin.files.outputs import ResultsFolder, writing
 from twin.recording import Sensor
 from twin.report import write_report
+from twin.rigs.patch import to_csv
 from twin.stream import write_rrd
 
 ANSWER = "diagnosis.json"
@@ -53,13 +53,13 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     Raises:
       InputError: the folder cannot be written.
     """
-    from twin import augmented_mjcf  # compiles equations of motion: only where it is needed
+    from twin.rigs import mjcf_export  # compiles equations of motion: only where it is needed
 
     paths = {what: folder / name for what, name in FILES.items()}
     patch = paths["patch"]
     if diagnosis.patched is None:
         del paths["patch"]
-    mjcf = augmented_mjcf.to_mjcf(diagnosis, sensors)
+    mjcf = mjcf_export.to_mjcf(diagnosis, sensors)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # First, because by it the folder is known as ours.

@@ -14,8 +14,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from twin.fit import Prepared
-from twin.model import Model, Motion
+from twin.mechanics.state import Motion
 from twin.rest_run import RestRun
+from twin.rigs.model import Model
 
 Event = tuple[int, int]
 """Sample at which a motion is first seen, and its direction."""

@@ -37,8 +37,9 @@ from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
 from twin.fit import Fit, Workbench
 from twin.found import Found
+from twin.progress import Progress, silent
 from twin.recording import MEASURED
-from twin.search import Candidate, Progress, silent
+from twin.search import Candidate
 from twin.separation import Explanation
 
 MOST_EFFECTS = 3

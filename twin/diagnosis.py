@@ -11,8 +11,8 @@ import numpy as np
 
 from twin.correlations import Correlations
 from twin.parameters import Rig
-from twin.patch import Patch
 from twin.recording import CHANNEL_UNITS, Recording
+from twin.rigs.patch import Patch
 
 Verdict = Literal["explained", "no-missing-effect", "outside-library"]
 

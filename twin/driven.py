@@ -19,7 +19,8 @@ from twin.evidence import Group
 from twin.fit import Prepared
 from twin.look import look
 from twin.low_pass import BAND, GRID, MOTION_BANDS
-from twin.model import Model, Start
+from twin.mechanics.state import Start
+from twin.rigs.model import Model
 from twin.view import LEFT_OUT, before_end
 
 BLOCK = 1.5

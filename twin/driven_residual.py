@@ -8,8 +8,10 @@ from twin import departures
 from twin.fit import Prepared
 from twin.hub_balance import break_aways, delivered, read_torque, unmodelled
 from twin.low_pass import GRID, low_passed
-from twin.model import Model, Start, reported
+from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import reported
 from twin.view import LEFT_OUT, View, before_end, move, whitened
 
 

@@ -17,10 +17,10 @@ from dm_control.rl import control
 from dm_env import specs
 
 from twin.parameters import Rig
-from twin.patch import Patch
 from twin.plants.base import PERIOD, READINGS, Plant
 from twin.plants.reporting import Reporting
 from twin.plants.sensors import Sensors
+from twin.rigs.patch import Patch
 
 Reference = Callable[[float], float]
 """Wanted hub angle [rad] at a time [s]."""

@@ -14,9 +14,9 @@ from twin.control import library
 from twin.control.base import Controller
 from twin.errors import InputError
 from twin.parameters import Rig
-from twin.patch import Patch
 from twin.plants.reporting import Reporting
 from twin.plants.sensors import BOSSI2009, Sensors
+from twin.rigs.patch import Patch
 from twin.run_stream import Track
 
 

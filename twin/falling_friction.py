@@ -10,11 +10,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin import planar
 from twin.grid_means import at_cells, at_instants, cell, in_cells, of_cells
 from twin.low_pass import GRID, REACH, low_passed
-from twin.model import Model, Motion
-from twin.planar import Plant
+from twin.mechanics import planar
+from twin.mechanics.planar import Plant
+from twin.mechanics.state import Motion
+from twin.rigs.model import Model
 from twin.view import View
 
 _ROUNDS, _KEPT = 8, 0.3

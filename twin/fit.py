@@ -16,10 +16,12 @@ from twin import evidence, observe
 from twin.effects import REGISTRY
 from twin.effects.base import OPEN
 from twin.evidence import Group
-from twin.model import Guide, Model, Start, simulate
+from twin.mechanics.state import Guide, Start
 from twin.observe import HubMotion
-from twin.parameters import Parameter
+from twin.parameters import declared_range, relative_uncertainty
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 
 MEMORY = 0.25
 """Span over which a change of the hub angle is compared [s]."""
@@ -31,18 +33,6 @@ _FEWEST = 4  # readings that make a channel
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
 _REACH = 3.0  # standard deviations by which a declared parameter may be off
 _RIGID = ("torque_limit",)
-# Standard deviations assumed where a campaign leaves them unsaid, as a careful lab would state them.
-ASSUMED_UNCERTAINTY = {
-    "bending_stiffness": 0.02,
-    "linear_density": 0.01,
-    "length": 0.002,
-    "hub_inertia": 0.03,
-    "tip_mass": 0.01,
-    "tip_inertia": 0.05,
-    "damping_ratio": 0.1,
-    "static_friction": 0.1,
-    "coulomb_friction": 0.1,
-}
 
 
 @dataclass(frozen=True)
@@ -127,13 +117,6 @@ class Unknown:
         return 1 / value if value else math.inf
 
 
-def relative_uncertainty(parameter: Parameter) -> float:
-    """Relative standard deviation of a declared parameter [1], as said or as a careful lab would say; 0 where exact."""
-    if parameter.uncertainty is None:
-        return ASSUMED_UNCERTAINTY.get(parameter.name, 0.0)
-    return parameter.uncertainty
-
-
 def replaced_parameters(model: Model) -> set[str]:
     """Declared parameters that a model's effects take over."""
     return {p for name in model.effects for p in REGISTRY[name].replaces}
@@ -150,13 +133,6 @@ def declared_unknowns(model: Model) -> list[Unknown]:
             bounds = declared_range(parameter, _REACH)
             found.append(Unknown("rig", name, parameter.value, scale, True, bounds))
     return found
-
-
-def declared_range(parameter: Parameter, deviations: float) -> tuple[float, float]:
-    """Values so many deviations about a declared one; a rough one may be off by a factor, and stays positive."""
-    factor = 1 + deviations * relative_uncertainty(parameter)
-    low, high = parameter.bounds
-    return max(parameter.value / factor, low), min(parameter.value * factor, high)
 
 
 def clock_unknown(prepared: Sequence[Prepared]) -> Unknown:
@@ -182,7 +158,9 @@ def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen
     ]
 
 
-def known_effect_unknowns(model: Model, errors: Mapping[str, Mapping[str, float]], seen: set[str]) -> list[Unknown]:
+def known_effect_unknowns(
+    model: Model, errors: Mapping[str, Mapping[str, float]], seen: set[str]
+) -> list[Unknown]:
     """Parameters of the effects that a model begins with; those with a standard error (effect -> name) have a prior."""
     found = []
     for effect, values in model.effects.items():

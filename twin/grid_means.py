@@ -11,8 +11,8 @@ import functools
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from twin.model import Model
 from twin.recording import Recording
+from twin.rigs.model import Model
 
 CELLS = 9
 """Parts of a grid step, an odd number."""

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin import falling_friction, planar, play
+from twin import falling_friction, play
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, twice_averaged
 from twin.low_pass import BAND, GRID, low_passed
-from twin.model import Model, Motion
+from twin.mechanics import planar
+from twin.mechanics.state import Motion
+from twin.rigs.model import Model
 from twin.view import LEFT_OUT, View, before_end
 
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read

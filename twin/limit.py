@@ -13,10 +13,11 @@ from dataclasses import fields
 
 import numpy as np
 
-from twin import chain, search
-from twin.chain import Chain
 from twin.fit import Workbench
-from twin.model import Model, Start
+from twin.mechanics import chain
+from twin.mechanics.chain import Chain
+from twin.mechanics.state import Start
+from twin.rigs.model import FINE_STEP, Model
 
 ROUGH = (6, 8, 12)
 """Numbers of segments to begin with: they leave half a noise level at a resonance, in a third of the time."""
@@ -38,7 +39,7 @@ class EvenModel(Model):
 def even(model: Model, segments: int) -> EvenModel:
     """The model on a chain of so many equal segments, in steps as short as those of a fine one."""
     values = {f.name: getattr(model, f.name) for f in fields(model)}
-    return EvenModel(**{**values, "shape": chain.uniform_shape(segments), "step": search.FINE_STEP})
+    return EvenModel(**{**values, "shape": chain.uniform_shape(segments), "step": FINE_STEP})
 
 
 def _row(hinges: np.ndarray, length: float, x: float) -> np.ndarray:

@@ -13,10 +13,10 @@ from twin import departures, on_grid, play, ringing
 from twin.fit import Prepared
 from twin.hub_balance import well_defined
 from twin.low_pass import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth
-from twin.model import Model
+from twin.mechanics.planar import STUCK
 from twin.observe import HubMotion
-from twin.planar import STUCK
 from twin.recording import Recording
+from twin.rigs.model import Model
 from twin.view import LEFT_OUT, View, before_end, move
 from twin.view_noise import evened, propagated, sensor_noise, swell, swinging_strains, whitening
 

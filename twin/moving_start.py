@@ -16,8 +16,10 @@ from twin import fit
 from twin.driven_residual import missing
 from twin.fit import GuidedData, Prepared, Workbench
 from twin.look import look
-from twin.model import Model, Start, bending_shapes
+from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import bending_shapes
 from twin.view import LEFT_OUT, View, before_end
 
 _SPANS = (0.15, 0.25, 0.5)

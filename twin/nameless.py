@@ -21,8 +21,8 @@ from twin.driven import DrivenData
 from twin.fit import Fit, Prepared, Workbench
 from twin.gaussian_process import Evidence, likeliest, likely
 from twin.low_pass import GRID, low_passed
-from twin.model import Model
-from twin.patch import HUB, Patch
+from twin.rigs.model import Model
+from twin.rigs.patch import HUB, Patch
 from twin.view import View
 
 _KNOTS = 32

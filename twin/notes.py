@@ -9,12 +9,13 @@ import numpy as np
 from twin import releases, timing, traces, verdict
 from twin.campaign import Campaign
 from twin.diagnosis import Prediction
-from twin.fit import ASSUMED_UNCERTAINTY, Fit
+from twin.fit import Fit
 from twin.found import Found
-from twin.patch import HUB
+from twin.labels import named
+from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.polish import Polished
-from twin.report.display import named
 from twin.rest_run import RestRun
+from twin.rigs.patch import HUB
 from twin.traces import Unexplained
 from twin.view import View
 

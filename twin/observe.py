@@ -9,8 +9,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import binary_dilation, binary_erosion, label, maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
-from twin.model import Guide, Start
-from twin.planar import STUCK, UNSURE
+from twin.mechanics.planar import STUCK, UNSURE
+from twin.mechanics.state import Guide, Start
 from twin.recording import Recording
 
 _LONG_GAP = 0.1  # s without a reading of the hub beyond which its motion is not known

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from twin.model import Model
 from twin.recording import Recording
+from twin.rigs.model import Model
 
 _SPARSE = 1.8
 """Sample periods between two readings beyond which nothing is known of what lies between."""

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.beam import rigid_inertia
-from twin.model import Model, Start, simulate
+from twin.mechanics.beam import rigid_inertia
+from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 
 DURATION = 4.0
 """Length of a run [s]: the hub has stuck by then."""

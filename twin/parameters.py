@@ -69,3 +69,55 @@ class Rig(Mapping[str, float]):
 
     def __reduce__(self):
         return (type(self), (self.name, dict(self.parameters)))
+
+
+# Standard deviations assumed where a campaign leaves them unsaid, as a careful lab would state them.
+ASSUMED_UNCERTAINTY = {
+    "bending_stiffness": 0.02,
+    "linear_density": 0.01,
+    "length": 0.002,
+    "hub_inertia": 0.03,
+    "tip_mass": 0.01,
+    "tip_inertia": 0.05,
+    "damping_ratio": 0.1,
+    "static_friction": 0.1,
+    "coulomb_friction": 0.1,
+}
+
+
+def relative_uncertainty(parameter: Parameter) -> float:
+    """Relative standard deviation of a declared parameter [1], as said or as a careful lab would say; 0 where exact."""
+    if parameter.uncertainty is None:
+        return ASSUMED_UNCERTAINTY.get(parameter.name, 0.0)
+    return parameter.uncertainty
+
+
+def declared_range(parameter: Parameter, deviations: float) -> tuple[float, float]:
+    """Values so many deviations about a declared one; a rough one may be off by a factor, and stays positive."""
+    factor = 1 + deviations * relative_uncertainty(parameter)
+    low, high = parameter.bounds
+    return max(parameter.value / factor, low), min(parameter.value * factor, high)
+
+
+PARAMETERS: Mapping[str, tuple[str, tuple[float, float]]] = {
+    "bending_stiffness": ("N*m^2", (1e-6, 1e6)),
+    "linear_density": ("kg/m", (1e-6, 1e3)),
+    "length": ("m", (1e-3, 1e2)),
+    "hub_inertia": ("kg*m^2", (1e-9, 1e3)),
+    "tip_mass": ("kg", (0.0, 1e3)),
+    "tip_inertia": ("kg*m^2", (0.0, 1e3)),
+    "damping_ratio": ("1", (0.0, 0.5)),
+    "static_friction": ("N*m", (0.0, 1e3)),
+    "coulomb_friction": ("N*m", (0.0, 1e3)),
+    "torque_limit": ("N*m", (1e-9, math.inf)),
+}
+"""Every parameter of the format with its SI unit and what is physically possible."""
+DEFAULTS: Mapping[str, float] = {
+    "tip_mass": 0.0,
+    "tip_inertia": 0.0,
+    "damping_ratio": 0.01,
+    "static_friction": 0.0,
+    "coulomb_friction": 0.0,
+    "torque_limit": math.inf,
+}
+"""What holds for a rig that no preset describes; the other parameters are then required."""

@@ -7,17 +7,19 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from twin import calibration, moving_start, patch, search, traces, verdict
+from twin import calibration, labels, moving_start, traces, verdict
 from twin.campaign import Campaign
 from twin.diagnosis import Patched, Prediction
 from twin.fit import Prepared
 from twin.found import Found
-from twin.model import Start, simulate
+from twin.mechanics.state import Start
 from twin.nameless import Nameless
-from twin.patch import Patch
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS
-from twin.report import display
+from twin.rigs import patch
+from twin.rigs.model import fine
+from twin.rigs.patch import Patch
+from twin.rigs.simulate import simulate
 from twin.traces import Unexplained
 
 _LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
@@ -40,7 +42,7 @@ def patched(
     lookup = of_worst(found, left)
     if lookup is None:
         return None
-    model = search.fine(polished.augmented.model.replace(patch=lookup))
+    model = fine(polished.augmented.model.replace(patch=lookup))
     noise = calibration.noise_levels(campaign)
 
     def errors(prepared: Prepared, start: Start) -> dict[str, tuple[float, float]]:
@@ -88,7 +90,7 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
             "no function that a simulation knows."
         )
     if smooth is not None and smooth.law.sided and first in smooth.law.variables:
-        name = display.variable(smooth.law.variable).label
+        name = labels.variable(smooth.law.variable).label
         return (
             f"There is no lookup, because what is left depends on the {name} and turns its sign with the direction of "
             "the hub: no function that a simulation knows."
@@ -98,7 +100,7 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
         return "There is no lookup, because what is left is another at the same instant of another recording."
     if not told:
         return "There is no lookup, because no variable alone tells what is left in every recording."
-    name = display.variable(first).label
+    name = labels.variable(first).label
     if not any(Patch(channel, first, *np.zeros((3, 0))).acts for channel in told):
         return f"There is no lookup, because what is left depends on the {name}: no function that a simulation knows."
     return f"There is no lookup, because too little of the range of the {name} was seen in more than one recording."

@@ -18,9 +18,10 @@ from twin.calibration import Calibration, calibrate
 from twin.campaign import Campaign
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
-from twin.outputs import writing
+from twin.files.outputs import writing
 from twin.planning import Plan
-from twin.search import Candidate, Progress, silent
+from twin.progress import Progress, silent
+from twin.search import Candidate
 
 
 @dataclass(frozen=True)

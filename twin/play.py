@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin import planar
 from twin.fit import Prepared
 from twin.grid_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
 from twin.low_pass import GRID, REACH, low_passed
-from twin.model import Model
-from twin.planar import CONTACT_STIFFNESS, Plant
+from twin.mechanics import planar
+from twin.mechanics.planar import CONTACT_STIFFNESS, Plant
+from twin.rigs.model import Model
 from twin.view import View, hub_motion
 
 _ROUNDS = 6

@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import breakaway, chain, fit, releases
+from twin import breakaway, fit, releases
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
-from twin.model import Model
+from twin.mechanics import chain
 from twin.releases import Level
+from twin.rigs.model import Model
 
 _SEGMENTS, _STEP = 6, 1e-3
 _LIKELY = 2.0  # log likelihood below the best up to which a value is within two standard errors

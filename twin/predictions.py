@@ -8,14 +8,15 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, moving_start, search
+from twin import calibration, moving_start
 from twin.campaign import Campaign
 from twin.diagnosis import ChannelError, Prediction
 from twin.fit import Prepared
 from twin.found import Found
-from twin.model import Model, simulate
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS, Recording
+from twin.rigs.model import Model, fine
+from twin.rigs.simulate import simulate
 
 _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
 
@@ -49,7 +50,7 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
 
     Behind these come two runs of the last model with its break-away torque changed a little.
     """
-    exact = [search.fine(m) for m in models]
+    exact = [fine(m) for m in models]
     starts = [moving_start.first_state(m, prepared, pool) for m in models]
     for share in (1 - _NEARBY, 1 + _NEARBY):
         exact.append(exact[len(models) - 1].with_break_away(share))

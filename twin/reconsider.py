@@ -12,7 +12,8 @@ from dataclasses import replace
 from twin import contenders, fit, search, verdict
 from twin.fit import Fit, Workbench
 from twin.found import Found
-from twin.search import Candidate, Progress, silent
+from twin.progress import Progress, silent
+from twin.search import Candidate
 
 _QUICK = 5  # iterations of a fit that only tells whether it is worth going on
 _FAR = 10.0  # times the score that an effect needs, from which a quick fit is enough to keep it

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.driven import DrivenData
-from twin.model import Model, Start
+from twin.mechanics.state import Start
 from twin.rest_run import BEFORE, INSTANT, REST, RestRun
+from twin.rigs.model import Model
 from twin.view import View, move
 
 _LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin import labels
 from twin.recording import Recording, Sensor
-from twin.report import display
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -187,7 +187,7 @@ def series_view(origin: str, title: str) -> rrb.TimeSeriesView:
 
 def channel_view(origin: str, channel: str, what: str = "") -> rrb.TimeSeriesView:
     """Returns the view of a channel, or of what `what` says of it."""
-    shown = display.channel(channel)
+    shown = labels.channel(channel)
     return series_view(origin, f"{what}{shown.label} [{shown.unit}]")
 
 

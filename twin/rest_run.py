@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import planar
 from twin.fit import Prepared
-from twin.model import Model, Motion, delivered, reported
+from twin.mechanics import planar
+from twin.mechanics.planar import STUCK
+from twin.mechanics.state import Motion
 from twin.observe import BEFORE_ONSET
-from twin.planar import STUCK
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import delivered, reported
 
 REST = 0.2
 """Span before a break-away in which the hub has to rest [s]."""

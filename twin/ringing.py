@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.model import Model
+from twin.rigs.model import Model
 
 LIGHT = 1.0
 """Time that a mode has to ring for its kicks to be followed one by one [s]."""

@@ -12,12 +12,12 @@ import numpy as np
 from twin.campaign import files_of, read_campaign
 from twin.closed_loop import Run
 from twin.errors import InputError
-from twin.mjcf import GAUGES
-from twin.outputs import writing
+from twin.files.outputs import writing
+from twin.files.table import read_table
+from twin.mechanics.mjcf import GAUGES
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.rigs import preset
 from twin.run_stream import Track, of_recording
-from twin.table import read_table
 
 _OTHER = (".json", ".rrd", ".toml", ".html")  # what else the twin writes
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import labels
 from twin import rerun_parts as parts
 from twin.closed_loop import Run
 from twin.errors import InputError
 from twin.recording import Recording, Sensor
-from twin.report import display
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -99,7 +99,7 @@ class RunStream:
         width = 2.5 if index == 0 else 1.5
         for channel in _PLOTTED:
             if channel in piece.channels:
-                values = display.channel(channel).factor * piece.channels[channel]
+                values = labels.channel(channel).factor * piece.channels[channel]
                 self._line(f"{channel}/{safe}", piece, values, COLOURS[index % 4], piece.name, width)
         if "motor_torque" in piece.channels:
             torque = piece.channels["motor_torque"]
@@ -112,7 +112,7 @@ class RunStream:
         for index, other in enumerate(others, start=1):
             for channel, (time, values) in differences(first, other).items():
                 if channel in _DIFFERENCES:
-                    scaled = display.channel(channel).factor * values
+                    scaled = labels.channel(channel).factor * values
                     entity = f"{_ROOT}/difference_{channel}/{index}_{parts.entity_name(other.name)}"
                     parts.send_scalars(
                         self._stream,
@@ -143,7 +143,7 @@ class RunStream:
     def _send_loop(self, piece: Track) -> None:
         """What only the first track has: reference, command and its limits, friction, controller states."""
         if "hub_reference" in piece.channels:
-            reference = display.channel("hub_angle").factor * piece.channels["hub_reference"]
+            reference = labels.channel("hub_angle").factor * piece.channels["hub_reference"]
             self._line("hub_angle/reference", piece, reference, _GREY, "reference", 1.0)
         if "torque_command" in piece.channels:
             self._line("torque/command", piece, piece.channels["torque_command"], _GREY, "command", 1.0)

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.beam import rigid_inertia
 from twin.closed_loop import Run
 from twin.control.base import Controller
 from twin.control.library import controller as named_controller
 from twin.environment import Reference
 from twin.errors import InputError, nearest
+from twin.mechanics.beam import rigid_inertia
 
 BANG_BANG_TORQUE = 0.2
 """Largest amplitude of the bang-bang profiles [N m], assumed."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -11,34 +10,11 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from twin.errors import InputError, nearest
+from twin.parameters import PARAMETERS
 from twin.recording import CHANNEL_UNITS
 from twin.units import TIME
 
 FILE = "campaign.toml"
-
-PARAMETERS: Mapping[str, tuple[str, tuple[float, float]]] = {
-    "bending_stiffness": ("N*m^2", (1e-6, 1e6)),
-    "linear_density": ("kg/m", (1e-6, 1e3)),
-    "length": ("m", (1e-3, 1e2)),
-    "hub_inertia": ("kg*m^2", (1e-9, 1e3)),
-    "tip_mass": ("kg", (0.0, 1e3)),
-    "tip_inertia": ("kg*m^2", (0.0, 1e3)),
-    "damping_ratio": ("1", (0.0, 0.5)),
-    "static_friction": ("N*m", (0.0, 1e3)),
-    "coulomb_friction": ("N*m", (0.0, 1e3)),
-    "torque_limit": ("N*m", (1e-9, math.inf)),
-}
-"""Every parameter of the format with its SI unit and what is physically possible."""
-
-DEFAULTS: Mapping[str, float] = {
-    "tip_mass": 0.0,
-    "tip_inertia": 0.0,
-    "damping_ratio": 0.01,
-    "static_friction": 0.0,
-    "coulomb_friction": 0.0,
-    "torque_limit": math.inf,
-}
-"""What holds for a rig that no preset describes; the other parameters are then required."""
 
 
 def _number(value: Any) -> Any:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from twin import chain, fit, waves
-from twin.chain import ChainShape
+from twin import fit, waves
 from twin.chance import Slopes
 from twin.effects import REGISTRY
 from twin.fit import Fit, Unknown, Workbench
-from twin.model import Model, Start
+from twin.mechanics.state import Start
+from twin.progress import Progress, silent
+from twin.rigs.model import Model
 from twin.waves import Peak
 
-FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 _ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
 _STRAINED = 2.0  # standard deviations from its declared value at which a parameter makes one think
@@ -25,23 +25,6 @@ _PROMISING = 0.5  # share of the best score that a size alone, nothing fitted, h
 _OFF = 0.5  # misfit a sample from which a model is off in most of what was recorded, not only here and there
 _QUICK = 8  # iterations of a first fit
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
-
-Progress = Callable[[str], None]
-
-
-def silent(text: str) -> None:
-    """Says nothing."""
-
-
-def fine(model: Model) -> Model:
-    """The same model on a chain fine enough to stand for the limit."""
-    return model.replace(shape=_fine_shape(model), step=FINE_STEP)
-
-
-def _fine_shape(model: Model) -> ChainShape:
-    # A shape fits all rigs that are much alike: fitted to three digits, it is found again.
-    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPED_BY}
-    return chain.fit_shape(rounded, FINE_SEGMENTS)
 
 
 def roughly(
@@ -118,7 +101,9 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     names = list(names)
     progress("scoring the effects")
     tops = {
-        name: waves.spectral_peaks(bench, base, REGISTRY[name]) for name in names if REGISTRY[name].wave is not None
+        name: waves.spectral_peaks(bench, base, REGISTRY[name])
+        for name in names
+        if REGISTRY[name].wave is not None
     }
     slopes = {name: slopes_of(bench, base, name, tops.get(name, ())) for name in names}
     promise = {name: promised(bench, base, slopes[name]) for name in names}
@@ -182,7 +167,9 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
     effect = REGISTRY[name]
     paid = price(len(effect.free(effect.neutral(base.model.declared))), bench)
     if effect.wave is not None:
-        columns = waves.wave_slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
+        columns = (
+            waves.wave_slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
+        )
         rivals, level = (tops[0].rivals, tops[0].level) if tops else (1, 1.0)
         return Slopes(columns, tuple(effect.replaces), paid, rivals, level)
     neutral = effect.neutral(base.model.declared)

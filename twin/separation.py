@@ -21,8 +21,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin.fit import CORRELATION, Fit, Unknown, placed
-from twin.model import Model, Start, simulate
+from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 
 _NEARBY = 1e-3  # relative change of the break-away torque
 _TURN = 2.8  # rad, how far a hub with wires may turn; assumed

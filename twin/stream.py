@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import labels
 from twin import rerun_parts as parts
 from twin.diagnosis import UNSEEN, Diagnosis, Prediction, Trace
-from twin.patch import HUB
 from twin.recording import Recording, Sensor
 from twin.report import display
+from twin.rigs.patch import HUB
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -138,7 +139,7 @@ def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
         parts.send_arm(stream, place, frames, whole, COLOURS[model], thick)
         for name in entry.channels():
             if name in recording:
-                values = display.channel(name).factor * recording[name]
+                values = labels.channel(name).factor * recording[name]
                 _send_scalars(stream, f"{entry.root}/{name}/{_PLACES[model]}", recording.time, values, model)
     if "torque_command" in measured:
         command = measured["torque_command"]
@@ -222,7 +223,7 @@ def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
     plots = [parts.channel_view(f"{entry.root}/{name}", name) for name in entry.channels()]
     plots.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]"))
     if entry.torque():
-        shown = display.unmodelled(HUB)
+        shown = labels.unmodelled(HUB)
         plots.append(parts.series_view(f"{entry.root}/unmodelled", f"{shown.label} [{shown.unit}]"))
     left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
     return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)

@@ -7,7 +7,7 @@ import numpy as np
 from twin import hub_balance
 from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
-from twin.patch import HUB
+from twin.rigs.patch import HUB
 
 
 def known_weights(bench: Workbench, fit: Fit) -> np.ndarray:

@@ -9,12 +9,13 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 
-from twin import driven, driven_residual, regressors, search
+from twin import driven, driven_residual, regressors
 from twin.diagnosis import Trace
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.low_pass import BAND, GRID
-from twin.patch import HUB
+from twin.rigs.model import fine
+from twin.rigs.patch import HUB
 from twin.verdict import SOUND
 
 _BINS = (16, 100)  # of a variable, each with as many samples
@@ -65,7 +66,7 @@ def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit) -> dict[str
 
     On a fine chain: what a short one gets wrong is nothing that is missing.
     """
-    fit = replace(fit, model=search.fine(fit.model))
+    fit = replace(fit, model=fine(fit.model))
     recordings = [_in_recording(bench, data, fit, i) for i in range(len(data.prepared))]
     channels = dict.fromkeys(channel for parts in recordings for channel in parts)
     modes = np.concatenate([fit.model.chain.modes(boundary)[0] for boundary in ("clamped", "free")])

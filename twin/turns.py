@@ -17,8 +17,8 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from twin.effects import REGISTRY, Effect, EffectParameter
-from twin.model import Model
 from twin.open_loop import Profile, turn
+from twin.rigs.model import Model
 
 Effects = Mapping[str, Mapping[str, float]]
 

@@ -10,7 +10,7 @@ from twin import chance, driven, evidence, left_out, timed
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.nameless import Nameless
-from twin.patch import HUB
+from twin.rigs.patch import HUB
 from twin.search import Candidate
 
 LEAST_SHARE = (
@@ -146,7 +146,9 @@ def too_quiet(found: Found) -> dict[str, float]:
 
 def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> size of the residual in noise levels."""
-    sizes = evidence.group_sizes(fit.residual, bench.data.groups, bench.weight * timed.known_weights(bench, fit))
+    sizes = evidence.group_sizes(
+        fit.residual, bench.data.groups, bench.weight * timed.known_weights(bench, fit)
+    )
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 

@@ -11,10 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.fft import irfft, rfft
 
-from twin import departures, planar
+from twin import departures
 from twin.fit import Prepared
 from twin.low_pass import GRID, MOTION_BANDS, smooth
-from twin.model import Model, Motion, Start, initial_state
+from twin.mechanics import planar
+from twin.mechanics.state import Motion, Start
+from twin.rigs.model import Model
+from twin.rigs.simulate import initial_state
 from twin.ringing import Ringing
 
 _EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened

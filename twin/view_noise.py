@@ -16,8 +16,9 @@ from twin import ringing
 from twin.driven_residual import residual
 from twin.fit import Prepared
 from twin.low_pass import BAND, GRID, low_passed, passed, smooth
-from twin.model import Model, reported
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import reported
 from twin.ringing import Ringing, Swing
 from twin.view import View, move, padding, whitened
 

@@ -6,8 +6,9 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from twin import closed_loop, mjcf, plants, scenarios
+from twin import closed_loop, plants, scenarios
 from twin.experiment import Experiment
+from twin.mechanics import mjcf
 from twin.plants.chain import ChainPlant
 
 _FRAME_RATE = 60  # Hz

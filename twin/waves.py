@@ -20,7 +20,8 @@ from twin.effects.base import Effect
 from twin.effects.wave import RESONANCE_DAMPING, Wave
 from twin.fit import Fit, Workbench
 from twin.low_pass import GRID, low_passed, passed
-from twin.model import Model, Motion
+from twin.mechanics.state import Motion
+from twin.rigs.model import Model
 from twin.view import View, move, whitened
 
 _PEAKS = 3

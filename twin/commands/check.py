@@ -8,11 +8,11 @@ import typer
 
 from twin.commands.shared import DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress, rig_file
 from twin.errors import InputError
-from twin.json_file import write_json
-from twin.outputs import check_writable
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.check import Check
+    from twin.mechanics.accuracy import Check
 
 
 def check(
@@ -28,7 +28,7 @@ def check(
             f"{rig}: has the effects {', '.join(effects)}; expected a rig without effects to check"
         )
     with progress() as report:
-        from twin import check as chain_check
+        from twin.mechanics import accuracy as chain_check
 
         result = chain_check.check(declared, segments, report)
     if json_file is not None:
@@ -41,7 +41,7 @@ def check(
 def _print_check(result: Check) -> None:
     from rich.table import Table
 
-    from twin.check import text_rows
+    from twin.mechanics.accuracy import text_rows
 
     screen = console()
     head = ("mode", "f exact", "chain", "simulated", "zeta", "chain", "simulated", "1 - MAC")

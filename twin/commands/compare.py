@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.commands.shared import DEFAULT_RIG, RIGS, JsonFile, console, load_rig, progress, rig_file
-from twin.json_file import write_json
-from twin.outputs import check_writable
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.compare import Difference
@@ -65,7 +65,7 @@ def compare(
 def _print(first: str, rows: list[Difference]) -> None:
     from rich.table import Table
 
-    from twin.report import display
+    from twin import labels
 
     title = f"difference from {first}"
     table = Table(
@@ -74,7 +74,7 @@ def _print(first: str, rows: list[Difference]) -> None:
     for column in (2, 3, 5):
         table.columns[column].justify = "right"
     for row in rows:
-        shown = display.channel(row.channel)
+        shown = labels.channel(row.channel)
         values = (_number(shown.factor * row.rms), _number(shown.factor * row.largest))
         share = f"{_number(100 * row.relative, 2)} %" if isfinite(row.relative) else "at rest"
         table.add_row(row.name, shown.label, *values, shown.unit, share)

@@ -18,8 +18,8 @@ from twin.commands.shared import (
     console,
     progress,
 )
-from twin.json_file import write_json
-from twin.outputs import check_writable
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.campaign import Campaign
@@ -52,7 +52,7 @@ def _declared(campaign: Campaign, file: Path) -> Campaign:
 
     Effects of that file are fitted anew, however well they were known: what is missing may be that one has changed.
     """
-    from twin.rig_file import read_rig_file
+    from twin.rigs.rig_file import read_rig_file
 
     rig, effects = read_rig_file(file)
     return replace(campaign, rig=rig, effects=effects)

@@ -18,8 +18,8 @@ from twin.commands.shared import (
     console,
     progress,
 )
-from twin.json_file import write_json
-from twin.outputs import check_writable
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -68,7 +68,7 @@ def _known(campaign: Campaign, file: Path | None) -> Campaign:
     """The campaign, its rig and what acts on it declared by a parameter file, if there is one."""
     if file is None:
         return campaign
-    from twin.rig_file import read_rig_file, read_uncertainty
+    from twin.rigs.rig_file import read_rig_file, read_uncertainty
 
     rig, effects = read_rig_file(file)
     errors, _ = read_uncertainty(file)

@@ -20,11 +20,11 @@ from twin.commands.shared import (
     rig_file,
 )
 from twin.errors import InputError
-from twin.json_file import write_json
-from twin.outputs import check_writable
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.patch import Patch
+    from twin.rigs.patch import Patch
 
 Scenario = Annotated[
     str,
@@ -134,7 +134,7 @@ def run(
 
 
 def _patch(file: Path) -> Patch:
-    from twin import patch
+    from twin.rigs import patch
 
     return patch.read(file)
 

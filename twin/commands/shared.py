@@ -87,8 +87,8 @@ def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
     Raises:
       InputError: neither a preset nor a file that can be read.
     """
-    from twin.rig_file import read_rig_file
     from twin.rigs import preset
+    from twin.rigs.rig_file import read_rig_file
 
     path = rig_file(name_or_file)
     return (preset(name_or_file), {}) if path is None else read_rig_file(path)

@@ -20,8 +20,8 @@ from twin.commands.shared import (
     rig_file,
 )
 from twin.errors import InputError
-from twin.json_file import write_json
-from twin.outputs import check_writable
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.validation.rigs import Believed
@@ -105,8 +105,8 @@ def _believed(rig: str) -> Believed:
     if Path(rig).is_dir():
         raise InputError(f"{rig} is a folder; expected a TOML file; for a campaign use --campaign")
     declared, effects = load_rig(rig)
-    from twin.rig_file import read_uncertainty
     from twin.rigs import PRESETS
+    from twin.rigs.rig_file import read_uncertainty
     from twin.validation.rigs import Believed
 
     return Believed(declared, effects, *(() if rig in PRESETS else read_uncertainty(rig)))

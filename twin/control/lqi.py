@@ -93,7 +93,7 @@ def design(
     """Returns A, B, C of the model with one mode, the gains K (5) and the observer's L (4, 2)."""
     import control
 
-    from twin.modal import state_space
+    from twin.mechanics.modal import state_space
 
     model = state_space(rig, 1)
     A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from twin import planar
 from twin.effects.base import Effect, EffectParameter
+from twin.mechanics import planar
 
 
 class Backlash(Effect):

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin.chain import Chain
 from twin.effects.wave import Wave
+from twin.mechanics.chain import Chain
+from twin.mechanics.planar import Plant
 from twin.parameters import Rig
-from twin.planar import Plant
 
 TORSION = "torsion"
 """Name under which `Effect.sensing` finds the angle of a torsional mode against the hub [rad]."""

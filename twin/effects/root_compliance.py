@@ -2,8 +2,8 @@
 
 import math
 
-from twin import chain
 from twin.effects.base import FAR, Effect, EffectParameter
+from twin.mechanics import chain
 
 
 class RootCompliance(Effect):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from twin import planar
 from twin.effects.base import TORSION, Effect, EffectParameter
 from twin.effects.wave import RESONANCE_DAMPING, Wave
+from twin.mechanics import planar
 
 SEEN = {"strain_base": "strain_base", "strain_mid": "strain_mid"}
 """Channel -> parameter with which it sees the twist."""

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from twin.campaign import Campaign
-from twin.chain import SHAPED_BY
 from twin.identify import near_modes, spectra
 from twin.identify.results import Kind
 from twin.identify.spectra import Peak, Response
+from twin.mechanics.chain import SHAPED_BY
 from twin.parameters import Rig
 
 _BENDING: Kind = "bending"

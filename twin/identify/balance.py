@@ -16,13 +16,15 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 from scipy.signal import butter, sosfiltfilt
 
-from twin import limit, planar
+from twin import limit
 from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.grid_means import mean_torque, one_way, twice_averaged
 from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate, grown
 from twin.low_pass import low_passed
-from twin.model import Model, Start
+from twin.mechanics import planar
+from twin.mechanics.state import Start
+from twin.rigs.model import Model
 from twin.view import Hub, View, hub_motion, move
 
 HUB_BAND = 20.0

@@ -15,10 +15,11 @@ from twin.breakaway import BreakAway
 from twin.driven import DrivenData
 from twin.fit import Prepared
 from twin.identify.results import Estimate, pooled
-from twin.model import Model, Start
+from twin.mechanics.planar import STUCK
+from twin.mechanics.state import Start
 from twin.observe import BEFORE_ONSET, IN_A_ROW, ONSET
-from twin.planar import STUCK
 from twin.releases import releases
+from twin.rigs.model import Model
 
 _MODEL = 0.03  # relative standard deviation of what the model says that the link adds to the drive's torque
 _REST, _END = (

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from twin.files.json import write_json
+from twin.files.outputs import ResultsFolder, writing
 from twin.identify import page, rig_file
 from twin.identify.identification import Identification
-from twin.json_file import write_json
-from twin.outputs import ResultsFolder, writing
 
 ANSWER = "identification.json"
 FILES: Mapping[str, str] = {"report": "identification.html", "answer": ANSWER, "rig": rig_file.FILE}

@@ -19,8 +19,10 @@ from scipy.signal import butter, find_peaks, sosfiltfilt
 from twin.fit import Prepared, reading_start
 from twin.identify import decay
 from twin.identify.results import Estimate, grown
-from twin.model import Model, Start, simulate
+from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
 
 _LEAST_SWINGS = 4
 _BAND = 1.5  # corner of a low-pass, in parts of the free frequency

@@ -17,14 +17,16 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, driven_residual, fit, moving_start, search
+from twin import calibration, driven_residual, fit, moving_start
 from twin.campaign import Campaign
 from twin.driven import DrivenData
 from twin.fit import Prepared, Workbench
 from twin.identify.joint import Joint
-from twin.model import Model, Start, simulate
+from twin.mechanics.state import Start
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
+from twin.rigs.model import Model, fine
+from twin.rigs.simulate import simulate
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def errors(
         notes += left_out
         if prepared.channels:
             starts = [moving_start.first_state(m, prepared, pool) for m in models]
-            rows += _rows(prepared, [search.fine(m) for m in models], starts, pool)
+            rows += _rows(prepared, [fine(m) for m in models], starts, pool)
     return tuple(rows), notes
 
 

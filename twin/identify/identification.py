@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import label
 from threadpoolctl import threadpool_limits
 
-from twin import beam, fit, modal, search
+from twin import fit
 from twin.campaign import Campaign
 from twin.effects import REGISTRY
 from twin.fit import Prepared
@@ -56,10 +56,12 @@ from twin.identify.results import (
 )
 from twin.identify.spectra import Response
 from twin.identify.static_test import StaticTest
-from twin.model import Model, simulate
-from twin.parameters import Rig
-from twin.planar import STUCK
-from twin.search import Progress, silent
+from twin.mechanics import beam, modal
+from twin.mechanics.planar import STUCK
+from twin.parameters import Rig, declared_range
+from twin.progress import Progress, silent
+from twin.rigs.model import Model, fine
+from twin.rigs.simulate import simulate
 
 _Read = TypeVar("_Read")
 _CLEAR = 0.02  # relative error of a frequency up to which a decay at rest is one
@@ -171,7 +173,7 @@ def identify(
         progress("balancing torques")
         hub = _hub_balance(found)
         whole = _momentum(found)
-        as_read = _with_static(search.fine(model), friction)
+        as_read = _with_static(fine(model), friction)
         released = _friction_map(found, as_read)
     seen = spectra.response(sound.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)
@@ -449,7 +451,7 @@ def _known_before(
     """Unit, declared value, its standard deviation and 95 % interval, if they are known."""
     if name in campaign.rig:
         known = campaign.rig.parameters[name]
-        reach = fit.declared_range(known, TWO_SIDED_95)
+        reach = declared_range(known, TWO_SIDED_95)
         return known.unit, known.value, joint.prior_deviation(campaign.rig, name), reach
     effect, _, parameter = name.partition(".")
     declared = campaign.effects[effect]

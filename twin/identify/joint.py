@@ -23,10 +23,10 @@ from twin.fit import Fit, Prepared, Unknown, Workbench
 from twin.identify.profile import Profile
 from twin.identify.results import TWO_SIDED_95, Estimate, positive
 from twin.low_pass import MOTION_BANDS
-from twin.parameters import Rig
+from twin.parameters import Rig, relative_uncertainty
+from twin.progress import Progress
 from twin.recording import Recording
 from twin.scatter import Evidence
-from twin.search import Progress
 from twin.timing import Clock
 
 BANDS = (100.0, *MOTION_BANDS)
@@ -230,7 +230,7 @@ def _turned(unknown: Unknown, *ends: float) -> tuple[float, float]:
 
 def prior_deviation(rig: Rig, name: str) -> float:
     """Standard deviation of a declared parameter; 0 where it is exact."""
-    return fit.relative_uncertainty(rig.parameters[name]) * abs(rig[name])
+    return relative_uncertainty(rig.parameters[name]) * abs(rig[name])
 
 
 def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:

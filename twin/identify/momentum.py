@@ -19,7 +19,7 @@ import numpy as np
 from scipy.integrate import cumulative_simpson, simpson
 from scipy.ndimage import binary_dilation, label
 
-from twin import beam, on_grid
+from twin import on_grid
 from twin.driven import DrivenData
 from twin.effects import REGISTRY
 from twin.fit import Prepared
@@ -27,7 +27,8 @@ from twin.grid_means import mean_torque
 from twin.identify.balance import by_laws, clustered, gauges, shares
 from twin.identify.results import EXPLAINED, Estimate, grown, student
 from twin.low_pass import BAND, REACH
-from twin.model import Model
+from twin.mechanics import beam
+from twin.rigs.model import Model
 from twin.view import View, hub_motion
 
 _SHAPES = 2  # gauges that tell what the drive bends the link to from its first free mode

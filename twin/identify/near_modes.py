@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin import beam
+from twin.mechanics import beam
 from twin.parameters import Rig
 
 MODES = 4

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin import pages
+from twin import labels, pages
 from twin.identify.against import Comparison
 from twin.identify.backbone import Backbone
 from twin.identify.balance import Balance
@@ -17,7 +17,6 @@ from twin.identify.joint import Joint
 from twin.identify.load_line import LoadLine
 from twin.identify.results import TWO_SIDED_95
 from twin.identify.spectra import Response, peaks
-from twin.report import display
 from twin.report.decimate import thin
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ def load_line(line: LoadLine, column: str) -> Figure:
 
 def decay(found: Decay) -> Figure:
     """A ring-down with the envelope of its losses."""
-    shown = display.channel(found.channel)
+    shown = labels.channel(found.channel)
     figure = _figure(380)
     kept = thin(len(found.time), _POINTS)
     line = {"color": SOFT, "width": 1}
@@ -144,9 +143,7 @@ def response(found: Response) -> Figure:
         figure.add_vline(x=peak.frequency.value, line={"color": SOFT, "dash": "dot"}, row=1, col=1)
     line = {"color": MEASURED, "width": 1.2}
     figure.add_scatter(x=found.frequency, y=found.coherence, line=line, showlegend=False, row=2, col=1)
-    figure.update_yaxes(
-        title_text=f"{display.channel(found.channel).label} per N m", type="log", row=1, col=1
-    )
+    figure.update_yaxes(title_text=f"{labels.channel(found.channel).label} per N m", type="log", row=1, col=1)
     figure.update_yaxes(title_text="coherence", range=[0, 1.02], row=2, col=1)
     figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
     return _styled(figure, 520)
@@ -161,7 +158,7 @@ def beside(found: Comparison) -> Figure:
         figure.add_scatter(x=response.frequency, y=y, name=name, line={"color": colour, "width": 1.6})
     for peak in found.peaks:
         figure.add_vline(x=peak.frequency_hz, line={"color": SOFT, "dash": "dot"})
-    figure.update_yaxes(title_text=f"{display.channel(here.channel).label} per N m", type="log")
+    figure.update_yaxes(title_text=f"{labels.channel(here.channel).label} per N m", type="log")
     figure.update_xaxes(title_text="frequency [Hz]")
     return figure
 
@@ -169,7 +166,7 @@ def beside(found: Comparison) -> Figure:
 def backbone(found: Backbone) -> Figure:
     """Frequency of the first resonance over its amplitude."""
     figure = _figure(360)
-    shown = display.channel(found.channel)
+    shown = labels.channel(found.channel)
     f = np.array([e.value for e in found.frequency])
     bars = {"type": "data", "array": [TWO_SIDED_95 * e.standard_error for e in found.frequency]}
     points = {"x": f, "y": shown.factor * found.amplitude, "error_x": bars, "marker": _dot(MEASURED)}
@@ -185,7 +182,7 @@ def backbone(found: Backbone) -> Figure:
 def correlation(found: Joint) -> Figure:
     """What moves together in the joint estimate."""
     figure = _figure(460)
-    names = [display.words(name) for name in found.names]
+    names = [labels.words(name) for name in found.names]
     r = found.correlation.round(2)
     figure.add_heatmap(
         z=r, x=names, y=names, text=r, texttemplate="%{text}", colorscale="RdBu", zmin=-1, zmax=1, zmid=0

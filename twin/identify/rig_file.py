@@ -9,7 +9,7 @@ from twin.correlations import of_covariance
 from twin.effects import REGISTRY
 from twin.identify.identification import Identification
 from twin.parameters import Parameter
-from twin.rig_file import effect_lines, header, parameter_lines
+from twin.rigs.rig_file import effect_lines, header, parameter_lines
 
 FILE = "identified-rig.toml"
 

@@ -9,9 +9,9 @@ from twin.errors import InputError, nearest
 from twin.plants.base import PERIOD, READINGS, Plant
 
 if TYPE_CHECKING:
-    from twin.model import Model
     from twin.parameters import Rig
-    from twin.patch import Patch
+    from twin.rigs.model import Model
+    from twin.rigs.patch import Patch
 
 KINDS: Mapping[str, str] = {
     "chain": "chain",
@@ -90,11 +90,11 @@ def model_of(
     Raises:
       InputError: an effect or a parameter of one is not known, or is no finite number.
     """
-    from twin import chain
-    from twin.mjcf import GAUGES
-    from twin.model import Model
-    from twin.rig_file import checked_effects
+    from twin.mechanics import chain
+    from twin.mechanics.mjcf import GAUGES
     from twin.rigs import preset
+    from twin.rigs.model import Model
+    from twin.rigs.rig_file import checked_effects
 
     rig = rig if rig is not None else preset("bossi2009")
     acting = checked_effects(effects or {}, rig)

@@ -6,11 +6,12 @@ import abc
 
 import numpy as np
 
-from twin import planar
-from twin.model import Model, hanging
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import planar
+from twin.mechanics.mujoco_chain import MujocoChain
 from twin.plants.base import PERIOD
 from twin.plants.drive import DriveLine
+from twin.rigs.model import Model
+from twin.rigs.simulate import hanging
 
 
 class _Links(abc.ABC):

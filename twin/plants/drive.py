@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from twin.effects import REGISTRY, Drive
-from twin.model import Model
+from twin.rigs.model import Model
 
 _NO_TIME = 1e-12  # s, what rounding leaves of a span
 

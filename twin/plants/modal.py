@@ -23,13 +23,13 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from twin import planar
 from twin.errors import InputError
-from twin.model import Model
+from twin.mechanics import planar
 from twin.plants.base import PERIOD
 from twin.plants.drive import DriveLine
 from twin.plants.modal_forces import Forces
 from twin.plants.modal_rig import ModalRig, modal_rig
+from twin.rigs.model import Model
 
 DEFAULT_MODES = 3
 _LOOK = 1e-3  # s, longest time without a look for stick and slip: 1/20 of the third mode's period

@@ -1,6 +1,6 @@
 """What acts on the modes beside the linear rig: torques on the hub, and loads along the link.
 
-The hub's laws are those of the chain, `twin.planar`. A load is a force per coordinate (n), with a_i(x) the slope of the
+The hub's laws are those of the chain, `twin.mechanics.planar`. A load is a force per coordinate (n), with a_i(x) the slope of the
 link per coordinate, a = sum_i a_i q_i its angle, kappa its curvature, m(x) the mass outboard of x and v = tip_i q_i_t:
 
     a field g of acceleration     int m a_i (g_y cos a - g_x sin a) dx          as the chain feels it
@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin import planar
-from twin.model import Model
+from twin.mechanics import planar
 from twin.plants.modal_rig import ModalRig
+from twin.rigs.model import Model
 
 _NODES = 12  # along the link, of Gauss and Legendre
 _SETTLE = 30  # rounds in which a link comes to hang still, as the chain's

@@ -2,7 +2,7 @@
 
     M q_tt + D q_t + K q = forces        q = [alpha, delta_1..n, angles that effects add]
 
-Without effects these are the modes of `twin.modal`, M = diag(J, 1, ...). An effect adds an angle p of its own, with
+Without effects these are the modes of `twin.mechanics.modal`, M = diag(J, 1, ...). An effect adds an angle p of its own, with
 which a part I of the hub's inertia moves otherwise than the hub of the modes, of rate theta_t = c^T q_t:
 
     clamp that gives    the hub, all of it, is behind its link by p     1/2 I (theta_t - p_t)^2 for 1/2 I theta_t^2
@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from twin import mjcf
-from twin.beam import Modes, rigid_inertia
-from twin.beam import modes as beam_modes
-from twin.modal import state_space
-from twin.model import Model
+from twin.mechanics import mjcf
+from twin.mechanics.beam import Modes, rigid_inertia
+from twin.mechanics.beam import modes as beam_modes
+from twin.mechanics.modal import state_space
+from twin.rigs.model import Model
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.model import Model
 from twin.plants.base import PERIOD
 from twin.plants.modal import ModalPlant
+from twin.rigs.model import Model
 
 
 class PaperPlant(ModalPlant):

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from twin.effects import REGISTRY, TORSION, Effect
-from twin.model import Model
 from twin.plants.base import READINGS, Plant
+from twin.rigs.model import Model
 
 _LONGEST_DELAY = 0.05  # s, bound of the effect `sensor-delay`
 _MORE = 4  # samples beyond it, for the spline between samples

@@ -12,9 +12,10 @@ import numpy as np
 
 from twin import pages
 from twin.diagnosis import UNSEEN, Patched, Prediction, Trace
+from twin.labels import channel, over_noise, unmodelled, variable
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report.decimate import decimate, thin
-from twin.report.display import MODELS, NOISE_LIKE, channel, over_noise, unmodelled, variable
+from twin.report.display import MODELS, NOISE_LIKE
 
 COLOURS: Mapping[str, str] = {
     "measured": pages.INK,

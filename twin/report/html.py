@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from twin import pages
+from twin import labels, pages
 from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
 from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures
@@ -35,7 +35,7 @@ def render(diagnosis: Diagnosis, files: Mapping[str, str] | None = None) -> str:
     """Returns the page."""
     return pages.render(
         "report/report.html.j2",
-        filters={"words": display.words, "ratio": display.ratio, "probability": display.probability},
+        filters={"words": labels.words, "ratio": labels.ratio, "probability": labels.probability},
         page=_content(diagnosis),
         files=files or {},
         d=diagnosis,
@@ -85,8 +85,8 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "fit": list(_recordings(fit)),
         "remaining": _remaining(diagnosis),
         "unknown_noise": _unknown_noise(diagnosis),
-        "depends_on": [display.variable(name).label for name in diagnosis.depends_on],
-        "indistinguishable": [[display.words(n) for n in names] for names in diagnosis.indistinguishable],
+        "depends_on": [labels.variable(name).label for name in diagnosis.depends_on],
+        "indistinguishable": [[labels.words(n) for n in names] for names in diagnosis.indistinguishable],
         "patch": _patch(diagnosis.patched),
         "calibrated": [_calibrated(name, diagnosis) for name in diagnosis.calibrated],
     }
@@ -98,7 +98,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     for model, label in (("before", "worst error before"), ("after", "worst error after")):
         found = display.worst(display.judged(diagnosis).values(), model)
         if found:
-            facts.append((label, f"{display.ratio(found[2])} × noise"))
+            facts.append((label, f"{labels.ratio(found[2])} × noise"))
     if diagnosis.wall_s > 0:
         facts.append(("found in", f"{diagnosis.wall_s:.0f} s"))
     return facts
@@ -107,7 +107,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
 def _recording(file: str, prediction: Prediction) -> dict[str, str]:
     measured = prediction.measured
     missing = {
-        display.channel(name).label: float(np.mean(np.isnan(measured[name]))) for name in measured.measured()
+        labels.channel(name).label: float(np.mean(np.isnan(measured[name]))) for name in measured.measured()
     }
     gaps = [f"{label} {_percent(share)} missing" for label, share in missing.items() if share > 0]
     traits = ["hub locked" if measured.clamped else "hub free", f"{measured.loop} loop"]
@@ -120,7 +120,7 @@ def _recording(file: str, prediction: Prediction) -> dict[str, str]:
         "role": "held out" if prediction.role == "holdout" else "fit",
         "duration": f"{measured.duration:.3g} s",
         "samples": f"{len(measured):,}".replace(",", "\u202f"),
-        "channels": ", ".join(display.channel(name).label for name in measured.measured()),
+        "channels": ", ".join(labels.channel(name).label for name in measured.measured()),
         "traits": ", ".join(traits + gaps),
     }
 
@@ -139,12 +139,12 @@ def _first_miss(diagnosis: Diagnosis) -> dict[str, str] | None:
     prediction, name, over = found
     file = next(file for file, p in diagnosis.predictions.items() if p is prediction)
     error = _shown_error(name, prediction.errors[name].before)
-    return {"file": file, "channel": display.channel(name).label, "over": display.ratio(over), "error": error}
+    return {"file": file, "channel": labels.channel(name).label, "over": labels.ratio(over), "error": error}
 
 
 def _shown_error(name: str, error: float) -> str:
-    shown = display.channel(name)
-    text = display.number(shown.factor * error, 2)
+    shown = labels.channel(name)
+    text = labels.number(shown.factor * error, 2)
     return f"{text}{'' if shown.unit == '°' else ' '}{shown.unit}"
 
 
@@ -156,7 +156,7 @@ class _Scale:
 
     def __init__(self, diagnosis: Diagnosis):
         errors = [e for p in diagnosis.predictions.values() for e in p.errors.values()]
-        found = [display.over_noise(getattr(e, m), e.noise) for e in errors for m in display.MODELS]
+        found = [labels.over_noise(getattr(e, m), e.noise) for e in errors for m in display.MODELS]
         finite = [value for value in found if math.isfinite(value) and value > 0]
         self.low = math.log10(min(0.5, *finite)) if finite else 0.0
         self.high = math.log10(max(20.0, *finite)) + 0.05 if finite else 1.0
@@ -177,13 +177,13 @@ def _error_rows(predictions: Mapping[str, Prediction], scale: _Scale) -> Iterato
         for i, (name, error) in enumerate(prediction.errors.items()):
             models = {m: _over_and_shown(name, error, m) for m in display.MODELS}
             places = {m: scale.place(over) for m, (over, _) in models.items() if scale.place(over) >= 0}
-            label, noise = display.channel(name).label, _shown_error(name, error.noise)
+            label, noise = labels.channel(name).label, _shown_error(name, error.noise)
             yield ErrorRow(file, label, i == 0, len(prediction.errors), models, noise, places)
 
 
 def _over_and_shown(name: str, error: ChannelError, model: str) -> tuple[float, str]:
     value = getattr(error, model)
-    return display.over_noise(value, error.noise), _shown_error(name, value)
+    return labels.over_noise(value, error.noise), _shown_error(name, value)
 
 
 def _worse(held_out: Mapping[str, Prediction]) -> str:
@@ -194,12 +194,12 @@ def _worse(held_out: Mapping[str, Prediction]) -> str:
         for file, prediction in held_out.items():
             errors = {n: e for n, e in prediction.errors.items() if _clearly_worse(e, model)}
             if errors:
-                channels = ", ".join(display.channel(name).label for name in errors)
+                channels = ", ".join(labels.channel(name).label for name in errors)
                 places.append(f"{model} on {file} ({channels})")
-                reach = max([reach, *(display.over_noise(e.reach, e.noise) for e in errors.values())])
+                reach = max([reach, *(labels.over_noise(e.reach, e.noise) for e in errors.values())])
     if not places:
         return ""
-    hangs = f": one that is off by 0.1 % changes these by up to {display.ratio(reach)} times the noise"
+    hangs = f": one that is off by 0.1 % changes these by up to {labels.ratio(reach)} times the noise"
     return (
         f"Worse than before: {'; '.join(places)}. That can be: parameters are fitted to the balance of torques at each "
         "instant, those of a model that still lacks something stand in for it, and in a run that is simulated freely "
@@ -210,7 +210,7 @@ def _worse(held_out: Mapping[str, Prediction]) -> str:
 
 def _clearly_worse(error: ChannelError, model: str) -> bool:
     value = getattr(error, model)
-    return display.over_noise(value, error.noise) > display.NOISE_LIKE and value > _CLEARLY * error.before
+    return labels.over_noise(value, error.noise) > display.NOISE_LIKE and value > _CLEARLY * error.before
 
 
 # What explains it
@@ -218,11 +218,11 @@ def _clearly_worse(error: ChannelError, model: str) -> bool:
 
 def _effect(effect: AdoptedEffect) -> dict[str, Any]:
     return {
-        "name": display.words(effect.name),
+        "name": labels.words(effect.name),
         "meaning": display.MEANINGS.get(effect.name, ""),
-        "probability": display.probability(effect.probability),
+        "probability": labels.probability(effect.probability),
         "parameters": [
-            (display.words(name), value, unit, degrees)
+            (labels.words(name), value, unit, degrees)
             for name, value, unit, degrees in display.parameter_rows(effect)
         ],
     }
@@ -237,7 +237,7 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
     adopted = {effect.name for effect in diagnosis.effects}
     rows = [
         {
-            "name": display.words(name),
+            "name": labels.words(name),
             "score": _score(score),
             "width": 100 * max(score, 0.0) / top if top > 0 else 0.0,
             "adopted": name in adopted,
@@ -247,7 +247,7 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
     return {
         "rows": rows,
         "more": max(len(fitted) - most, 0),
-        "not_fitted": [display.words(n) for n, _ in diagnosis.ranking if n in idle],
+        "not_fitted": [labels.words(n) for n, _ in diagnosis.ranking if n in idle],
         "least": 100 * least / top if least > 0 else None,
     }
 
@@ -280,8 +280,8 @@ def _traces(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
 def _trace(diagnosis: Diagnosis, trace: Trace, axis: figures.JoinedTime) -> dict[str, Any]:
     against = _against(diagnosis, trace)
     return {
-        "label": display.unmodelled(trace.channel).label,
-        "against": display.variable(against).label if against else None,
+        "label": labels.unmodelled(trace.channel).label,
+        "against": labels.variable(against).label if against else None,
         "explained": against is not None and trace.explained_by == against,
         "fitted": trace.fitted is not None,
         "figure": figures.trace_figure(trace, against, axis),
@@ -300,13 +300,13 @@ def _patch(patched: Patched | None) -> dict[str, Any] | None:
     patch = patched.patch
     hub = patch.channel not in CHANNEL_UNITS
     return {
-        "place": "the torque on the hub" if hub else f"the reading of {display.channel(patch.channel).label}",
-        "variable": display.variable(patch.variable).label,
+        "place": "the torque on the hub" if hub else f"the reading of {labels.channel(patch.channel).label}",
+        "variable": labels.variable(patch.variable).label,
         "figure": figures.patch_figure(patched),
         "rows": [
             {
                 "file": file,
-                "channel": display.channel(name).label,
+                "channel": labels.channel(name).label,
                 "without": _shown_error(name, without),
                 "with": _shown_error(name, corrected),
                 "ratio": f"{corrected / without:.2f}" if without > 0 else "",
@@ -333,8 +333,8 @@ def _remaining(diagnosis: Diagnosis) -> list[dict[str, str]]:
     return [
         {
             "file": file,
-            "channel": display.channel(name).label,
-            "over": display.ratio(over),
+            "channel": labels.channel(name).label,
+            "over": labels.ratio(over),
             "error": _shown_error(name, error.after),
             "share": _share(error),
         }
@@ -351,10 +351,10 @@ def _share(error: ChannelError) -> str:
 
 def _unknown_noise(diagnosis: Diagnosis) -> list[str]:
     names = {
-        display.channel(name).label: None
+        labels.channel(name).label: None
         for prediction in diagnosis.predictions.values()
         for name, error in prediction.errors.items()
-        if math.isnan(display.over_noise(1.0, error.noise))
+        if math.isnan(labels.over_noise(1.0, error.noise))
     }
     return list(names)
 
@@ -366,10 +366,10 @@ def _calibrated(name: str, diagnosis: Diagnosis) -> dict[str, str]:
     sigma = abs(moved.declared) * uncertainty if uncertainty else 0.0
     change = moved.fitted - moved.declared
     return {
-        "name": display.words(name).replace(".", ": "),
-        "declared": display.number(moved.declared, 4),
-        "fitted": display.with_error(moved.fitted, moved.standard_error),
-        "unit": display.unit(moved.unit),
+        "name": labels.words(name).replace(".", ": "),
+        "declared": labels.number(moved.declared, 4),
+        "fitted": labels.with_error(moved.fitted, moved.standard_error),
+        "unit": labels.unit(moved.unit),
         "change": f"{100 * change / moved.declared:+.1f} %".replace("-", "−") if moved.declared else "–",
         "sigmas": f"{change / sigma:+.1f}".replace("-", "−") if sigma > 0 else "–",
         "uncertainty": f"{100 * uncertainty:.3g} %" if uncertainty is not None else "not declared",

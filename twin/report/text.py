@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING
 
+from twin import labels
 from twin.diagnosis import Diagnosis, Patched, Prediction
 from twin.report import display
 
@@ -82,10 +83,10 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
 def _afterwards(diagnosis: Diagnosis) -> list[str]:
     lines = []
     if diagnosis.depends_on and diagnosis.verdict == "outside-library":
-        names = ", ".join(display.variable(name).label for name in diagnosis.depends_on)
+        names = ", ".join(labels.variable(name).label for name in diagnosis.depends_on)
         lines.append(f"What is unexplained depends on: {names}")
     lines += [
-        f"Not told apart: {', '.join(display.words(name) for name in names)}"
+        f"Not told apart: {', '.join(labels.words(name) for name in names)}"
         for names in diagnosis.indistinguishable
     ]
     if diagnosis.next_experiment:
@@ -108,7 +109,7 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
                 name,
                 value,
                 beside,
-                display.probability(effect.probability) if first else "",
+                labels.probability(effect.probability) if first else "",
             )
     return table
 
@@ -119,8 +120,8 @@ def _errors_table(predictions: Mapping[str, Prediction], patched: Patched | None
     table = _table(plain, "recording", "channel", *(f">{model}" for model in models), ">noise")
     for file, prediction in predictions.items():
         for i, (name, error) in enumerate(prediction.errors.items()):
-            shown = display.channel(name)
-            noise = f"{display.number(shown.factor * error.noise, 2)} {shown.unit}"
+            shown = labels.channel(name)
+            noise = f"{labels.number(shown.factor * error.noise, 2)} {shown.unit}"
             errors = [getattr(error, model) for model in display.MODELS]
             if corrected:
                 errors.append(corrected.error(file, name))
@@ -129,13 +130,13 @@ def _errors_table(predictions: Mapping[str, Prediction], patched: Patched | None
     return table
 
 
-def _cell(value: float, noise: float, shown: display.Shown) -> str:
+def _cell(value: float, noise: float, shown: labels.Shown) -> str:
     if value != value:
         return ""
-    over = display.over_noise(value, noise)
+    over = labels.over_noise(value, noise)
     # Without a noise level the error itself, in its unit.
     known = over == over
-    return display.ratio(over) if known else f"{display.number(shown.factor * value, 2)} {shown.unit}"
+    return labels.ratio(over) if known else f"{labels.number(shown.factor * value, 2)} {shown.unit}"
 
 
 def _table(plain: bool, *columns: str) -> Table:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cache
 
 from twin.parameters import Parameter, Rig
-from twin.reconcile import Reconciliation, reconcile
+from twin.rigs.match_modes import Reconciliation, reconcile
 
 _EI = 8.46e9 * 2.95e-11  # E I of Table II [N m^2]
 _TABLE_2 = "Bossi et al. 2009, Table II"

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.linalg import expm
 
 from twin.effects import REGISTRY, TORSION, Drive
-from twin.mjcf import GAUGES
-from twin.modal import state_space
-from twin.model import Model
+from twin.mechanics.mjcf import GAUGES
+from twin.mechanics.modal import state_space
 from twin.plants.base import READINGS
+from twin.rigs.model import Model
 
 NOT_LINEAR = ("backlash", "cogging")
 """Effects whose slope at one place says nothing: they are left out."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from twin import pages
-from twin.outputs import writing
+from twin.files.outputs import writing
 from twin.validation import pictures, text
 from twin.validation.validation import Validation
 

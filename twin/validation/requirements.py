@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from twin.errors import InputError, nearest
-from twin.toml_file import read_toml
+from twin.files.toml import read_toml
 
 
 @dataclass(frozen=True)

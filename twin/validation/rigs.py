@@ -10,8 +10,7 @@ import numpy as np
 from twin.campaign import Campaign
 from twin.correlations import Correlations
 from twin.errors import InputError
-from twin.fit import relative_uncertainty
-from twin.parameters import Rig
+from twin.parameters import Rig, relative_uncertainty
 
 Effects = Mapping[str, Mapping[str, float]]
 INDEPENDENT = Correlations()

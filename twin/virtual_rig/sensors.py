@@ -8,14 +8,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, nearest
 from twin.virtual_rig.beam import Array, Link, curvature_at
-from twin.virtual_rig.plant import (
-    Motion,
-    delivered_torque,
-    hub_angle,
-    quantised,
-    sensed_hub,
-    torsion_angle,
-)
+from twin.virtual_rig.plant import Motion, delivered_torque, hub_angle, quantised, sensed_hub, torsion_angle
 from twin.virtual_rig.rig import Rig
 
 # Strain of the bridges at base and middle by a torsional mode, per rad against the hub. Assumed: the

@@ -1,6 +1,6 @@
 """The augmented rig as MJCF: the fitted chain with the effects that MuJoCo has elements for.
 
-Effects of the mechanics are written by `twin.mjcf`, those of the sensors by `twin.mjcf_sensing`. Those of the drive
+Effects of the mechanics are written by `twin.mechanics.mjcf`, those of the sensors by `twin.rigs.mjcf_sensors`. Those of the drive
 are read off what it makes of a command u that is held from time 0 on: delivered(t) = gain * u(t - delay) + bias,
 behind a lag.
 """
@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from twin import chain, mjcf, mjcf_sensing
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY, Drive
-from twin.model import Effects, Model
+from twin.mechanics import chain, mjcf
 from twin.recording import Sensor
+from twin.rigs import mjcf_sensors
+from twin.rigs.model import Effects, Model
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,12 @@ def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjc
     model = Model(diagnosis.fitted, sensors, chain.fit_shape(diagnosis.fitted), effects)
     drive = _DriveLaw.of(effects)
     plant = model.plant._replace(lag=drive.lag)
-    readings = mjcf_sensing.readings(effects)
+    readings = mjcf_sensors.readings(effects)
     gauges = [_with_gain(s, readings[s.channel].gain) for s in sensors.values() if s.half_thickness > 0]
     spec = mjcf.build_spec(model.rig, model.chain, plant, gauges=gauges)
     spec.modelname = _plain(diagnosis.fitted.name)
     _write_drive(spec, drive)
-    mjcf_sensing.write(spec, readings)
+    mjcf_sensors.write(spec, readings)
     left_out = (*mjcf.not_native(plant), *(name for name in effects if _misreads(name)))
     if model.curvature_rate_rows:
         left_out += ("lag of strains behind a clamp that gives",)
@@ -101,7 +102,7 @@ def _with_gain(gauge: Sensor, gain: float) -> Sensor:
 
 def _misreads(name: str) -> bool:
     """Whether an effect shapes what sensors report in a way that is not written."""
-    return REGISTRY[name].misreads and not mjcf_sensing.says(name)
+    return REGISTRY[name].misreads and not mjcf_sensors.says(name)
 
 
 def _comment(diagnosis: Diagnosis, left_out: tuple[str, ...]) -> str:

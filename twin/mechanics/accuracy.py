@@ -9,14 +9,14 @@ from typing import Any, get_args
 import mujoco
 import numpy as np
 
-from twin import beam, mjcf, planar
-from twin.beam import Boundary
-from twin.chain import DEFAULT_SEGMENTS, Chain, build
-from twin.chain_modes import Table, compare, linearised
 from twin.errors import InputError
-from twin.mujoco_chain import MujocoChain
+from twin.mechanics import beam, mjcf, planar
+from twin.mechanics.beam import Boundary
+from twin.mechanics.chain import DEFAULT_SEGMENTS, Chain, build
+from twin.mechanics.chain_modes import Table, compare, linearised
+from twin.mechanics.mujoco_chain import MujocoChain
+from twin.mechanics.planar import Plant
 from twin.parameters import Rig
-from twin.planar import Plant
 from twin.rigs import bossi2009
 
 SEGMENTS = (2, 48)

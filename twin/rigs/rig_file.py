@@ -28,11 +28,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from twin import correlations, schema
+from twin import correlations
 from twin.correlations import Correlations
 from twin.errors import InputError, nearest
-from twin.parameters import Parameter, Rig
-from twin.toml_file import read_toml
+from twin.files.toml import read_toml
+from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
 
 _KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlations")
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
@@ -149,11 +149,11 @@ def _read(
 
 def _parameters(tables: Mapping[str, Any]) -> dict[str, Parameter]:
     found = {name: _parameter(name, given) for name, given in tables.items()}
-    lacking = [name for name in schema.PARAMETERS if name not in schema.DEFAULTS and name not in found]
+    lacking = [name for name in PARAMETERS if name not in DEFAULTS and name not in found]
     if lacking:
         raise InputError(f"parameters: {', '.join(lacking)} missing; expected a value for each")
-    for name, value in schema.DEFAULTS.items():
-        unit, bounds = schema.PARAMETERS[name]
+    for name, value in DEFAULTS.items():
+        unit, bounds = PARAMETERS[name]
         default = Parameter(name, value, unit, None, bounds, "default of the recording format")
         found.setdefault(name, default)
     return found
@@ -161,12 +161,12 @@ def _parameters(tables: Mapping[str, Any]) -> dict[str, Parameter]:
 
 def _parameter(name: str, given: Any) -> Parameter:
     field = f"parameters.{name}"
-    if name not in schema.PARAMETERS:
-        hint = nearest(name, schema.PARAMETERS)
-        raise InputError(f"{field} is not a parameter; expected one of: {', '.join(schema.PARAMETERS)}{hint}")
+    if name not in PARAMETERS:
+        hint = nearest(name, PARAMETERS)
+        raise InputError(f"{field} is not a parameter; expected one of: {', '.join(PARAMETERS)}{hint}")
     table = given if isinstance(given, dict) else {"value": given}
     _check_keys(table, _PARAMETER_KEYS, f"{field}.")
-    unit, bounds = schema.PARAMETERS[name]
+    unit, bounds = PARAMETERS[name]
     value = _value(f"{field}.value", table.get("value"))
     if table.get("unit", unit) != unit:
         raise InputError(f"{field}.unit is {_found(table['unit'])}; expected '{unit}'")

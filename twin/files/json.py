@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from twin.outputs import writing
+from twin.files.outputs import writing
 
 
 def to_text(content: Any) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from twin.beam import Boundary, modes
+from twin.mechanics.beam import Boundary, modes
 from twin.parameters import Rig
 
 

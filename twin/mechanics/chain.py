@@ -21,8 +21,8 @@ from scipy.integrate import cumulative_simpson, simpson
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
-from twin import beam
-from twin.beam import Boundary
+from twin.mechanics import beam
+from twin.mechanics.beam import Boundary
 
 DEFAULT_SEGMENTS = 8
 SHAPED_BY = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")

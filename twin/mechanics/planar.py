@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from twin.chain import Chain
+from twin.mechanics.chain import Chain
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from twin.beam import Modes, modes, rigid_inertia, static_tip_compliance
+from twin.mechanics.beam import Modes, modes, rigid_inertia, static_tip_compliance
 from twin.recording import Sensor
 
 if TYPE_CHECKING:

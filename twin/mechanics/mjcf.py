@@ -11,13 +11,13 @@ along x. What the numbers of a `Chain` become:
     backlash    body `rotor` with a joint of its own that the motor turns; the fixed tendon `play`, rotor less hub,
                 is limited to the gap
     friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the
-                break-away level stands in `custom/numeric` and is applied by `twin.mujoco_chain`. Coulomb levels
+                break-away level stands in `custom/numeric` and is applied by `twin.mechanics.mujoco_chain`. Coulomb levels
                 that differ by the direction are their mean and a constant torque, actuator `friction_difference`
     lag         a filter in the motor's actuator
     air drag    geom `drag`, a sphere in a thin fluid, at the tip
     disturbance of one frequency on the hub: the cogging of a body `clock` that turns at a constant rate
 
-`python -m twin.mjcf [FOLDER]` writes the files of `models/`.
+`python -m twin.mechanics.mjcf [FOLDER]` writes the files of `models/`.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from twin import planar
-from twin.chain import Chain, curvature_row
-from twin.planar import Plant
+from twin.mechanics import planar
+from twin.mechanics.chain import Chain, curvature_row
+from twin.mechanics.planar import Plant
 from twin.recording import Sensor
 
 GAUGES = (
@@ -151,7 +151,7 @@ def _timestep(chain: Chain, plant: Plant) -> float:
 
 def write_models(folder: Path) -> tuple[Path, ...]:
     """Writes `bossi2009.xml` and `scene.xml`; returns their paths."""
-    from twin.chain import build
+    from twin.mechanics.chain import build
     from twin.rigs import preset
 
     rig = preset("bossi2009")
@@ -561,9 +561,7 @@ def _frame() -> Iterator[str]:
 
 def _tidy(xml: str) -> str:
     """Drops blank lines at the end, and says where the file comes from."""
-    note = (
-        "<!-- Written by `python -m twin.mjcf models`; see README.md. Edit the generator, not this file. -->"
-    )
+    note = "<!-- Written by `python -m twin.mechanics.mjcf models`; see README.md. Edit the generator, not this file. -->"
     return f"{note}\n{xml.rstrip()}\n"
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
 from twin.errors import InputError, nearest
+from twin.files.table import Table, read_table
 from twin.recording import MEASURED
-from twin.table import Table, read_table
 
 HUB = "hub_torque"
 _ON_HUB = {"hub_angle": 1, "hub_rate": 2, "time": 3}

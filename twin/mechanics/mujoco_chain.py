@@ -3,7 +3,7 @@
 Two compiled models share the work: one with the hub's joint, for a hub that slides, and one without it, for a
 hub that sticks or is locked; a hub that is part of the world cannot creep. Both step with MuJoCo's RK4.
 
-Friction is as in `twin.planar`, against which a test holds this module. Sliding, it is a torque of constant
+Friction is as in `twin.mechanics.planar`, against which a test holds this module. Sliding, it is a torque of constant
 direction. Where the hub's rate would cross zero, the step is taken again up to the crossing; there the hub
 sticks if the torque that holds it stays below the static level. With the model that has the joint, at the
 same state, that torque is
@@ -25,9 +25,9 @@ from contextlib import contextmanager
 import mujoco
 import numpy as np
 
-from twin import mjcf, planar
-from twin.chain import Chain
-from twin.planar import TIME_TOLERANCE, Plant
+from twin.mechanics import mjcf, planar
+from twin.mechanics.chain import Chain
+from twin.mechanics.planar import TIME_TOLERANCE, Plant
 
 _OFF = mujoco.mjtDisableBit
 _DISABLED = int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_SENSOR | _OFF.mjDSBL_AUTORESET)
@@ -38,7 +38,7 @@ _UNWATCHED = 2.5e-3  # s, longest time without a look for stick and slip: 1/10 o
 class MujocoChain:
     """A chain with its friction and mechanisms, simulated by MuJoCo; holds its state between calls.
 
-    Angles and rates go in and come out as in `twin.planar`: absolute, of the n + 1 segments, the hub's first.
+    Angles and rates go in and come out as in `twin.mechanics.planar`: absolute, of the n + 1 segments, the hub's first.
     The torque limit is the caller's.
     """
 

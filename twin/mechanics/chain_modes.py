@@ -13,11 +13,11 @@ import numpy as np
 from scipy.linalg import eig, eigh
 from scipy.optimize import least_squares
 
-from twin import beam, mjcf, modal
-from twin.beam import Boundary
-from twin.chain import Chain
+from twin.mechanics import beam, mjcf, modal
+from twin.mechanics.beam import Boundary
+from twin.mechanics.chain import Chain
+from twin.mechanics.planar import Plant
 from twin.parameters import Rig
-from twin.planar import Plant
 
 _MODES = 3
 _RING_DOWN_TIP = 1e-4  # m; large enough for rounding, small enough for the link to stay linear

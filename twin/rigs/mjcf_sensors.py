@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 
 import mujoco
 
-from twin import mjcf
 from twin.effects.hub_sensor_gain import HubSensorGain
 from twin.effects.hub_sensor_nonlinearity import HubSensorNonlinearity
 from twin.effects.sensor_delay import SensorDelay
 from twin.effects.strain_drift import RATES, StrainDrift
 from twin.effects.strain_gain import GAINS, StrainGain
 from twin.effects.torsional_mode import SEEN, TorsionalMode
-from twin.model import Effects
+from twin.mechanics import mjcf
+from twin.rigs.model import Effects
 
 SENSORS = {
     "hub_angle": "hub_angle",

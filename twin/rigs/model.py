@@ -1,0 +1,179 @@
+"""The twin as one value: a rig, the effects added to it, and what its sensors would report."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from twin.effects import REGISTRY, Drive
+from twin.mechanics import chain, planar
+from twin.mechanics.chain import Chain, ChainShape
+from twin.parameters import Rig
+from twin.recording import Recording, Sensor
+from twin.rigs.patch import Patch
+
+Effects = Mapping[str, Mapping[str, float]]
+"""Effect name -> parameter name -> value, SI."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A rig with effects.
+
+    Attributes:
+      declared: the rig without effects.
+      sensors: channel -> how it is measured.
+      shape: proportions of the chain.
+      effects: effects that act, with their parameters.
+      step: largest integration step [s].
+      late: how much later than stamped a card puts its commands out [s].
+      patch: a correction without a cause, looked up; None for none.
+    """
+
+    declared: Rig
+    sensors: Mapping[str, Sensor]
+    shape: ChainShape
+    effects: Effects = field(default_factory=dict)
+    step: float = 1e-3
+    late: float = 0.0
+    patch: Patch | None = None
+
+    def replace(self, **changes) -> Model:
+        """Returns a model with some attributes changed."""
+        return replace(self, **changes)
+
+    @functools.cached_property
+    def rig(self) -> Rig:
+        """The rig with what the effects change in it."""
+        rig = self.declared
+        for name, p in self.effects.items():
+            rig = REGISTRY[name].rig(rig, p)
+        return rig
+
+    @functools.cached_property
+    def chain(self) -> Chain:
+        """The chain of `rig` with what the effects change in it."""
+        links = chain.build(self.rig, shape=self.shape)
+        for name, p in self.effects.items():
+            links = REGISTRY[name].links(links, self.rig, p)
+        return links
+
+    @functools.cached_property
+    def gauge_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row from hinge angles, the clamp rigid, to the curvature at its gauge [1/m per rad]."""
+        gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
+        links = self.chain.rigid or self.chain
+        return {name: self.gauge_row(links, s.position) for name, s in gauges.items()}
+
+    def gauge_row(self, links: Chain, x: float) -> np.ndarray:
+        """Row (n) from hinge angles of links on a rigid clamp to the curvature at x [1/m per rad]."""
+        return chain.curvature_row(links, self.rig, x)
+
+    @functools.cached_property
+    def curvature_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
+        return {name: chain.through_root(self.chain, row) for name, row in self.gauge_rows.items()}
+
+    @functools.cached_property
+    def curvature_rate_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row (n) from hinge rates to the curvature at its gauge [s/m per rad], where there is one."""
+        rows = {name: chain.lagging_row(self.chain, row) for name, row in self.gauge_rows.items()}
+        return {name: row for name, row in rows.items() if row is not None}
+
+    @functools.cached_property
+    def plant(self) -> planar.Plant:
+        """What the equations of motion read."""
+        plant = planar.declared_plant(self.rig, self.chain)
+        for name, p in self.effects.items():
+            plant = REGISTRY[name].plant(plant, p)
+        if self.patch is not None and self.patch.place:
+            plant = plant._replace(
+                patch_on=self.patch.place, patch_x=self.patch.x.copy(), patch_y=self.patch.y.copy()
+            )
+        return plant
+
+    @property
+    def link_step(self) -> float:
+        """Integration step [s] of the link by itself: `step`, or less where the chain asks for less."""
+        return min(self.step, self.chain.largest_step())
+
+    @property
+    def stable_step(self) -> float:
+        """Integration step [s]: `link_step`, or less where what stands behind the chain asks for less."""
+        return min(self.link_step, planar.largest_step(self.plant))
+
+    def with_plant(self, **changes: Any) -> Model:
+        """A model whose plant has some fields changed, whatever the rig and the effects say."""
+        changed = self.replace()
+        changed.__dict__["plant"] = self.plant._replace(**changes)
+        return changed
+
+    def with_break_away(self, share: float) -> Model:
+        """A model whose static levels are so many times as large: at least the Coulomb ones.
+
+        A hub that came free below what it slides against would stop at once, and come free again, without end.
+        """
+        p = self.plant
+        return self.with_plant(
+            static_positive=max(share * p.static_positive, p.coulomb_positive),
+            static_negative=max(share * p.static_negative, p.coulomb_negative),
+        )
+
+    def drive(self, recording: Recording) -> Drive:
+        """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
+        limit = self.declared["torque_limit"]
+        put_out = recording.commanded_at + self.late
+        command = self._through_effects(Drive(put_out, np.clip(recording["torque_command"], -limit, limit)))
+        if self.patch is not None:
+            command = command.replace(torque=self.patch.on_command(command.torque))
+        return command
+
+    @property
+    def torque_gain(self) -> float:
+        """Torque that is delivered for one that is commanded [1], whatever else is added to it."""
+        steps = self._through_effects(Drive(np.arange(2.0), np.arange(2.0)))
+        return float(np.diff(steps.torque)[0])
+
+    def _through_effects(self, drive: Drive) -> Drive:
+        for name, p in self.effects.items():
+            drive = REGISTRY[name].drive(drive, p)
+        return drive
+
+    def read_torque(self, recording: Recording) -> np.ndarray:
+        """Delivered torque at the samples of a recording: a card reads it as it puts its commands out."""
+        return self.drive(recording).at(recording.commanded_at + self.late)
+
+    def report(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """What the sensors report of true channel values (name -> (m,), SI), `time` from the start of a recording."""
+        for name, p in self.effects.items():
+            true = REGISTRY[name].sensing(time, true, p)
+        return true if self.patch is None else self.patch.on_reading(time, true)
+
+    @property
+    def hub_late(self) -> float:
+        """By how much the hub's reading lags behind its angle [s]: what it does in the end is not read any more."""
+        return sum(REGISTRY[name].hub_late(p) for name, p in self.effects.items())
+
+    def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Hub angle (m,) that the sensor reports as `reading`."""
+        for name, p in reversed(list(self.effects.items())):
+            reading = REGISTRY[name].hub_angle_of(time, reading, p)
+        return reading
+
+
+FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
+
+
+def fine(model: Model) -> Model:
+    """The same model on a chain fine enough to stand for the limit."""
+    return model.replace(shape=_fine_shape(model), step=FINE_STEP)
+
+
+def _fine_shape(model: Model) -> ChainShape:
+    # A shape fits all rigs that are much alike: fitted to three digits, it is found again.
+    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPED_BY}
+    return chain.fit_shape(rounded, FINE_SEGMENTS)

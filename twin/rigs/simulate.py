@@ -1,0 +1,148 @@
+"""The twin as one value: a rig, the effects added to it, and what its sensors would report."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import root
+
+from twin.effects import TORSION
+from twin.mechanics import planar
+from twin.mechanics.chain import Chain
+from twin.mechanics.state import Guide, Motion, Start
+from twin.recording import MEASURED, Recording
+from twin.rigs.model import Model
+
+
+def simulate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Recording:
+    """Returns what the sensors of the recording would have reported, simulated with the compiled chain."""
+    motion = integrate(model, recording, start, guide)
+    return reported(model, recording, motion)
+
+
+def integrate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Motion:
+    """Moves the chain under the recording's command."""
+    plant, times, torques = delivered(model, recording)
+    phi, omega = initial_state(model, recording, start)
+    mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
+    flags = (guide.observed, guide.anchor) if guide is not None else ()
+    phi, omega = planar.extended(plant, phi), planar.extended(plant, omega)
+    motion = planar.simulate(
+        plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.stable_step, *flags
+    )
+    return Motion.of(recording.time, *motion, len(model.chain.lengths))
+
+
+def delivered(model: Model, recording: Recording) -> tuple[planar.Plant, np.ndarray, np.ndarray]:
+    """The plant, its motor as slow as the drive makes it, and what the drive delivers: instants [s], torques [N m]."""
+    drive = model.drive(recording)
+    # A command before the first sample stands for what the drive delivered until then.
+    times = np.r_[drive.time[0] - 1e3, drive.time]
+    plant = model.plant._replace(lag=float(drive.lag))
+    if model.patch is not None and model.patch.variable == "time":
+        plant = plant._replace(patch_x=plant.patch_x + recording.time[0])
+    return plant, times, np.r_[drive.before, drive.torque]
+
+
+def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.ndarray, np.ndarray]:
+    """Absolute angles and rates (n + 1) at the first sample."""
+    links = model.chain
+    angles, rates = np.zeros(len(links.stiffness)), np.zeros(len(links.stiffness))
+    if recording.initial_tip_deflection and recording.start == "rest":
+        angles = held_by_tip_force(links, recording.initial_tip_deflection)
+    elif any(start.bend) or any(start.bend_rate):
+        shapes = bending_shapes(links)
+        angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
+    elif recording.start == "rest":
+        angles = hanging(model, start.hub_angle)
+    phi = start.hub_angle + np.r_[0.0, np.cumsum(angles)]
+    omega = start.hub_rate + np.r_[0.0, np.cumsum(rates)]
+    return phi, omega
+
+
+def bending_shapes(links: Chain) -> np.ndarray:
+    """Hinge angles (n x 2) of the first two clamped modes, per tip deflection [rad/m]."""
+    shapes = links.modes("clamped")[1][1:, :2]
+    levers = links.lengths.sum() - links.hinges
+    return shapes / (levers @ shapes)
+
+
+def hanging(model: Model, hub_angle: float) -> np.ndarray:
+    """Hinge angles (n) of a link at rest under what gravity acts in the plane."""
+    plant, size = model.plant, len(model.chain.stiffness)
+    bends = np.zeros(size)
+    if plant.gravity_x == 0 and plant.gravity_y == 0:
+        return bends
+    moments = plant.first_moment[: size + 1]
+    for _ in range(30):
+        phi = hub_angle + np.r_[0.0, np.cumsum(bends)]
+        pull = moments * (plant.gravity_y * np.cos(phi) - plant.gravity_x * np.sin(phi))
+        bends = np.cumsum(pull[::-1])[::-1][1:] / plant.stiffness
+    return bends
+
+
+def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
+    """Hinge angles (n) at which a tip force across the hub's direction holds the tip at `deflection` [m].
+
+    The moment of the force about each hinge balances its spring; finite rotations.
+    """
+    scale = links.stiffness.mean()
+    levers = links.lengths.sum() - links.hinges
+    guess = deflection / links.static_tip_compliance() * levers / links.stiffness
+
+    def unbalance(z: np.ndarray) -> np.ndarray:
+        phi = np.r_[0.0, np.cumsum(z[:-1])]
+        x = np.cumsum(links.lengths * np.cos(phi))
+        tip = np.sum(links.lengths * np.sin(phi))
+        moments = links.stiffness * z[:-1] / scale - z[-1] * (x[-1] - x[:-1]) / x[-1]
+        return np.r_[moments, (tip - deflection) / links.lengths.sum()]
+
+    force = deflection / links.static_tip_compliance() * links.lengths.sum() / scale
+    return root(unbalance, np.r_[guess, force], tol=1e-12).x[:-1]
+
+
+def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
+    """What the sensors report of a motion, at the samples and in the channels of the recording."""
+    with np.errstate(invalid="ignore"):  # a simulation that ran away
+        true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
+    if model.plant.torsion_stiffness > 0:
+        true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
+    since = motion.time - motion.time[0]
+    channels = {name: v for name, v in model.report(since, true).items() if name != TORSION}
+    commanded = {"torque_command": recording["torque_command"]} if "torque_command" in recording else {}
+    return Recording(
+        recording.name, motion.time, {**commanded, **channels}, recording.clamped, recording.loop
+    )
+
+
+def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> np.ndarray:
+    links = model.chain
+    hinges = np.diff(motion.angles, axis=1)
+    relative = motion.angles - motion.angles[:, :1]
+    match channel:
+        case "hub_angle":
+            return motion.angles[:, 0]
+        case "strain_base" | "strain_mid":
+            sensor = model.sensors[channel]
+            curvature = hinges @ model.curvature_rows[channel]
+            if channel in model.curvature_rate_rows:
+                curvature += np.diff(motion.rates, axis=1) @ model.curvature_rate_rows[channel]
+            return sensor.half_thickness * curvature
+        case "tip_deflection":
+            return np.sin(relative) @ links.lengths
+        case "tip_acceleration":
+            return _tip_acceleration(links, motion)
+        case "motor_torque":
+            return model.read_torque(recording)
+    raise ValueError(f"'{channel}' is not simulated. Expected one of: {', '.join(MEASURED)}")
+
+
+def _tip_acceleration(links: Chain, motion: Motion) -> np.ndarray:
+    """Absolute acceleration of the tip across the link's end (m) [m/s^2]."""
+    swept = links.lengths * motion.rates
+    velocity = np.stack([-np.sum(np.sin(motion.angles) * swept, 1), np.sum(np.cos(motion.angles) * swept, 1)])
+    if not np.isfinite(velocity).all():  # a simulation that ran away
+        return np.full(len(motion.time), np.nan)
+    acceleration = CubicSpline(motion.time, velocity, axis=1).derivative()(motion.time)
+    tip = motion.angles[:, -1]
+    return acceleration[1] * np.cos(tip) - acceleration[0] * np.sin(tip)
