@@ -8,7 +8,7 @@ import json
 import time
 from pathlib import Path
 
-from twin.campaign import read_campaign
+from twin.campaigns.campaign import read_campaign
 from twin.diagnose import diagnose
 
 

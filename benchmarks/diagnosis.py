@@ -23,7 +23,7 @@ from cases import DEPENDS, NAMED, SIZES, Case, cases
 from machine import describe
 
 from twin import traces
-from twin.campaign import Campaign, read_campaign
+from twin.campaigns.campaign import Campaign, read_campaign
 from twin.conclude import errors_of, said, stated, variables
 from twin.diagnose import diagnose, find
 from twin.diagnosis import Diagnosis

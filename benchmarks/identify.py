@@ -17,7 +17,7 @@ import numpy as np
 import resumable
 from machine import describe
 
-from twin.campaign import read_campaign
+from twin.campaigns.campaign import read_campaign
 from twin.identify.identification import identify
 from twin.identify.results import TWO_SIDED_95
 from twin.virtual_rig import make_campaign

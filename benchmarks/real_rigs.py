@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from machine import command, describe
 
-from twin.campaign import Campaign, read_campaign
+from twin.campaigns.campaign import Campaign, read_campaign
 from twin.identify.identification import Identification, identify
 from twin.identify.results import Estimate
 from twin.identify.sentences import shown

@@ -22,14 +22,14 @@ import numpy as np
 import resumable
 from machine import describe
 
-from twin import calibration, fit
-from twin.campaign import Campaign, read_campaign
-from twin.driven import DrivenData
-from twin.fit import Prepared
+from twin import calibration
+from twin.campaigns.campaign import Campaign, read_campaign
 from twin.identify import balance, friction_map, joint, momentum
 from twin.identify.results import Estimate
 from twin.mechanics import beam, chain
 from twin.parameters import Rig
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import Prepared, prepare
 from twin.rigs.model import FINE_STEP, Model
 from twin.virtual_rig import Rig as VirtualRig
 from twin.virtual_rig import Sensors, make_campaign
@@ -94,7 +94,7 @@ def _as_declared(campaign: Campaign, generator: np.random.Generator) -> Campaign
 
 def _prepared(campaign: Campaign) -> list[Prepared]:
     noise = calibration.noise_levels(campaign)
-    return [fit.prepare(recording, noise)[0] for recording in campaign.fit]
+    return [prepare(recording, noise)[0] for recording in campaign.fit]
 
 
 def _declared(rig: Rig) -> dict[str, Estimate]:

@@ -15,7 +15,7 @@ import machine
 import numpy as np
 from scipy.constants import g
 
-from twin.campaign import Campaign, StaticTest
+from twin.campaigns.campaign import Campaign, StaticTest
 from twin.identify import static_test
 from twin.identify.joint import prior_deviation
 from twin.rigs import preset

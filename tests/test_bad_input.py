@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from campaign_folder import CHANNELS, FIT, GAUGE, HELD_OUT, HUB, RIG, csv_text, motion, toml_text, write
 
-from twin.campaign import read_campaign
+from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
 
 TEXT = csv_text(motion())

@@ -11,7 +11,7 @@ import pytest
 from campaign_folder import CHANNELS, FIT, GAUGE, HELD_OUT, HUB, RIG, csv_text, motion, toml_text, write
 
 from twin import rigs
-from twin.campaign import Campaign, read_campaign
+from twin.campaigns.campaign import Campaign, read_campaign
 
 PRESET = 'rig = "bossi2009"'
 
@@ -339,7 +339,7 @@ def test_stuck_hub_angle_is_missing_in_its_recording(tmp_path):
 
 def test_import_is_light():
     code = (
-        "import sys; before = set(sys.modules); import twin.campaign;"
+        "import sys; before = set(sys.modules); import twin.campaigns.campaign;"
         "heavy = {'pandas', 'pint', 'mujoco', 'numba', 'control', 'plotly', 'rerun'} & set(sys.modules);"
         "assert not heavy, heavy"
     )

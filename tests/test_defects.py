@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import twin
-from twin.campaign import read_campaign
-from twin.defects import without_defects
+from twin.campaigns.campaign import read_campaign
+from twin.campaigns.defects import without_defects
 from twin.recording import Recording, Sensor
 from twin.virtual_rig import make_campaign
 from twin.virtual_rig.experiments import bang_bang, free_vibration

@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twin import departures, falling_friction, fit, hub_balance
 from twin.calibration import noise_levels
-from twin.campaign import read_campaign
-from twin.driven import DrivenData
-from twin.low_pass import GRID, REACH, low_passed, smooth
+from twin.campaigns.campaign import read_campaign
 from twin.mechanics import chain, planar
 from twin.mechanics.state import Motion
-from twin.rest_run import RestRun
+from twin.residuals import creep, hub_balance, stribeck_reversals
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import GRID, REACH, low_passed, smooth
+from twin.residuals.prepared import prepare
+from twin.residuals.rest_run import RestRun
+from twin.residuals.view import View, move
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.view import View, move
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 
@@ -28,7 +29,7 @@ def ramps(folder, effects, seed):
     make_campaign(folder, effects, seed, experiments=slow)
     campaign = read_campaign(folder)
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
-    return DrivenData([fit.prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
+    return DrivenData([prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +105,7 @@ def test_a_missing_reading_about_a_break_away_is_not_compared(plain):
     hub = prepared.recording["hub_angle"].copy()
     hub[[onset - 20, onset + 10]] = np.nan
     holed = prepared.recording.replace(channels={**prepared.recording.channels, "hub_angle": hub})
-    again = DrivenData([fit.prepare(holed, prepared.noise)[0]], twin)
+    again = DrivenData([prepare(holed, prepared.noise)[0]], twin)
     assert again.views[0].departing.sum() == view.departing.sum() - 2
     assert misfit(again, twin) < 1.2
 
@@ -129,8 +130,8 @@ def test_samples_that_share_an_instant_have_the_noise_of_one(plain):
     data, twin = plain
     [prepared], [view] = data.prepared, data.views
     motion, _ = move(view, prepared, twin, prepared.start)
-    fine, _ = departures.residual(view.time, prepared, twin, motion, view.departures)
-    coarse, there = departures.residual(view.time[::5], prepared, twin, motion, view.departures)
+    fine, _ = creep.residual(view.time, prepared, twin, motion, view.departures)
+    coarse, there = creep.residual(view.time[::5], prepared, twin, motion, view.departures)
     assert there.sum() < 0.3 * view.departing.sum()
     assert (coarse**2).sum() < (fine**2).sum()
     assert np.std(coarse[there]) == pytest.approx(1.0, abs=0.4)
@@ -195,9 +196,9 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
         return np.std((low_passed(hub_balance.hub_laws(view, twin, motion), GRID) - exact)[100:-100])
 
     put_back = error()
-    monkeypatch.setattr(falling_friction, "_ROUNDS", 1)
+    monkeypatch.setattr(stribeck_reversals, "_ROUNDS", 1)
     once = error()
-    monkeypatch.setattr(falling_friction, "_ROUNDS", 0)
+    monkeypatch.setattr(stribeck_reversals, "_ROUNDS", 0)
     assert put_back < 0.5 * once < 0.5 * error()
     assert put_back < 0.03 * np.std(exact)
 

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import play
-from twin.low_pass import low_passed
 from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import build
 from twin.mechanics.mujoco_chain import MujocoChain
+from twin.residuals import backlash
+from twin.residuals.filters import low_passed
 from twin.rigs import preset
 
 RIG = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)
@@ -85,7 +85,7 @@ def test_play_passes_on_what_the_hub_takes():
     angles, rates, _ = planar.simulate(plant, time, command, time, phi, 0 * phi, 1, False, period)
     acceleration = np.gradient(rates[:, 0], period)
     held = np.append(command[0], (command[1:] + command[:-1]) / 2)
-    passed = play.transmitted(plant, period, acceleration, angles[:, 0], held)
+    passed = backlash.transmitted(plant, period, acceleration, angles[:, 0], held)
     behind = planar.without_motor(plant)
     hub = (angles[:, 0], rates[:, 0], acceleration)
     _, _, taken = planar.driven(behind, time, *hub, REST, REST, 2.5e-4)

@@ -6,19 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import contenders, fit, hub_balance, polish, releases
+from twin import contenders, polish
 from twin.calibration import noise_levels
-from twin.campaign import read_campaign
-from twin.driven import DrivenData
+from twin.campaigns.campaign import read_campaign
 from twin.fit import Fit, Unknown, Workbench
-from twin.low_pass import GRID
 from twin.mechanics import chain, planar
 from twin.mechanics.state import Motion
-from twin.releases import Level
+from twin.residuals import hub_balance, static_levels
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import GRID
+from twin.residuals.prepared import prepare
+from twin.residuals.static_levels import Level
+from twin.residuals.view import View
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.search import Candidate
-from twin.view import View
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 
@@ -44,14 +46,14 @@ def ramps(tmp_path_factory):
     make_campaign(folder, {"asymmetric-friction": LEVELS}, 7, experiments=slow)
     campaign = read_campaign(folder)
     twin = model(campaign.rig, campaign.sensors)
-    prepared = [fit.prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
+    prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
     return DrivenData(prepared, twin), twin, [p.start for p in prepared]
 
 
 def test_static_levels_are_read_to_some_parts_in_ten_thousand(ramps):
     data, twin, starts = ramps
     off = twin.replace(effects={"asymmetric-friction": {n: 1.02 * v for n, v in LEVELS.items()}})
-    found = releases.levels(data, off, starts)
+    found = static_levels.levels(data, off, starts)
     assert set(found) == {1, -1}
     for direction, name in ((1, "static_positive"), (-1, "static_negative")):
         assert found[direction].value == pytest.approx(LEVELS[name], rel=1.5e-3)
@@ -66,9 +68,9 @@ def test_a_link_that_swings_on_makes_a_static_level_less_sure(ramps, monkeypatch
     before, between = view.time < first - 0.1, (view.time > second - 0.3) & (view.time < second - 0.1)
     assert view.pull[before].max() < 1e-9
     assert 5e-6 < view.pull[between].min() <= view.pull[between].max() < 5e-4
-    quiet = releases.levels(data, twin, starts)
+    quiet = static_levels.levels(data, twin, starts)
     monkeypatch.setattr(data, "views", (replace(view, pull=np.full(len(view.time), 1e-3)),))
-    for direction, level in releases.levels(data, twin, starts).items():
+    for direction, level in static_levels.levels(data, twin, starts).items():
         assert quiet[direction].error < 2e-4
         assert level.error == pytest.approx(1e-3, rel=0.02)
 
@@ -81,8 +83,8 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
     shape = chain.fit_shape(campaign.rig, 5)
     known = {"backlash": {**play["backlash"], "contact_loss": planar.CONTACT_LOSS}}
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
-    prepared = [fit.prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
-    found = releases.levels(DrivenData(prepared, twin), twin, [p.start for p in prepared])
+    prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
+    found = static_levels.levels(DrivenData(prepared, twin), twin, [p.start for p in prepared])
     assert found
     for level in found.values():
         assert level.value == pytest.approx(campaign.rig["static_friction"], abs=2 * level.error)
@@ -168,13 +170,13 @@ def test_a_rest_that_seems_to_end_below_the_coulomb_level_tells_nothing(ramps):
     data, twin, starts = ramps
     # As if friction in motion were as large as what the rest withstood.
     heavy = {**LEVELS, "coulomb_positive": 0.09, "coulomb_negative": 0.09}
-    assert releases.levels(data, twin.replace(effects={"asymmetric-friction": heavy}), starts) == {}
+    assert static_levels.levels(data, twin.replace(effects={"asymmetric-friction": heavy}), starts) == {}
 
 
 def test_a_rest_that_ends_far_below_the_others_was_none():
     read = [Level(0.065, 1e-5), Level(0.06502, 2e-5), Level(0.013, 1e-5)]
-    assert releases.together(read).value == pytest.approx(0.065, abs=1e-5)
-    assert releases.together(read[2:]).value == 0.013
+    assert static_levels.together(read).value == pytest.approx(0.065, abs=1e-5)
+    assert static_levels.together(read[2:]).value == 0.013
 
 
 def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():

@@ -13,9 +13,9 @@ from scipy.constants import g
 from scipy.signal import cont2discrete, lfilter, sosfiltfilt
 from typer.testing import CliRunner
 
-from twin import calibration, campaign, cli, fit
-from twin.campaign import read_campaign
-from twin.driven import DrivenData
+from twin import calibration, cli
+from twin.campaigns import campaign
+from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
 from twin.identify import (
     break_away,
@@ -35,6 +35,8 @@ from twin.identify.results import Estimate, Mode, disagreement, pooled
 from twin.mechanics import beam, chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import Prepared, prepare
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.rig_file import effect_lines, header, parameter_lines, read_rig_file
@@ -575,13 +577,13 @@ SENSORS = {
 }
 
 
-def recorded(model: Model, experiment: Recording, seed: int) -> fit.Prepared:
+def recorded(model: Model, experiment: Recording, seed: int) -> Prepared:
     """What the sensors read where a model runs an experiment, ready to be fitted."""
     seen = simulate(model, experiment, Start())
     rng = np.random.default_rng(seed)
     noisy = {c: seen[c] + s.noise * rng.standard_normal(len(seen.time)) for c, s in SENSORS.items()}
     recording = experiment.replace(channels={"torque_command": experiment["torque_command"], **noisy})
-    return fit.prepare(recording, {c: s.noise for c, s in SENSORS.items()})[0]
+    return prepare(recording, {c: s.noise for c, s in SENSORS.items()})[0]
 
 
 @pytest.mark.parametrize(("coulomb", "static", "seed"), [(0.0055, 0.02, 0), (0.004, 0.015, 1)])
@@ -593,7 +595,7 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb,
     plan = replace(plan, commands=plan.commands[:1500])
     make_campaign(tmp_path / "released", {}, seed, rig=rig, experiments=[plan])
     given = read_campaign(tmp_path / "released")
-    prepared, _ = fit.prepare(given.fit[0], calibration.noise_levels(given))
+    prepared, _ = prepare(given.fit[0], calibration.noise_levels(given))
     believed = given.rig.replace("believed", coulomb_friction=0.85 * coulomb)
     model = Model(believed, given.sensors, chain.fit_shape(believed, 12), step=2.5e-4)
     found = friction_map.read(model, [prepared], [prepared.start])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin import fit
-from twin.campaign import read_campaign
-from twin.driven import DrivenData
+from twin.campaigns.campaign import read_campaign
 from twin.identify import balance, joint
 from twin.mechanics import chain
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import prepare
 from twin.rigs.model import Model
 from twin.virtual_rig import Sensors, make_campaign
 from twin.virtual_rig.experiments import Experiment
@@ -32,7 +32,7 @@ def swept(tmp_path_factory):
     campaign = read_campaign(folder)
     rig = campaign.rig.replace("true", **truth)
     model = Model(rig, campaign.sensors, chain.fit_shape(rig, 5), step=2e-3)
-    prepared = [fit.prepare(r, NOISE)[0] for r in campaign.fit]
+    prepared = [prepare(r, NOISE)[0] for r in campaign.fit]
     return truth, model, DrivenData(prepared, model, joint.BANDS), [p.start for p in prepared]
 
 

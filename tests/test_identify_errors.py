@@ -9,21 +9,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import (
-    breakaway,
-    disagreement,
-    driven,
-    driven_residual,
-    evidence,
-    fit,
-    limit,
-    observe,
-    ridge,
-    scatter,
-    waves,
-)
-from twin.campaign import read_campaign
-from twin.evidence import Group
+from twin import disagreement, evidence, fit, limit, ridge, scatter, waves
+from twin.campaigns import rests
+from twin.campaigns.campaign import read_campaign
 from twin.fit import Fit, Unknown
 from twin.identify import (
     against,
@@ -39,14 +27,18 @@ from twin.identify import (
 )
 from twin.identify.against import Comparison
 from twin.identify.results import Identified
-from twin.look import look
 from twin.mechanics import beam, chain, planar
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
+from twin.residuals import breakaway, residual
+from twin.residuals.data import DrivenData
+from twin.residuals.groups import Group
+from twin.residuals.make_view import look
+from twin.residuals.prepared import prepare
+from twin.residuals.view import move
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
-from twin.view import move
 from twin.virtual_rig import Rig as VirtualRig
 from twin.virtual_rig import Sensors, make_campaign
 from twin.virtual_rig.experiments import Experiment, planned_campaign
@@ -94,7 +86,7 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
     time = np.arange(0, 3, 0.002)
     still = np.zeros(len(time))
     channels = {"torque_command": still, "hub_angle": shaken(time), "strain_base": still}
-    prepared, _ = fit.prepare(Recording("shaken", time, channels), {"hub_angle": 1e-6, "strain_base": 2e-6})
+    prepared, _ = prepare(Recording("shaken", time, channels), {"hub_angle": 1e-6, "strain_base": 2e-6})
     coarse = model().replace(step=2e-3)
     view = look(prepared, coarse)
     fine = np.arange(0, view.time[-1] + 1e-9, 1e-4)
@@ -129,9 +121,9 @@ def left(sweep, **gone):
     recording, noise, twin = sweep
     lost = {channel: np.where(mask, np.nan, recording[channel]) for channel, mask in gone.items()}
     recording = recording.replace(channels={**recording.channels, **lost})
-    prepared, _ = fit.prepare(recording, noise)
+    prepared, _ = prepare(recording, noise)
     with ThreadPoolExecutor(1) as pool:
-        bench = fit.Workbench(driven.DrivenData([prepared], twin), pool)
+        bench = fit.Workbench(DrivenData([prepared], twin), pool)
         limit.move(bench, twin, [prepared.start], limit.QUICK)
         [residual] = bench.residuals([(twin, [prepared.start], None)])
     return {g.channel: residual[g.rows] for g in bench.data.groups}, bench.data.views[0]
@@ -156,9 +148,9 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     assert known.mean() == pytest.approx(1 - gone.mean(), abs=0.01)
     # The noise of what is missing is gone from beside it as well.
     assert np.std((filled["strain_base"] - parts["strain_base"])[known]) < 0.5
-    prepared, _ = fit.prepare(sweep[0], sweep[1])
+    prepared, _ = prepare(sweep[0], sweep[1])
     as_it_is, bridged = (
-        driven_residual.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
+        residual.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
         for v in (view, replace(view, holes={}))
     )
     assert np.std((bridged - as_it_is)[known]) > 1.0
@@ -178,7 +170,7 @@ def test_commands_that_act_a_little_late_move_no_break_away():
     for command in (np.where(time < 1, 0.01, 0.15), np.clip(0.02 * (time - 1), 0, None)):
         channels = {"torque_command": command, "hub_angle": np.zeros(len(time))}
         measured = simulate(twin, Recording("start", time, channels), Start())
-        prepared.append(fit.prepare(measured, {"hub_angle": 3e-4})[0])
+        prepared.append(prepare(measured, {"hub_angle": 3e-4})[0])
     starts = [p.start for p in prepared]
     for late in (0.0, 5e-6, -5e-6):
         # A jump of the command tells no level, a ramp does.
@@ -458,7 +450,7 @@ def test_how_long_a_break_away_is_unseen(gain):
     seen = []
     for _ in range(400):
         reading = gain * age**2 / 2 + rng.standard_normal(260)
-        [(onset, direction)] = observe._onsets(observed, np.zeros(260), reading, 1.0)
+        [(onset, direction)] = rests._onsets(observed, np.zeros(260), reading, 1.0)
         assert direction == 1
         seen.append(onset - 200)
     mean, spread = break_away._unseen(gain)

@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import calibration, fit
-from twin.campaign import read_campaign
-from twin.driven import DrivenData
+from twin import calibration
+from twin.campaigns.campaign import read_campaign
 from twin.identify import balance, identification, joint, momentum, sentences
 from twin.identify.break_away import StaticFriction
 from twin.identify.results import Estimate
 from twin.mechanics import beam, chain
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import prepare
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.virtual_rig import Rig, Sensors, make_campaign
@@ -37,7 +38,7 @@ def slewed(folder, seed, sensors=None, noise=None):
     true = campaign.rig.replace("true", **truth)
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
     noise = noise or calibration.noise_levels(campaign)
-    prepared = [fit.prepare(recording, noise)[0] for recording in campaign.fit]
+    prepared = [prepare(recording, noise)[0] for recording in campaign.fit]
     return truth, campaign.rig, model, DrivenData(prepared, model, joint.BANDS)
 
 
@@ -75,7 +76,7 @@ def test_a_strain_that_is_bridged_is_no_reading(quiet):
         fastest = int(np.argmax(np.abs(np.gradient(p.recording["hub_angle"]))))
         mid[fastest : fastest + 75] = np.nan  # 0.15 s
         channels = {**p.recording.channels, "strain_mid": mid}
-        prepared.append(fit.prepare(p.recording.replace(channels=channels), NOISE)[0])
+        prepared.append(prepare(p.recording.replace(channels=channels), NOISE)[0])
     found = momentum.of_rig(DrivenData(prepared, model, joint.BANDS), model)
     assert found.inertia.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-3)
 

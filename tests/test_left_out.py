@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin import evidence, left_out, verdict
-from twin.evidence import Group
 from twin.fit import Unknown
+from twin.residuals.groups import Group
 
 ROWS, RECORDINGS = 40, 4
 

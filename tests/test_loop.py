@@ -10,7 +10,7 @@ from test_effects import PLANTED
 
 from twin import traces, waves
 from twin.calibration import calibrate
-from twin.campaign import Campaign, read_campaign
+from twin.campaigns.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
 from twin.contenders import calibrated_as_well, confirmed, freely_decided, seen_anew, settled
 from twin.diagnose import diagnose, find

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from twin import fit
-from twin.evidence import Group
 from twin.fit import Unknown, Workbench
 from twin.mechanics import chain
 from twin.mechanics.state import Start
+from twin.residuals.groups import Group
 from twin.rigs import preset
 from twin.rigs.model import Model
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import calibration, fit, releases, search, verdict
-from twin.campaign import read_campaign
-from twin.driven import SINGLE
+from twin import calibration, fit, search, verdict
+from twin.campaigns.campaign import read_campaign
 from twin.predictions import free_runs
+from twin.residuals import static_levels
+from twin.residuals.data import SINGLE
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang, break_away, free_vibration, random_steps
 
@@ -107,11 +108,11 @@ def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
 
 def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
     data, base = with_cable.bench.data, with_cable.base
-    whole = releases.levels(data, base.model, base.starts)
-    of_ramps = [r for r in releases.releases(data, base.model, base.starts) if r.recording == 1]
+    whole = static_levels.levels(data, base.model, base.starts)
+    of_ramps = [r for r in static_levels.releases(data, base.model, base.starts) if r.recording == 1]
     assert whole.keys() == {r.direction for r in of_ramps}
     for direction, level in whole.items():
-        assert level == releases.together([r.level for r in of_ramps if r.direction == direction])
+        assert level == static_levels.together([r.level for r in of_ramps if r.direction == direction])
 
 
 def test_what_is_told_by_an_instant_is_not_asked_of_them(with_cable):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from twin.observe import hub_motion, longest_sound_stretch
+from twin.campaigns.readings import longest_sound_stretch
+from twin.campaigns.rests import hub_motion
 from twin.recording import Recording
 
 TIME = np.arange(0.0, 4.0, 1e-3)

@@ -5,9 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import calibration, look, releases
-from twin.campaign import read_campaign
+from twin import calibration
+from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
+from twin.residuals import make_view, static_levels
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang, free_vibration
 
@@ -23,13 +24,13 @@ def campaign(tmp_path):
 @pytest.fixture
 def runs_away(monkeypatch):
     """Every simulation on a moving hub ends in numbers that are none."""
-    propagated = look.propagated
+    propagated = make_view.propagated
 
     def lost(prepared, view, model):
         noise, torque = propagated(prepared, view, model)
         return noise, np.full_like(torque, np.nan)
 
-    monkeypatch.setattr(look, "propagated", lost)
+    monkeypatch.setattr(make_view, "propagated", lost)
 
 
 def test_they_are_left_out_and_named(campaign, runs_away):
@@ -39,7 +40,7 @@ def test_they_are_left_out_and_named(campaign, runs_away):
     assert any("bang-bang-45.csv could not be used" in note for note in found.notes)
     assert np.isfinite(found.base.values).all()
     # Rests in them are asked for their static levels all the same.
-    assert releases.levels(found.data, found.base.model, found.base.starts) == {}
+    assert static_levels.levels(found.data, found.base.model, found.base.starts) == {}
 
 
 def test_where_there_is_no_other_it_is_an_error(tmp_path, runs_away):

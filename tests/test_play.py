@@ -7,11 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import fit, limit, play
-from twin.driven import DrivenData
+from twin import fit, limit
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
+from twin.residuals import backlash
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import prepare
 from twin.rigs import preset
 from twin.rigs.model import Model, fine
 from twin.rigs.simulate import simulate
@@ -39,7 +41,7 @@ def _data(gap: float, torque: np.ndarray) -> DrivenData:
     asked = Recording("", time, {"torque_command": torque, "hub_angle": 0 * time}, loop="open")
     hub = simulate(fine(_model(gap)), asked, Start())["hub_angle"]
     noise = np.random.default_rng(5).normal(0, _NOISE["hub_angle"], len(time))
-    prepared, _ = fit.prepare(
+    prepared, _ = prepare(
         asked.replace(channels={"torque_command": torque, "hub_angle": hub + noise}), _NOISE
     )
     return DrivenData([prepared], _model(0.0))
@@ -62,21 +64,21 @@ def test_motor_that_rattles_is_not_asked_what_it_did():
     data = _data(0.015, _sweep(3.0, 25.0, 0.13, 8.0))
     view, prepared = data.views[0], data.prepared[0]
     noise = view.noise["hub_torque"]
-    found = play.doubtful(view, prepared, _model(0.015), noise, 0.0)
+    found = backlash.doubtful(view, prepared, _model(0.015), noise, 0.0)
     # Up to 14 Hz the motor comes to rest on a flank in every half of a period.
     assert not found[view.time < 4.0].any()
     assert found[view.time > 4.0].mean() > 0.3
-    assert not play.doubtful(view, prepared, _model(0.0), noise, 1.0).any()
+    assert not backlash.doubtful(view, prepared, _model(0.0), noise, 1.0).any()
 
 
 def test_hub_that_friction_may_hold_between_impacts_is_not_told():
     data = _data(0.0063, _sweep(15.0, 25.0, 0.13, 6.0))
     view, prepared, model = data.views[0], data.prepared[0], _model(0.0063)
     noise = view.noise["hub_torque"]
-    held = play.doubtful(view, prepared, model, noise, 0.1) & ~play.doubtful(
+    held = backlash.doubtful(view, prepared, model, noise, 0.1) & ~backlash.doubtful(
         view, prepared, model, noise, 0.0
     )
     assert held[view.sliding].any()
     assert held[view.sliding].mean() < 0.2
     slack = model.with_plant(static_positive=0.0, static_negative=0.0)
-    assert not (play.doubtful(view, prepared, slack, noise, 0.1) & held).any()
+    assert not (backlash.doubtful(view, prepared, slack, noise, 0.1) & held).any()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from twin import proportions
-from twin.campaign import read_campaign
+from twin.campaigns import check_channels
+from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
@@ -82,4 +82,4 @@ def driven_against_a_spring(*frequencies):
 @pytest.mark.parametrize("frequencies", [(0.3,), (0.2, 0.5)])
 def test_a_spring_is_no_turned_sensor(frequencies):
     slow, gauge = driven_against_a_spring(*frequencies), Sensor("strain_base", 1e-6, 0.02, 0.001)
-    proportions.check([slow], {"strain_base": gauge}, preset("bossi2009"))
+    check_channels.check([slow], {"strain_base": gauge}, preset("bossi2009"))

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from twin import schema
+from twin.campaigns import schema
+from twin.campaigns.units import TIME, allowed
 from twin.cli import app
 from twin.parameters import DEFAULTS, PARAMETERS
 from twin.recording import CHANNEL_UNITS
-from twin.units import TIME, allowed
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin import calibration, search
-from twin.campaign import read_campaign
+from twin.campaigns.campaign import read_campaign
 from twin.found import Found
 from twin.reconsider import reconsidered
 from twin.virtual_rig import Rig, Sensors, make_campaign

@@ -111,7 +111,7 @@ def test_csv_is_read_back_as_the_recording_it_is(tmp_path, chain_run):
 
 
 def test_a_campaign_reads_what_a_run_wrote(tmp_path, chain_run):
-    from twin.campaign import read_campaign
+    from twin.campaigns.campaign import read_campaign
 
     write_csv(chain_run, tmp_path / "run.csv")
     units = {"torque_command": "N*m", "hub_angle": "rad", "tip_deflection": "m"}

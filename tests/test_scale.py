@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from homogeneous import HOMOGENEOUS
 
-from twin import fit
-from twin.driven import DrivenData
-from twin.low_pass import GRID
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import GRID
+from twin.residuals.prepared import prepare
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
@@ -36,7 +36,7 @@ def slewed():
     drawn = np.random.default_rng(7)
     read = simulate(model, Recording("", time, asked), Start()).channels
     read = {c: v + drawn.normal(scale=NOISE[c], size=len(time)) if c in NOISE else v for c, v in read.items()}
-    prepared, _ = fit.prepare(Recording("", time, read), NOISE)
+    prepared, _ = prepare(Recording("", time, read), NOISE)
     return DrivenData([prepared], model), model, prepared
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from twin import search, stand_ins, whole_orders
 from twin.calibration import calibrate
-from twin.campaign import read_campaign
+from twin.campaigns.campaign import read_campaign
 from twin.conclude import said, variables
 from twin.diagnose import asked, with_errors, with_whole_orders
 from twin.found import Found

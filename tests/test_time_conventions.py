@@ -5,16 +5,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import driven_residual, fit, search
+from twin import search
 from twin.calibration import calibrate, likeliest_clock
-from twin.campaign import read_campaign
-from twin.driven import DrivenData
-from twin.low_pass import GRID
+from twin.campaigns.campaign import read_campaign
 from twin.mechanics import chain
 from twin.mechanics.modal import held_response
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
+from twin.residuals import residual
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import GRID
+from twin.residuals.prepared import prepare
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
@@ -128,9 +130,9 @@ def test_a_late_sensor_and_a_late_drive_leave_the_same_though_a_run_ends_in_moti
     read = dict(simulate(sensor, resonant, Start()).channels)
     read["hub_angle"] = read["hub_angle"] + np.random.default_rng(5).normal(scale=noise, size=len(time))
     measured = resonant.replace(channels=read)
-    prepared, _ = fit.prepare(measured, {"hub_angle": noise, "strain_base": 2e-6})
+    prepared, _ = prepare(measured, {"hub_angle": noise, "strain_base": 2e-6})
     [view] = DrivenData([prepared], model).views
-    [first, then] = [driven_residual.missing(view, prepared, m, prepared.start) for m in (sensor, drive)]
+    [first, then] = [residual.missing(view, prepared, m, prepared.start) for m in (sensor, drive)]
     # The residual of a late sensor stands at the time of the drive, which is before that of the reading.
     shown = np.flatnonzero(view.sliding[2 * samples :] & view.sliding[: -2 * samples])
     off = first["hub_torque"][shown] - then["hub_torque"][shown + samples]

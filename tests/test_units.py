@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from twin import units
+from twin.campaigns import units
 from twin.errors import InputError
 from twin.recording import CHANNEL_UNITS
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin import verdict
-from twin.evidence import Group
+from twin.residuals.groups import Group
 
 ROWS, INDEPENDENT = 1000, 100.0
 

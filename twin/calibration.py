@@ -9,15 +9,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin import defects, driven, fit, limit, moving_start, observe, search, timing
-from twin.campaign import Campaign
+from twin import fit, limit, moving_start, search
+from twin.campaigns import defects
+from twin.campaigns.campaign import Campaign
+from twin.campaigns.clock import Clock, clock_notes, on_clock, possible_clocks
+from twin.campaigns.readings import longest_sound_stretch, noise_of
 from twin.errors import InputError
-from twin.fit import Fit, Prepared, Workbench
+from twin.fit import Fit, Workbench
 from twin.mechanics import chain
 from twin.progress import Progress, silent
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import Prepared, prepare
 from twin.rigs.model import Model
-from twin.timing import Clock
 
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """A coarse chain is enough to search on: its own error is taken out by `limit.move`."""
@@ -52,9 +56,9 @@ class Calibration:
         return self.bench.prepared
 
     @property
-    def data(self) -> driven.DrivenData:
+    def data(self) -> DrivenData:
         """The recordings, the link driven by the measured hub angle."""
-        assert isinstance(self.bench.data, driven.DrivenData)
+        assert isinstance(self.bench.data, DrivenData)
         return self.bench.data
 
 
@@ -83,7 +87,7 @@ def calibrate(
     progress("calibrating")
     # Some tenths of a millisecond decide more than many an effect does, but less than a calibration.
     known = _Known(campaign.effect_errors, told)
-    clocks = timing.possible_clocks(sound) if clock is None else (clock,)
+    clocks = possible_clocks(sound) if clock is None else (clock,)
     options = [_roughly(option, sound, noise, model, known, pool) for option in clocks]
     rough = min(options, key=lambda option: option.fit.cost)
     bench, base = _calibrated(rough.bench, model, rough.fit)
@@ -93,7 +97,7 @@ def calibrate(
 
 def likeliest_clock(start: Calibration, best: Fit) -> Clock:
     """The clock on which a model fits best; one that lacks an effect may have chosen another."""
-    clocks = timing.possible_clocks(start.sound)
+    clocks = possible_clocks(start.sound)
     if len(clocks) == 1:
         return start.clock
     return min(clocks, key=lambda clock: _cost_on(clock, start, best))
@@ -102,7 +106,7 @@ def likeliest_clock(start: Calibration, best: Fit) -> Clock:
 def _cost_on(clock: Clock, start: Calibration, best: Fit) -> float:
     pairs = zip(start.sound, start.prepared, strict=True)
     prepared = [_prepared(clock, recording, p.noise, best.model)[0] for recording, p in pairs]
-    bench = Workbench(driven.DrivenData(prepared, best.model), start.bench.pool)
+    bench = Workbench(DrivenData(prepared, best.model), start.bench.pool)
     limit.move(bench, best.model, best.starts, limit.ROUGH)
     return fit.minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
 
@@ -111,7 +115,7 @@ def _prepared(
     clock: Clock, recording: Recording, noise: Mapping[str, float], model: Model
 ) -> tuple[Prepared, list[str]]:
     """The recording made ready on a clock, its first state too, and what was left out of it."""
-    prepared, left_out = fit.prepare(timing.on_clock(recording, clock), noise)
+    prepared, left_out = prepare(on_clock(recording, clock), noise)
     return moving_start.with_bend(prepared, model), left_out
 
 
@@ -143,9 +147,9 @@ def _roughly(
 ) -> _Rough:
     """Moves declared parameters within their uncertainty, commands held on this clock; the chain is a rough one."""
     pairs = [_prepared(clock, recording, noise, model) for recording in recordings]
-    data = driven.DrivenData([prepared for prepared, _ in pairs], model)
+    data = DrivenData([prepared for prepared, _ in pairs], model)
     left_out = [note for _, notes in pairs for note in notes]
-    notes = (*left_out, *timing.clock_notes(clock), *_out_of_reach(data))
+    notes = (*left_out, *clock_notes(clock), *_out_of_reach(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
     unknowns = (
         *fit.declared_unknowns(model),
@@ -158,7 +162,7 @@ def _roughly(
     return _Rough(clock, bench, fit.minimise(bench, model, starts, unknowns, x, iterations=20), notes)
 
 
-def _out_of_reach(data: driven.DrivenData) -> list[str]:
+def _out_of_reach(data: DrivenData) -> list[str]:
     """What is said of recordings in which the declared link runs away under the motion of the hub.
 
     Raises:
@@ -183,7 +187,7 @@ def made_ready(
 ) -> tuple[Prepared, tuple[str, ...]]:
     """A whole recording as models are held beside it, and what was left out of it; `noise` as by `noise_levels`."""
     [clean], odd = defects.without_defects([recording], sensors)
-    prepared, left_out = fit.prepare(timing.on_clock(clean, clock), noise)
+    prepared, left_out = prepare(on_clock(clean, clock), noise)
     return prepared, (*odd, *left_out)
 
 
@@ -191,7 +195,7 @@ def noise_levels(campaign: Campaign) -> dict[str, float]:
     """Channel -> standard deviation of its noise: declared, or seen in the fit recordings."""
     found = {}
     for name, sensor in campaign.sensors.items():
-        seen = [observe.noise_of(r[name]) for r in campaign.fit if name in r]
+        seen = [noise_of(r[name]) for r in campaign.fit if name in r]
         declared = sensor.noise
         found[name] = declared if declared else max(seen, default=0.0)
     return {name: value for name, value in found.items() if value > 0 and name in CHANNEL_UNITS}
@@ -205,7 +209,7 @@ def sound_stretches(
     for recording in recordings:
         peak = np.nanmax(np.abs(recording["torque_command"])) + model.declared["static_friction"]
         strongest = _IMPOSSIBLE * peak / model.declared["hub_inertia"]
-        cut, note = observe.longest_sound_stretch(recording, noise.get("hub_angle", 0.0), float(strongest))
+        cut, note = longest_sound_stretch(recording, noise.get("hub_angle", 0.0), float(strongest))
         kept.append(cut)
         notes += [note] if note else []
     return kept, notes
@@ -220,4 +224,4 @@ def _calibrated(bench: Workbench, model: Model, rough: Fit) -> tuple[Workbench, 
 
 def seen_by(bench: Workbench, model: Model) -> Workbench:
     """The same data, their noise that of this model: it rings at its frequencies."""
-    return Workbench(driven.DrivenData(bench.prepared, model), bench.pool)
+    return Workbench(DrivenData(bench.prepared, model), bench.pool)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from twin import labels, notes, patches, planning, traces, verdict
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.correlations import Correlations, of_covariance
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, KnownEffect, Patched, Prediction, Verdict
 from twin.effects import REGISTRY

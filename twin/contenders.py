@@ -10,13 +10,13 @@ import numpy as np
 
 from twin import fit, limit, search, verdict
 from twin.calibration import seen_by
-from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
 from twin.polish import with_static_levels
 from twin.progress import Progress, silent
+from twin.residuals.data import DrivenData
+from twin.residuals.view import on_link
 from twin.rigs.model import Model
 from twin.search import Candidate
-from twin.view import on_link
 
 CONTENDERS = 3  # candidates that are fitted to the end
 _CLOSE = 0.3  # share of the best score that they need

@@ -30,7 +30,7 @@ from twin import (
     verdict,
     whole_orders,
 )
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.conclude import conclude
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY, EffectParameter

@@ -10,18 +10,10 @@ bends the link too far for it does not take the rest of a recording's word away.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-
-@dataclass(frozen=True)
-class Group:
-    """Residuals of one channel of one recording: where they stand in the residual vector."""
-
-    recording: int
-    channel: str
-    rows: slice
+from twin.residuals.groups import Group
 
 
 def group_sizes(residual: np.ndarray, groups: Sequence[Group], weight: np.ndarray) -> np.ndarray:
@@ -32,22 +24,6 @@ def group_sizes(residual: np.ndarray, groups: Sequence[Group], weight: np.ndarra
     starts = [g.rows.start for g in groups]
     squares = np.add.reduceat(residual**2 * weight, starts)
     return np.sqrt(squares / np.maximum(np.add.reduceat(weight, starts), 1))
-
-
-def stretches(groups: Sequence[Group], weight: np.ndarray, rows: int) -> tuple[Group, ...]:
-    """The groups cut into stretches of about so many rows, those without any sample joined to the one before."""
-    found: list[Group] = []
-    for group in groups:
-        length = group.rows.stop - group.rows.start
-        edges = np.linspace(group.rows.start, group.rows.stop, max(1, round(length / rows)) + 1).astype(int)
-        pieces: list[Group] = []
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
-            if pieces and not weight[first:last].any():
-                pieces[-1] = Group(group.recording, group.channel, slice(pieces[-1].rows.start, int(last)))
-            else:
-                pieces.append(Group(group.recording, group.channel, slice(int(first), int(last))))
-        found += pieces
-    return tuple(found)
 
 
 def loss(size: np.ndarray) -> np.ndarray:

@@ -12,14 +12,14 @@ from typing import Protocol
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from twin import evidence, observe
+from twin import evidence
 from twin.effects import REGISTRY
 from twin.effects.base import OPEN
-from twin.evidence import Group
-from twin.mechanics.state import Guide, Start
-from twin.observe import HubMotion
+from twin.mechanics.state import Start
 from twin.parameters import declared_range, relative_uncertainty
 from twin.recording import Recording
+from twin.residuals.groups import Group
+from twin.residuals.prepared import Prepared, guided, reading_start, shortest_period
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
@@ -29,43 +29,9 @@ CORRELATION = 0.05
 """Span over which a misfit is taken as one piece of evidence while fitting [s]."""
 _TRIALS, _SECANTS = 5, 4  # trials of a step with a new Jacobian; steps with one that was put right
 _PACE = 3.0  # times what the last iteration gained that those to come may gain
-_FEWEST = 4  # readings that make a channel
 _VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
 _REACH = 3.0  # standard deviations by which a declared parameter may be off
 _RIGID = ("torque_limit",)
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A recording made ready to be compared with.
-
-    Attributes:
-      recording: without outliers.
-      noise: channel -> standard deviation of its noise.
-      channels: channels that are compared.
-      hub: rests and motion of the hub, where it is measured and free.
-      start: state at the first sample, by the readings.
-    """
-
-    recording: Recording
-    noise: Mapping[str, float]
-    channels: tuple[str, ...]
-    hub: HubMotion | None
-    start: Start
-
-
-def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared, list[str]]:
-    """Returns the recording made ready, and what was left out of it."""
-    known = {name: noise[name] for name in recording.measured() if noise.get(name, 0.0) > 0}
-    clean, notes = observe.without_outliers(recording, known)
-    channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= _FEWEST)
-    hub = None
-    if "hub_angle" in channels and not clean.clamped:
-        hub = observe.hub_motion(clean, known["hub_angle"])
-    start = Start(hub_angle=observe.first_reading(clean, hub))
-    if clean.start == "unknown":
-        start = observe.moving_start(clean)
-    return Prepared(clean, known, channels, hub, start), notes
 
 
 Key = tuple[str, str, int | None]
@@ -142,11 +108,6 @@ def clock_unknown(prepared: Sequence[Prepared]) -> Unknown:
     """
     most = OPEN * shortest_period(prepared)
     return Unknown("clock", "late", 0.0, most / 2, True, (-most, most))
-
-
-def shortest_period(prepared: Sequence[Prepared]) -> float:
-    """Sample period of the fastest recording [s]."""
-    return min(p.recording.period for p in prepared)
 
 
 def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen: set[str]) -> list[Unknown]:
@@ -320,14 +281,6 @@ class FreeData(GuidedData):
         return {c: (measured[c] - predicted[c]) / prepared.noise[c] for c in prepared.channels}
 
 
-def guided(model: Model, prepared: Prepared, tight: bool) -> Guide | None:
-    """The guide of a recording under this model's hub sensor; `tight`: rests end where the measured ones do."""
-    if prepared.hub is None:
-        return None
-    angle = model.hub_angle_of(prepared.hub.reading, prepared.recording.time)
-    return observe.guide(prepared.hub, angle, tight)
-
-
 def whitened(model: Model, prepared: Prepared, start: Start) -> dict[str, np.ndarray]:
     """Channel -> measured minus simulated in noise units (m), 0 where missing; the simulation guided."""
     measured = prepared.recording
@@ -337,14 +290,6 @@ def whitened(model: Model, prepared: Prepared, start: Start) -> dict[str, np.nda
         c: _local(c, (measured[c] - predicted[c]) / prepared.noise[c], measured.time)
         for c in prepared.channels
     }
-
-
-def reading_start(model: Model, prepared: Prepared, start: Start) -> Start:
-    """The state at the first sample, the hub's reading turned into its angle by the model of the sensor."""
-    if prepared.recording.start != "rest" or prepared.hub is None:
-        return start
-    angle = model.hub_angle_of(np.array([start.hub_angle]), prepared.recording.time[:1])
-    return replace(start, hub_angle=float(angle[0]))
 
 
 def _local(channel: str, residual: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.calibration import Calibration
-from twin.driven import DrivenData
 from twin.fit import Fit, Workbench
 from twin.nameless import Nameless
+from twin.residuals.data import DrivenData
 from twin.search import Candidate
 
 

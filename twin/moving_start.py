@@ -13,14 +13,15 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from twin import fit
-from twin.driven_residual import missing
-from twin.fit import GuidedData, Prepared, Workbench
-from twin.look import look
+from twin.fit import GuidedData, Workbench
 from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.residuals.make_view import look
+from twin.residuals.prepared import Prepared, prepare, reading_start
+from twin.residuals.residual import missing
+from twin.residuals.view import LEFT_OUT, View, before_end
 from twin.rigs.model import Model
 from twin.rigs.simulate import bending_shapes
-from twin.view import LEFT_OUT, View, before_end
 
 _SPANS = (0.15, 0.25, 0.5)
 """Spans at the start of a recording from which its first state is estimated, one after the other [s]."""
@@ -33,7 +34,7 @@ _FIRST = 0.05  # s over which a first value and slope are read
 def first_state(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> Start:
     """State at the first sample as the readings tell it: those of it, or of the first second of a moving rig."""
     if prepared.recording.start != "unknown":
-        return fit.reading_start(model, prepared, prepared.start)
+        return reading_start(model, prepared, prepared.start)
     short = with_bend(_head(prepared, _FREE), model)
     bench = Workbench(GuidedData([short]), pool)
     return fit.minimise(bench, model, [short.start], fit.start_unknowns([short]), iterations=6).starts[0]
@@ -58,7 +59,7 @@ def with_bend(prepared: Prepared, model: Model) -> Prepared:
 def _head(prepared: Prepared, span: float) -> Prepared:
     """The first moments of a recording [s]."""
     recording = prepared.recording
-    return fit.prepare(recording.part(recording.time <= recording.time[0] + span), prepared.noise)[0]
+    return prepare(recording.part(recording.time <= recording.time[0] + span), prepared.noise)[0]
 
 
 def _settled(view: View, short: Prepared, model: Model) -> Start:

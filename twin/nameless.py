@@ -16,14 +16,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin import chance, driven_residual, fit, regressors, timed
-from twin.driven import DrivenData
-from twin.fit import Fit, Prepared, Workbench
+from twin import chance, fit, regressors
+from twin.fit import Fit, Workbench
 from twin.gaussian_process import Evidence, likeliest, likely
-from twin.low_pass import GRID, low_passed
+from twin.residuals import residual
+from twin.residuals.data import DrivenData, known_weights
+from twin.residuals.filters import GRID, low_passed
+from twin.residuals.prepared import Prepared
+from twin.residuals.view import View
 from twin.rigs.model import Model
 from twin.rigs.patch import HUB, Patch
-from twin.view import View
 
 _KNOTS = 32
 _RANGE = (0.002, 0.998)  # quantiles of the variable between which the knots lie
@@ -170,7 +172,7 @@ def _on_hub(view: View, known: Mapping[str, np.ndarray], law: Law, x: np.ndarray
     if law.sided or law.variable == _COMMAND:
         # As friction and the drive's torque, which pass the filter of the motion, too.
         added = low_passed(added, GRID, view.band)
-    return -driven_residual.white_of(view.sliding * low_passed(added, GRID), view, HUB)
+    return -residual.white_of(view.sliding * low_passed(added, GRID), view, HUB)
 
 
 def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:
@@ -178,7 +180,7 @@ def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> 
     time = prepared.recording.time
     read = _hats(model.read_torque(prepared.recording), x)
     added = low_passed(np.array([np.interp(view.time, time, row) for row in read]), GRID)
-    return -driven_residual.white_of(view.known[_TORQUE] * added, view, _TORQUE)
+    return -residual.white_of(view.known[_TORQUE] * added, view, _TORQUE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +207,7 @@ class _Given:
 
     @classmethod
     def of(cls, bench: Workbench, base: Fit) -> _Given:
-        weights = fit.row_weights(bench, base.residual) * timed.known_weights(bench, base)
+        weights = fit.row_weights(bench, base.residual) * known_weights(bench, base)
         prior = fit.prior_precision(base.unknowns)
         known = base.jacobian.T**2 @ weights + prior
         scale = np.sqrt(np.where(known > 0, known, 1.0))

@@ -6,18 +6,20 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin import releases, timing, traces, verdict
-from twin.campaign import Campaign
+from twin import traces, verdict
+from twin.campaigns.campaign import Campaign
+from twin.campaigns.clock import said
 from twin.diagnosis import Prediction
 from twin.fit import Fit
 from twin.found import Found
 from twin.labels import named
 from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.polish import Polished
-from twin.rest_run import RestRun
+from twin.residuals import static_levels
+from twin.residuals.rest_run import RestRun
+from twin.residuals.view import View
 from twin.rigs.patch import HUB
 from twin.traces import Unexplained
-from twin.view import View
 
 _MUCH = 0.2  # share of what is left that one parameter's change explains, from which it is told
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
@@ -42,7 +44,7 @@ def of(
         *campaign.warnings,
         *found.start.notes,
         *(note for p in predictions.values() if p.role == "holdout" for note in p.left_out),
-        *timing.said(polished.augmented),
+        *said(polished.augmented),
         *_assumptions(campaign),
         *_known(found),
         *_alone(found),
@@ -166,7 +168,7 @@ def break_aways(found: Found) -> list[str]:
     # Out of a long rest, under a torque that grows slowly: elsewhere the hub may only have been slow.
     runs = [
         run
-        for i, run in releases.runs(found.data, best.model, best.starts)
+        for i, run in static_levels.runs(found.data, best.model, best.starts)
         if run.is_slow and _at_onset(found.data.views[i], run)
     ]
     told = []

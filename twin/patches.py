@@ -8,14 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from twin import calibration, labels, moving_start, traces, verdict
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.diagnosis import Patched, Prediction
-from twin.fit import Prepared
 from twin.found import Found
 from twin.mechanics.state import Start
 from twin.nameless import Nameless
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS
+from twin.residuals.prepared import Prepared
 from twin.rigs import patch
 from twin.rigs.model import fine
 from twin.rigs.patch import Patch

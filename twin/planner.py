@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from twin import diagnose, planning, search, verdict
 from twin.calibration import Calibration, calibrate
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
 from twin.files.outputs import writing

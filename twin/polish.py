@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import breakaway, fit, releases
-from twin.driven import DrivenData
+from twin import fit
 from twin.fit import Fit, Workbench
 from twin.mechanics import chain
-from twin.releases import Level
+from twin.residuals import breakaway, static_levels
+from twin.residuals.data import DrivenData
+from twin.residuals.static_levels import Level
 from twin.rigs.model import Model
 
 _SEGMENTS, _STEP = 6, 1e-3
@@ -96,13 +97,13 @@ def _moved_along(best: Fit, levels: Mapping[int, Level]) -> Fit:
 
 def _read_levels(data: DrivenData, result: Fit) -> tuple[dict[int, Level], dict[int, float]]:
     """Static levels among the unknowns of a fit, by their places: as rests tell them, and about where others are."""
-    read = releases.levels(data, result.model, result.starts)
+    read = static_levels.levels(data, result.model, result.starts)
     known, about = dict[int, Level](), dict[int, float]()
     for j, u in enumerate(result.unknowns):
         asked = _STATIC.get(u.name, ())
         seen = [read[d] for d in asked if d in read]
         if seen:
-            known[j] = releases.together(seen)
+            known[j] = static_levels.together(seen)
         elif asked:
             rough = breakaway.levels(breakaway.find(result.model, data.prepared, result.starts))
             level = max((rough[d] for d in asked if d in rough), default=result.values[j])

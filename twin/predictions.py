@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 
 from twin import calibration, moving_start
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.diagnosis import ChannelError, Prediction
-from twin.fit import Prepared
 from twin.found import Found
 from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS, Recording
+from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model, fine
 from twin.rigs.simulate import simulate
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from twin.driven import DrivenData
 from twin.fit import Fit
-from twin.view import View, move
+from twin.residuals.data import DrivenData
+from twin.residuals.view import View, move
 
 
 def of_motion(data: DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.campaign import files_of, read_campaign
+from twin.campaigns.campaign import files_of, read_campaign
 from twin.closed_loop import Run
 from twin.errors import InputError
 from twin.files.outputs import writing

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from twin import fit
-from twin.driven import SINGLE
 from twin.fit import Fit, Workbench
-from twin.low_pass import GRID
+from twin.residuals.data import SINGLE
+from twin.residuals.filters import GRID
 
 _SMOOTH = 1.0  # Hz to either side over which a spectrum is averaged
 _APART = 2.0  # s of zeros behind a recording, longer than its noise is correlated

@@ -13,6 +13,7 @@ from twin.effects import REGISTRY
 from twin.fit import Fit, Unknown, Workbench
 from twin.mechanics.state import Start
 from twin.progress import Progress, silent
+from twin.residuals.prepared import shortest_period
 from twin.rigs.model import Model
 from twin.waves import Peak
 
@@ -251,7 +252,7 @@ def gain(bench: Workbench, base: Fit, result: Fit) -> float:
     What is less than good sensors and cards leave open, a delay or a gain, is no discovery, and gains nothing.
     """
     added = len(result.unknowns) - len(base.unknowns)
-    period = fit.shortest_period(bench.prepared)
+    period = shortest_period(bench.prepared)
     new = result.model.effects.keys() - base.model.effects.keys()
     resolved = all(REGISTRY[name].resolved(result.model.effects[name], period) for name in new)
     return (max(base.cost - result.cost, 0.0) if resolved else 0.0) - price(added, bench)

@@ -9,11 +9,13 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 
-from twin import driven, driven_residual, regressors
+from twin import regressors
 from twin.diagnosis import Trace
 from twin.fit import Fit, Workbench
 from twin.found import Found
-from twin.low_pass import BAND, GRID
+from twin.residuals import residual
+from twin.residuals.data import SINGLE, DrivenData
+from twin.residuals.filters import BAND, GRID
 from twin.rigs.model import fine
 from twin.rigs.patch import HUB
 from twin.verdict import SOUND
@@ -61,7 +63,7 @@ class Unexplained:
     slopes: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def unexplained(bench: Workbench, data: driven.DrivenData, fit: Fit) -> dict[str, Unexplained]:
+def unexplained(bench: Workbench, data: DrivenData, fit: Fit) -> dict[str, Unexplained]:
     """Channel -> its residuals under a fit, with the variables on which they may depend.
 
     On a fine chain: what a short one gets wrong is nothing that is missing.
@@ -88,15 +90,15 @@ def _joined(parts: Sequence[Unexplained], rings: tuple[float, ...]) -> Unexplain
     )
 
 
-def _in_recording(bench: Workbench, data: driven.DrivenData, fit: Fit, i: int) -> dict[str, Unexplained]:
+def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[str, Unexplained]:
     view = data.views[i]
-    left = driven_residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
-    white = driven_residual.white(left, view)
+    left = residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
+    white = residual.white(left, view)
     seen = regressors.of_motion(data, fit, i) | regressors.of_strains(view, left)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     found = {}
     for group in data.groups:
-        if group.recording != i or group.channel in driven.SINGLE:
+        if group.recording != i or group.channel in SINGLE:
             continue
         keep = bench.weight[group.rows] > 0
         found[group.channel] = Unexplained(

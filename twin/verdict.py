@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin import chance, driven, evidence, left_out, timed
+from twin import chance, evidence, left_out
 from twin.fit import Fit, Workbench
 from twin.found import Found
 from twin.nameless import Nameless
+from twin.residuals.data import SINGLE, known_weights
 from twin.rigs.patch import HUB
 from twin.search import Candidate
 
@@ -122,7 +123,7 @@ def _odd(found: Found) -> dict[str, dict[int, float]]:
     odd: dict[str, dict[int, float]] = {}
     worst: set[str] = set()
     for (recording, channel), size in sizes_left(found.bench, found.best).items():
-        if channel in driven.SINGLE:
+        if channel in SINGLE:
             continue
         may_be_left = LEFT * before.get((recording, channel), 0.0)
         more = float(np.sqrt(max(size**2 - may_be_left**2, 0.0)))
@@ -139,16 +140,14 @@ def too_quiet(found: Found) -> dict[str, float]:
     sizes = sizes_left(found.bench, found.best)
     usual = {
         channel: float(np.median([s for (_, c), s in sizes.items() if c == channel and s > 0] or [1.0]))
-        for channel in {c for _, c in sizes} - set(driven.SINGLE)
+        for channel in {c for _, c in sizes} - set(SINGLE)
     }
     return {channel: size for channel, size in sorted(usual.items()) if size < QUIET}
 
 
 def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> size of the residual in noise levels."""
-    sizes = evidence.group_sizes(
-        fit.residual, bench.data.groups, bench.weight * timed.known_weights(bench, fit)
-    )
+    sizes = evidence.group_sizes(fit.residual, bench.data.groups, bench.weight * known_weights(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 

@@ -15,14 +15,15 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter
 
-from twin import driven, fit
+from twin import fit
 from twin.effects.base import Effect
 from twin.effects.wave import RESONANCE_DAMPING, Wave
 from twin.fit import Fit, Workbench
-from twin.low_pass import GRID, low_passed, passed
 from twin.mechanics.state import Motion
+from twin.residuals.data import SINGLE, DrivenData
+from twin.residuals.filters import GRID, low_passed, passed
+from twin.residuals.view import View, move, whitened
 from twin.rigs.model import Model
-from twin.view import View, move, whitened
 
 _PEAKS = 3
 _LOUDEST = 3  # frequencies at which a base is tried that shakes
@@ -163,10 +164,8 @@ class _Scan:
 
     @staticmethod
     def of(bench: Workbench, base: Fit, acts: str) -> _Scan | None:
-        data = cast(driven.DrivenData, bench.data)
-        seen = [
-            (k, g) for k, g in enumerate(data.groups) if g.channel not in (*driven.SINGLE, "motor_torque")
-        ]
+        data = cast(DrivenData, bench.data)
+        seen = [(k, g) for k, g in enumerate(data.groups) if g.channel not in (*SINGLE, "motor_torque")]
         free = {i for i, p in enumerate(data.prepared) if p.hub is not None or acts == "shake"}
         groups = [
             (k, g) for k, g in seen if g.recording in free and (acts in _ON_LINK or g.channel == "hub_torque")

@@ -22,7 +22,7 @@ from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.campaign import Campaign
+    from twin.campaigns.campaign import Campaign
 
 
 def demo(out: DiagnosisFolder = None, json_file: JsonFile = None, force: Force = False) -> None:
@@ -67,7 +67,7 @@ def _diagnose(
     rig: Path | None = None,
 ) -> None:
     from twin import deliver
-    from twin.campaign import files_of, read_campaign
+    from twin.campaigns.campaign import files_of, read_campaign
     from twin.report import print_summary
 
     folder = deliver.FOLDER.chosen(out, campaign, force)

@@ -24,7 +24,7 @@ from twin.files.outputs import check_writable
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from twin.campaign import Campaign
+    from twin.campaigns.campaign import Campaign
     from twin.identify.identification import Identification
 
 
@@ -43,7 +43,7 @@ def identify(
     rig: DeclaredRig = None,
 ) -> None:
     """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
-    from twin.campaign import files_of, read_campaign
+    from twin.campaigns.campaign import files_of, read_campaign
     from twin.identify import deliver
 
     folder = deliver.FOLDER.chosen(out, campaign, force)

@@ -32,7 +32,7 @@ def plan_experiment(
     json_file: JsonFile = None,
 ) -> None:
     """Find the experiment that would separate two explanations of a campaign, and write its torque."""
-    from twin.campaign import files_of, read_campaign
+    from twin.campaigns.campaign import files_of, read_campaign
 
     check_writable(torque_file, json_file, read=files_of(campaign))
     given = read_campaign(campaign)

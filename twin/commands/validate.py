@@ -95,7 +95,7 @@ def _read(
     if rig is not None:
         yield rig_file(rig)
     if campaign is not None:
-        from twin.campaign import files_of
+        from twin.campaigns.campaign import files_of
 
         yield from files_of(campaign)
 
@@ -114,7 +114,7 @@ def _believed(rig: str) -> Believed:
 
 def _declared(campaign: Path) -> Believed:
     """What a campaign says."""
-    from twin.campaign import read_campaign
+    from twin.campaigns.campaign import read_campaign
     from twin.validation.rigs import declared_by
 
     return declared_by(read_campaign(campaign))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.identify import near_modes, spectra
 from twin.identify.results import Kind
 from twin.identify.spectra import Peak, Response

@@ -17,15 +17,15 @@ from scipy.ndimage import binary_erosion
 from scipy.signal import butter, sosfiltfilt
 
 from twin import limit
-from twin.driven import DrivenData
-from twin.fit import Prepared
-from twin.grid_means import mean_torque, one_way, twice_averaged
 from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate, grown
-from twin.low_pass import low_passed
 from twin.mechanics import planar
 from twin.mechanics.state import Start
+from twin.residuals.cell_means import mean_torque, one_way, twice_averaged
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import low_passed
+from twin.residuals.prepared import Prepared
+from twin.residuals.view import Hub, View, hub_motion, move
 from twin.rigs.model import Model
-from twin.view import Hub, View, hub_motion, move
 
 HUB_BAND = 20.0
 """Corner of the low-pass on all signals [Hz]."""

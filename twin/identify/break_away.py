@@ -10,15 +10,15 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.stats import norm
 
-from twin import breakaway
-from twin.breakaway import BreakAway
-from twin.driven import DrivenData
-from twin.fit import Prepared
+from twin.campaigns.rests import BEFORE_ONSET, IN_A_ROW, ONSET
 from twin.identify.results import Estimate, pooled
 from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Start
-from twin.observe import BEFORE_ONSET, IN_A_ROW, ONSET
-from twin.releases import releases
+from twin.residuals import breakaway
+from twin.residuals.breakaway import BreakAway
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import Prepared
+from twin.residuals.static_levels import releases
 from twin.rigs.model import Model
 
 _MODEL = 0.03  # relative standard deviation of what the model says that the link adds to the drive's torque

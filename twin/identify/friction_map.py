@@ -16,11 +16,11 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
-from twin.fit import Prepared, reading_start
 from twin.identify import decay
 from twin.identify.results import Estimate, grown
 from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.residuals.prepared import Prepared, reading_start
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 

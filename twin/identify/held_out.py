@@ -17,14 +17,16 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, driven_residual, fit, moving_start
-from twin.campaign import Campaign
-from twin.driven import DrivenData
-from twin.fit import Prepared, Workbench
+from twin import calibration, fit, moving_start
+from twin.campaigns.campaign import Campaign
+from twin.fit import Workbench
 from twin.identify.joint import Joint
 from twin.mechanics.state import Start
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
+from twin.residuals import residual
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import Prepared, guided
 from twin.rigs.model import Model, fine
 from twin.rigs.simulate import simulate
 
@@ -76,7 +78,7 @@ def _rows(
     prepared: Prepared, models: Sequence[Model], starts: Sequence[Start], pool: ThreadPoolExecutor
 ) -> list[HeldOutError]:
     recording, (declared, identified), (before, start) = prepared.recording, models, starts
-    guide = fit.guided(identified, prepared, tight=False)
+    guide = guided(identified, prepared, tight=False)
     runs = [
         simulate(declared, recording, before),
         simulate(identified, recording, start),
@@ -101,14 +103,14 @@ def _rows(
 
 
 def _by_steps(prepared: Prepared, model: Model, start: Start, pool: ThreadPoolExecutor) -> dict[str, float]:
-    """Channel of the link -> its error under the measured hub, behind the low-pass of `twin.driven`."""
+    """Channel of the link -> its error under the measured hub, behind the low-pass of `twin.residuals.data`."""
     data = DrivenData([prepared], model)
     view = data.views[0]
     if prepared.recording.start == "unknown" and data.groups:
         # Under a measured hub the link rings on for long: its first state is that of all the recording.
         bench = Workbench(data, pool)
         start = fit.minimise(bench, model, [start], fit.start_unknowns([prepared]), iterations=6).starts[0]
-    found = driven_residual.missing(view, prepared, model, start)
+    found = residual.missing(view, prepared, model, start)
     of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
     return {g.channel: _rms(found[g.channel][data.weight[g.rows] > 0]) for g in of_link}
 

@@ -13,10 +13,8 @@ import numpy as np
 from scipy.ndimage import label
 from threadpoolctl import threadpool_limits
 
-from twin import fit
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.effects import REGISTRY
-from twin.fit import Prepared
 from twin.identify import (
     against,
     backbone,
@@ -60,6 +58,7 @@ from twin.mechanics import beam, modal
 from twin.mechanics.planar import STUCK
 from twin.parameters import Rig, declared_range
 from twin.progress import Progress, silent
+from twin.residuals.prepared import Prepared, reading_start
 from twin.rigs.model import Model, fine
 from twin.rigs.simulate import simulate
 
@@ -301,7 +300,7 @@ def _backbone(campaign: Campaign, found: Joint, model: Model) -> Backbone | None
     if moved is None:
         return None
     pairs = [
-        (p.recording, simulate(model, p.recording, fit.reading_start(model, p, start)))
+        (p.recording, simulate(model, p.recording, reading_start(model, p, start)))
         for p, start in zip(found.prepared, found.fit.starts, strict=True)
         if p.recording.name in moved.recordings
     ]

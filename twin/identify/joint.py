@@ -16,18 +16,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from twin import calibration, disagreement, fit, limit, ridge, scatter, timing
-from twin.campaign import Campaign
-from twin.driven import DrivenData
-from twin.fit import Fit, Prepared, Unknown, Workbench
+from twin import calibration, disagreement, fit, limit, ridge, scatter
+from twin.campaigns.campaign import Campaign
+from twin.campaigns.clock import Clock
+from twin.fit import Fit, Unknown, Workbench
 from twin.identify.profile import Profile
 from twin.identify.results import TWO_SIDED_95, Estimate, positive
-from twin.low_pass import MOTION_BANDS
 from twin.parameters import Rig, relative_uncertainty
 from twin.progress import Progress
 from twin.recording import Recording
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import MOTION_BANDS
+from twin.residuals.prepared import Prepared
 from twin.scatter import Evidence
-from twin.timing import Clock
 
 BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the motion of the hub [Hz]: an identification follows its harmonics further up."""
@@ -219,7 +220,7 @@ def estimate(
             for i, n in zip(mine, names, strict=True)
             if i in intervals
         },
-        (*start.notes, *timing.said(base)),
+        (*start.notes, *said(base)),
     )
 
 

@@ -19,17 +19,17 @@ import numpy as np
 from scipy.integrate import cumulative_simpson, simpson
 from scipy.ndimage import binary_dilation, label
 
-from twin import on_grid
-from twin.driven import DrivenData
 from twin.effects import REGISTRY
-from twin.fit import Prepared
-from twin.grid_means import mean_torque
 from twin.identify.balance import by_laws, clustered, gauges, shares
 from twin.identify.results import EXPLAINED, Estimate, grown, student
-from twin.low_pass import BAND, REACH
 from twin.mechanics import beam
+from twin.residuals import resample
+from twin.residuals.cell_means import mean_torque
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import BAND, REACH
+from twin.residuals.prepared import Prepared
+from twin.residuals.view import View, hub_motion
 from twin.rigs.model import Model
-from twin.view import View, hub_motion
 
 _SHAPES = 2  # gauges that tell what the drive bends the link to from its first free mode
 _MORE = 2  # runs beyond the number of unknowns: Student's interval of fewer says nothing
@@ -159,7 +159,7 @@ def _signals(prepared: Prepared, view: View, model: Model) -> np.ndarray:
     half = [model.sensors[g].half_thickness for g in names]
     positions = [model.sensors[g].position for g in names]
     filtered = [view.measured[g] / h for g, h in zip(names, half, strict=True)]
-    bends = [on_grid.resampled(prepared.recording, g, t)[0] / h for g, h in zip(names, half, strict=True)]
+    bends = [resample.resampled(prepared.recording, g, t)[0] / h for g, h in zip(names, half, strict=True)]
     drive = mean_torque(model, prepared.recording, t) + by_laws(model, t, hub_motion(view, model))
     impulse = _integral(drive, t)
     impulse -= lacking(filtered, positions, t, view.rate, model.declared)

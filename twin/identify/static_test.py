@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.constants import g
 
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.identify.joint import prior_deviation
 from twin.identify.load_line import LoadLine, fit_line, odd_row, resolution, stiffness
 from twin.identify.results import Estimate, student

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from twin.campaign import Campaign
+from twin.campaigns.campaign import Campaign
 from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.parameters import Rig, relative_uncertainty

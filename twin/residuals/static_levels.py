@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.driven import DrivenData
 from twin.mechanics.state import Start
-from twin.rest_run import BEFORE, INSTANT, REST, RestRun
+from twin.residuals.data import DrivenData
+from twin.residuals.rest_run import BEFORE, INSTANT, REST, RestRun
+from twin.residuals.view import View, move
 from twin.rigs.model import Model
-from twin.view import View, move
 
 _LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
 _STEPS = 41  # levels that are tried, twice

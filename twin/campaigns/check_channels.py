@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin import plausibility, schema
+from twin.campaigns import check_rig, schema
 from twin.errors import InputError
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
@@ -115,13 +115,13 @@ def _far(times: float) -> bool:
 
 def _proportions(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> dict[str, float]:
     """Channel -> its slow proportion to the hub's acceleration, or the command, per declared one; only clear ones."""
-    span = _SPAN * plausibility.vibration_period(recording, rig)
+    span = _SPAN * check_rig.vibration_period(recording, rig)
     if recording.clamped or "hub_angle" not in recording or recording.duration < _SHORTEST * span:
         return {}
     slow = _Slow(recording, span)
     ones = np.ones_like(slow.acceleration)
     at_hub = (ones, slow.mean("hub_angle"), slow.rate, slow.direction)
-    found = {"torque_command": slow.slope("torque_command", at_hub) / plausibility.inertia(rig)}
+    found = {"torque_command": slow.slope("torque_command", at_hub) / check_rig.inertia(rig)}
     for channel in _SHAPE:
         if channel in recording:
             found[channel] = slow.slope(channel, at_hub[:2]) / _declared(sensors[channel], rig)
@@ -187,7 +187,7 @@ class _Slow:
         if not known.any():
             return np.full_like(self._instants, np.nan)
         found = np.interp(self._instants, time[known], values[known])
-        far = plausibility.distance(self._instants, time[known]) > self._step * _SAMPLES / 8
+        far = check_rig.distance(self._instants, time[known]) > self._step * _SAMPLES / 8
         return np.where(far, np.nan, found)
 
 

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from twin import schema
+from twin.campaigns import schema
 from twin.errors import InputError
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS, Recording, Sensor

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from twin import observe
+from twin.campaigns.readings import sample_clock
 from twin.fit import Fit
 from twin.recording import Recording
 
@@ -19,13 +19,13 @@ _SURE = 3.0  # standard errors from which commands are said to act late
 
 def possible_clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
     """Clocks on which the card may have put out its commands: their time stamps, unless these scatter about another."""
-    jittered = any(observe.sample_clock(r.time) is not None for r in recordings)
+    jittered = any(sample_clock(r.time) is not None for r in recordings)
     return ("stamped", "mean", "earliest") if jittered else ("stamped",)
 
 
 def on_clock(recording: Recording, clock: Clock) -> Recording:
     """The recording with its commands held on this clock."""
-    ticks = observe.sample_clock(recording.time)
+    ticks = sample_clock(recording.time)
     if clock == "stamped" or ticks is None:
         return recording
     early = float(np.min(recording.time - ticks)) if clock == "earliest" else 0.0

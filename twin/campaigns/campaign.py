@@ -12,7 +12,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin import plausibility, proportions, rigs, schema, units
+from twin import rigs
+from twin.campaigns import check_channels, check_rig, schema, units
 from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table, read_text
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
@@ -103,13 +104,13 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     _check_recordings(said, rig)
     read = [_read_recording(root, entry, said.channels) for entry in said.recordings]
     _check_columns(said, [table for _, table, _ in read])
-    recordings, stuck = plausibility.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
-    proportions.check(recordings, _sensors(said), rig)
-    plausibility.check_torque(recordings, _sensors(said), rig)
-    plausibility.check_distinct(recordings)
+    recordings, stuck = check_rig.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
+    check_channels.check(recordings, _sensors(said), rig)
+    check_rig.check_torque(recordings, _sensors(said), rig)
+    check_rig.check_distinct(recordings)
     fit, held_out = _by_role(said, recordings)
-    plausibility.check_motion(fit, _sensors(said))
-    idle = plausibility.held_fast(recordings, _sensors(said), rig)
+    check_rig.check_motion(fit, _sensors(said))
+    idle = check_rig.held_fast(recordings, _sensors(said), rig)
     return Campaign(
         name=said.name,
         rig=rig,

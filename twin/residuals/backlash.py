@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin.fit import Prepared
-from twin.grid_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
-from twin.low_pass import GRID, REACH, low_passed
 from twin.mechanics import planar
 from twin.mechanics.planar import CONTACT_STIFFNESS, Plant
+from twin.residuals.cell_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
+from twin.residuals.filters import GRID, REACH, low_passed
+from twin.residuals.prepared import Prepared
+from twin.residuals.view import View, hub_motion
 from twin.rigs.model import Model
-from twin.view import View, hub_motion
 
 _ROUNDS = 6
 _EVERY = 0.1  # s between other first states of the motor

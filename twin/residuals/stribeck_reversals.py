@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin.grid_means import at_cells, at_instants, cell, in_cells, of_cells
-from twin.low_pass import GRID, REACH, low_passed
 from twin.mechanics import planar
 from twin.mechanics.planar import Plant
 from twin.mechanics.state import Motion
+from twin.residuals.cell_means import at_cells, at_instants, cell, in_cells, of_cells
+from twin.residuals.filters import GRID, REACH, low_passed
+from twin.residuals.view import View
 from twin.rigs.model import Model
-from twin.view import View
 
 _ROUNDS, _KEPT = 8, 0.3
 """Rounds in which friction is found along with the motion that it makes, and the share of the last one in each."""

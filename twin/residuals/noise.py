@@ -12,15 +12,15 @@ import numpy as np
 from scipy.fft import rfftfreq
 from scipy.ndimage import uniform_filter1d
 
-from twin import ringing
-from twin.driven_residual import residual
-from twin.fit import Prepared
-from twin.low_pass import BAND, GRID, low_passed, passed, smooth
 from twin.recording import Recording
+from twin.residuals import ringing
+from twin.residuals.filters import BAND, GRID, low_passed, passed, smooth
+from twin.residuals.prepared import Prepared
+from twin.residuals.residual import residual
+from twin.residuals.ringing import Ringing, Swing
+from twin.residuals.view import View, move, padding, whitened
 from twin.rigs.model import Model
 from twin.rigs.simulate import reported
-from twin.ringing import Ringing, Swing
-from twin.view import View, move, padding, whitened
 
 _DRAWS = 4  # noises that are tried on the link
 _LOCAL = 0.4  # s to either side over which their effect is averaged

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.fit import Prepared, guided
+from twin.campaigns.rests import BEFORE_ONSET
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
-from twin.observe import BEFORE_ONSET
+from twin.residuals.prepared import Prepared, guided
 from twin.rigs.model import Model
 from twin.rigs.simulate import integrate
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin import falling_friction, play
-from twin.fit import Prepared
-from twin.grid_means import mean_torque, twice_averaged
-from twin.low_pass import BAND, GRID, low_passed
 from twin.mechanics import planar
 from twin.mechanics.state import Motion
+from twin.residuals import backlash, stribeck_reversals
+from twin.residuals.cell_means import mean_torque, twice_averaged
+from twin.residuals.filters import BAND, GRID, low_passed
+from twin.residuals.prepared import Prepared
+from twin.residuals.view import LEFT_OUT, View, before_end
 from twin.rigs.model import Model
-from twin.view import LEFT_OUT, View, before_end
 
 _APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
 _TRUST = 0.05  # relative error of a break-away torque that is read this way
@@ -49,7 +49,7 @@ def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
 def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
     """Torque (m) of sliding friction [N m], its mean over a grid step."""
     if model.plant.stribeck_velocity > 0:
-        return falling_friction.along(view, model, motion)
+        return stribeck_reversals.along(view, model, motion)
     angle, rate = motion.angles[:, 0], motion.rates[:, 0]
     mean = planar.mean_friction(model.plant, angle, rate, np.gradient(rate))
     return np.where(motion.modes == 0, 0.0, mean)
@@ -105,7 +105,7 @@ def delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
     It is what the drive delivers, or a play passes on.
     """
     if model.plant.gap > 0:
-        torque = play.passed_on(view, prepared, model)
+        torque = backlash.passed_on(view, prepared, model)
     else:
         torque = mean_torque(model, prepared.recording, view.time)
     return low_passed(torque, GRID, view.band)

@@ -9,16 +9,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import binary_dilation
 
-from twin import departures, on_grid, play, ringing
-from twin.fit import Prepared
-from twin.hub_balance import well_defined
-from twin.low_pass import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth
+from twin.campaigns.rests import HubMotion
 from twin.mechanics.planar import STUCK
-from twin.observe import HubMotion
 from twin.recording import Recording
+from twin.residuals import backlash, creep, resample, ringing
+from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth
+from twin.residuals.hub_balance import well_defined
+from twin.residuals.noise import evened, propagated, sensor_noise, swell, swinging_strains, whitening
+from twin.residuals.prepared import Prepared
+from twin.residuals.view import LEFT_OUT, View, before_end, move
 from twin.rigs.model import Model
-from twin.view import LEFT_OUT, View, before_end, move
-from twin.view_noise import evened, propagated, sensor_noise, swell, swinging_strains, whitening
 
 _CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
 _SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
@@ -32,7 +32,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     measured, known, holes = {}, {}, {}
     for channel in prepared.channels:
         if channel != "hub_angle":
-            values, known[channel] = on_grid.resampled(recording, channel, time)
+            values, known[channel] = resample.resampled(recording, channel, time)
             measured[channel] = low_passed(values, GRID)
             if channel != "motor_torque" and not known[channel].all():
                 holes[channel] = values
@@ -41,7 +41,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
         rest = still, still, still, still, still > 0
         return View(time, *rest, measured, known, sensor_noise(prepared, {}), (), holes=holes)
     band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
-    reading, read = on_grid.hub_resampled(model, at_rest(recording, prepared.hub), time)
+    reading, read = resample.hub_resampled(model, at_rest(recording, prepared.hub), time)
     reading = low_passed(reading, GRID, band)
     # Modelled strains follow a motion that has passed this filter too.
     measured |= {c: low_passed(v, GRID, band) for c, v in measured.items() if c != "motor_torque"}
@@ -67,7 +67,7 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
         )
     density = prepared.noise["hub_angle"] ** 2 * recording.period
     swings = ringing.swings(model, time, direction != 0, density, BAND)
-    told = ~play.doubtful(view, prepared, model, float(np.std(torque)), _unsure(prepared, band)[0])
+    told = ~backlash.doubtful(view, prepared, model, float(np.std(torque)), _unsure(prepared, band)[0])
     view = replace(view, sliding=view.sliding & told)
     even, swing = evened(view, swings, torque)
     ringing_of = {"hub_torque": swing, **swinging_strains(view, model, swings)}
@@ -75,8 +75,8 @@ def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS
     louder, pull = swell(view, prepared, model)
     view = replace(view, swell=louder, pull=pull)
     moved, _ = move(view, prepared, model, prepared.start)
-    leaving = departures.events(prepared, model, moved)
-    _, departing = departures.residual(view.time, prepared, model, moved, leaving)
+    leaving = creep.events(prepared, model, moved)
+    _, departing = creep.residual(view.time, prepared, model, moved, leaving)
     return replace(view, departures=leaving, departing=departing)
 
 
@@ -90,7 +90,7 @@ def motion_band(
     recording: Recording, noise: float, time: np.ndarray, bands: Sequence[float] = MOTION_BANDS
 ) -> float:
     """The widest of the bands in which the strongest accelerations stand out of their noise [Hz]."""
-    reading = low_passed(on_grid.resampled(recording, "hub_angle", time)[0], GRID, bands[-1])
+    reading = low_passed(resample.resampled(recording, "hub_angle", time)[0], GRID, bands[-1])
     strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
     for band in bands:
         if noise * _gain(band, recording.period, 2) < _CLEAR * strong:
@@ -105,7 +105,7 @@ def _gain(band: float, period: float, order: int) -> float:
 
 def _grip(model: Model) -> float:
     """Acceleration at a reversal up to which friction can hold the hub [rad/s^2], with a margin."""
-    return play.FIRMER * model.declared["static_friction"] / model.chain.free_hub_inertia()
+    return backlash.FIRMER * model.declared["static_friction"] / model.chain.free_hub_inertia()
 
 
 def _unsure(prepared: Prepared, band: float) -> tuple[float, float]:

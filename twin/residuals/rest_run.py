@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.fit import Prepared
+from twin.campaigns.rests import BEFORE_ONSET
 from twin.mechanics import planar
 from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Motion
-from twin.observe import BEFORE_ONSET
 from twin.recording import Recording
+from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model
 from twin.rigs.simulate import delivered, reported
 

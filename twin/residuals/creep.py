@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from twin.fit import Prepared
 from twin.mechanics.state import Motion
-from twin.rest_run import RestRun
+from twin.residuals.prepared import Prepared
+from twin.residuals.rest_run import RestRun
 from twin.rigs.model import Model
 
 Event = tuple[int, int]

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.fft import irfft, rfft
 
-from twin import departures
-from twin.fit import Prepared
-from twin.low_pass import GRID, MOTION_BANDS, smooth
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
+from twin.residuals import creep
+from twin.residuals.filters import GRID, MOTION_BANDS, smooth
+from twin.residuals.prepared import Prepared
+from twin.residuals.ringing import Ringing
 from twin.rigs.model import Model
 from twin.rigs.simulate import initial_state
-from twin.ringing import Ringing
 
 _EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
 _KEPT = 12  # simulations of a recording that are remembered
@@ -68,7 +68,7 @@ class View:
     ringing: dict[str, Ringing] = field(default_factory=dict, repr=False)
     swell: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     holes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
-    departures: tuple[departures.Event, ...] = ()
+    departures: tuple[creep.Event, ...] = ()
     departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     pull: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)

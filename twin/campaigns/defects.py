@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import label, median_filter
 
-from twin import observe
+from twin.campaigns.readings import sample_clock
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 
 _FEWEST = 200  # readings of a channel that can be judged
@@ -358,7 +358,7 @@ def _rows_missing(time: np.ndarray) -> int:
     """Ticks of a uniform clock without a row; 0 where the stamps follow no clock."""
     if len(time) < _FEWEST:
         return 0
-    ticks = observe.sample_clock(time)
+    ticks = sample_clock(time)
     steps = np.diff(time if ticks is None else ticks)
     steps = steps / np.median(steps)
     on_clock = np.abs(steps - np.round(steps)) < 0.1

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin import departures
-from twin.fit import Prepared
-from twin.hub_balance import break_aways, delivered, read_torque, unmodelled
-from twin.low_pass import GRID, low_passed
 from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.residuals import creep
+from twin.residuals.filters import GRID, low_passed
+from twin.residuals.hub_balance import break_aways, delivered, read_torque, unmodelled
+from twin.residuals.prepared import Prepared
+from twin.residuals.view import LEFT_OUT, View, before_end, move, whitened
 from twin.rigs.model import Model
 from twin.rigs.simulate import reported
-from twin.view import LEFT_OUT, View, before_end, move, whitened
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
@@ -74,7 +74,7 @@ def missing(view: View, prepared: Prepared, model: Model, start: Start) -> dict[
         read = before_end(view.time, model.hub_late + LEFT_OUT)
         parts["hub_torque"] = np.where(view.sliding & read, off, 0.0)
         parts["break_away"] = break_aways(view, model, motion, required, drive_of)
-        parts["departure"], _ = departures.residual(view.time, prepared, model, motion, view.departures)
+        parts["departure"], _ = creep.residual(view.time, prepared, model, motion, view.departures)
     return parts
 
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from twin.campaigns.units import TIME
 from twin.errors import InputError, nearest
 from twin.parameters import PARAMETERS
 from twin.recording import CHANNEL_UNITS
-from twin.units import TIME
 
 FILE = "campaign.toml"
 
