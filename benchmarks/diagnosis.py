@@ -28,8 +28,8 @@ from twin.conclude import errors_of, said, stated, variables
 from twin.diagnose import diagnose, find
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY
+from twin.estimation.static_friction import polish
 from twin.found import Found
-from twin.polish import polish
 from twin.verdict import alternatives, sizes_left
 from twin.virtual_rig import make_campaign
 

@@ -22,8 +22,8 @@ import numpy as np
 import resumable
 from machine import describe
 
-from twin import calibration
 from twin.campaigns.campaign import Campaign, read_campaign
+from twin.estimation.calibrate import noise_levels
 from twin.identify import balance, friction_map, joint, momentum
 from twin.identify.results import Estimate
 from twin.mechanics import beam, chain
@@ -93,7 +93,7 @@ def _as_declared(campaign: Campaign, generator: np.random.Generator) -> Campaign
 
 
 def _prepared(campaign: Campaign) -> list[Prepared]:
-    noise = calibration.noise_levels(campaign)
+    noise = noise_levels(campaign)
     return [prepare(recording, noise)[0] for recording in campaign.fit]
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twin.calibration import noise_levels
 from twin.campaigns.campaign import read_campaign
+from twin.estimation.calibrate import noise_levels
 from twin.mechanics import chain, planar
 from twin.mechanics.state import Motion
 from twin.residuals import creep, hub_balance, stribeck_reversals

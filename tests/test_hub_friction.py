@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import contenders, polish
-from twin.calibration import noise_levels
+from twin import contenders
 from twin.campaigns.campaign import read_campaign
-from twin.fit import Fit, Unknown, Workbench
+from twin.estimation import static_friction
+from twin.estimation.calibrate import noise_levels
+from twin.estimation.fit import Fit
+from twin.estimation.unknowns import Unknown
+from twin.estimation.workbench import Workbench
 from twin.mechanics import chain, planar
 from twin.mechanics.state import Motion
 from twin.residuals import hub_balance, static_levels
@@ -101,8 +104,8 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
         slopes = np.zeros((len(residual), len(x)))
         size = np.ones(len(bench.groups))
         best = Fit(twin, tuple(starts), tuple(unknowns), x, np.eye(4), residual, size, 0.0, slopes)
-        monkeypatch.setattr(polish, "_scanned", None)
-        polished = polish.polish(data, best, best, twin, pool, whole=True)
+        monkeypatch.setattr(static_friction, "_scanned", None)
+        polished = static_friction.polish(data, best, best, twin, pool, whole=True)
     told = dict(zip(LEVELS, polished.augmented.errors, strict=True))
     assert told["static_positive"] < 1e-4
     assert told["static_negative"] < 2e-4
@@ -119,7 +122,7 @@ def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramp
     covariance[0, 2] = covariance[2, 0] = -0.5 * error**2
     none = np.zeros(0)
     best = Fit(twin, tuple(starts), tuple(unknowns), x, covariance, none, none, 0.0, none)
-    found = polish.with_static_levels(data, best)
+    found = static_friction.with_static_levels(data, best)
     values, errors = (
         dict(zip(LEVELS, found.values, strict=True)),
         dict(zip(LEVELS, found.errors, strict=True)),

@@ -13,10 +13,11 @@ from scipy.constants import g
 from scipy.signal import cont2discrete, lfilter, sosfiltfilt
 from typer.testing import CliRunner
 
-from twin import calibration, cli
+from twin import cli
 from twin.campaigns import campaign
 from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
+from twin.estimation.calibrate import noise_levels
 from twin.identify import (
     break_away,
     decay,
@@ -595,7 +596,7 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb,
     plan = replace(plan, commands=plan.commands[:1500])
     make_campaign(tmp_path / "released", {}, seed, rig=rig, experiments=[plan])
     given = read_campaign(tmp_path / "released")
-    prepared, _ = prepare(given.fit[0], calibration.noise_levels(given))
+    prepared, _ = prepare(given.fit[0], noise_levels(given))
     believed = given.rig.replace("believed", coulomb_friction=0.85 * coulomb)
     model = Model(believed, given.sensors, chain.fit_shape(believed, 12), step=2.5e-4)
     found = friction_map.read(model, [prepared], [prepared.start])

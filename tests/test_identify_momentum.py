@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import calibration
 from twin.campaigns.campaign import read_campaign
+from twin.estimation.calibrate import noise_levels
 from twin.identify import balance, identification, joint, momentum, sentences
 from twin.identify.break_away import StaticFriction
 from twin.identify.results import Estimate
@@ -37,7 +37,7 @@ def slewed(folder, seed, sensors=None, noise=None):
     campaign = read_campaign(folder)
     true = campaign.rig.replace("true", **truth)
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
-    noise = noise or calibration.noise_levels(campaign)
+    noise = noise or noise_levels(campaign)
     prepared = [prepare(recording, noise)[0] for recording in campaign.fit]
     return truth, campaign.rig, model, DrivenData(prepared, model, joint.BANDS)
 

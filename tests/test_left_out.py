@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import evidence, left_out, verdict
-from twin.fit import Unknown
+from twin import verdict
+from twin.estimation import cross_validation, loss
+from twin.estimation.unknowns import Unknown
 from twin.residuals.groups import Group
 
 ROWS, RECORDINGS = 40, 4
@@ -42,7 +43,7 @@ def test_of_a_linear_model_it_is_the_fit_without_the_recording(prior):
     random = np.random.default_rng(3)
     columns = random.normal(size=(ROWS * RECORDINGS, 2))
     data = columns @ [0.4, -0.3] + random.normal(size=len(columns))
-    predicted = left_out.residual(bench(), fitted(columns, data, prior))
+    predicted = cross_validation.residual(bench(), fitted(columns, data, prior))
     for group in bench().groups:
         others = np.delete(np.arange(len(data)), group.rows)
         alone = fitted(columns, data, prior, others).values
@@ -55,7 +56,7 @@ def test_what_one_recording_alone_tells_is_kept():
     columns[ROWS:, 1] = 0.0  # the state at the first sample of the first recording
     data = columns @ [0.4, -0.3] + random.normal(size=len(columns))
     whole = fitted(columns, data)
-    predicted = left_out.residual(bench(), whole)
+    predicted = cross_validation.residual(bench(), whole)
     alone = fitted(columns[:, :1], data, None, slice(ROWS, None)).values
     np.testing.assert_allclose(
         predicted[:ROWS], (data - columns @ [alone[0], whole.values[1]])[:ROWS], atol=1e-6
@@ -67,7 +68,7 @@ def test_of_one_effect_alone_all_else_stays_as_all_recordings_tell_it():
     columns = random.normal(size=(ROWS * RECORDINGS, 2))
     data = columns @ [0.04, -0.3] + random.normal(size=len(columns))
     whole = fitted(columns, data, [0.1, None])
-    predicted = left_out.residual(bench(), whole, "effect")
+    predicted = cross_validation.residual(bench(), whole, "effect")
     own, rest = columns[:, 1], data - columns[:, 0] * whole.values[0]
     for group in bench().groups:
         others = np.delete(np.arange(len(data)), group.rows)
@@ -84,8 +85,8 @@ def test_an_effect_is_adopted_though_the_calibration_without_a_decay_goes_astray
         ("best", None): np.zeros(len(gained)),
         ("best", "play"): np.zeros(len(gained)),
     }
-    monkeypatch.setattr(left_out, "residual", lambda _, found, effect=None: told[found.name, effect])
-    monkeypatch.setattr(evidence, "loss", lambda sizes: sizes)
+    monkeypatch.setattr(cross_validation, "residual", lambda _, found, effect=None: told[found.name, effect])
+    monkeypatch.setattr(loss, "loss", lambda sizes: sizes)
     means = SimpleNamespace(**{**vars(bench()), "sizes": lambda r: r.reshape(RECORDINGS, ROWS).mean(axis=1)})
     means.prepared, means.count = range(RECORDINGS), np.ones(RECORDINGS)
     found = verdict.elsewhere(means, base, SimpleNamespace(fit=best, effects=("play",)))

@@ -9,13 +9,13 @@ import pytest
 from test_effects import PLANTED
 
 from twin import traces, waves
-from twin.calibration import calibrate
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.conclude import said, variables
 from twin.contenders import calibrated_as_well, confirmed, freely_decided, seen_anew, settled
 from twin.diagnose import diagnose, find
 from twin.effects import REGISTRY
-from twin.fit import minimise
+from twin.estimation.calibrate import calibrate
+from twin.estimation.minimise import minimise
 from twin.patches import of_worst
 from twin.rigs import preset
 from twin.search import Candidate, at_peaks, explore, gain, tried

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import fit
-from twin.fit import Unknown, Workbench
+from twin.estimation.minimise import minimise
+from twin.estimation.unknowns import Unknown
+from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.residuals.groups import Group
@@ -40,9 +41,7 @@ def fitted(goal):
     unknown = Unknown("rig", "bending_stiffness", 0.25, 1e-3, False, (0.01, 1.0))
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(Curved(), pool)
-        found = fit.minimise(
-            bench, model, (Start(),), (unknown,), iterations=12, report=told.append, goal=goal
-        )
+        found = minimise(bench, model, (Start(),), (unknown,), iterations=12, report=told.append, goal=goal)
     return found, told
 
 

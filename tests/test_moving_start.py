@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import calibration, fit, search, verdict
+from twin import search, verdict
 from twin.campaigns.campaign import read_campaign
+from twin.estimation.calibrate import calibrate, made_ready, noise_levels
+from twin.estimation.minimise import minimise
 from twin.predictions import free_runs
 from twin.residuals import static_levels
 from twin.residuals.data import SINGLE
@@ -32,7 +34,7 @@ def from_sample(recording, first):
 
 def calibrated(campaign, recordings):
     with ThreadPoolExecutor(2) as pool:
-        return calibration.calibrate(replace(campaign, fit=tuple(recordings)), pool)
+        return calibrate(replace(campaign, fit=tuple(recordings)), pool)
 
 
 @pytest.mark.parametrize("first", [1000, 2000, 2500])
@@ -74,10 +76,10 @@ def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
     _, _, bang = campaign.fit
     found = calibrated(campaign, [bang])
     cut = from_sample(bang, 500)
-    noise = calibration.noise_levels(campaign)
+    noise = noise_levels(campaign)
     with ThreadPoolExecutor(2) as pool:
         for recording in (bang, cut):
-            ready, _ = calibration.made_ready(recording, campaign.sensors, found.clock, noise)
+            ready, _ = made_ready(recording, campaign.sensors, found.clock, noise)
             run, *_ = free_runs([found.base.model], ready, pool)
             off = (run["strain_base"] - recording["strain_base"])[:500]
             assert np.sqrt(np.nanmean(off**2)) < 10 * noise["strain_base"]
@@ -101,7 +103,7 @@ def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
         bench = copy(with_cable.bench)
         bench.pool = pool
         quick = search.tried(bench, with_cable.base, "cable-torsion").fit
-        full = fit.minimise(bench, quick.model, quick.starts, quick.unknowns, quick.values)
+        full = minimise(bench, quick.model, quick.starts, quick.unknowns, quick.values)
     assert full.model.effects["cable-torsion"]["stiffness"] == pytest.approx(CABLE["stiffness"], rel=0.02)
     assert quick.cost - full.cost < 0.03 * (with_cable.base.cost - full.cost)
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from twin import nameless
-from twin.calibration import calibrate
 from twin.campaigns.campaign import read_campaign
-from twin.gaussian_process import SIZES, SMOOTH, likeliest, likely
+from twin.estimation.calibrate import calibrate
+from twin.estimation.gaussian_process import SIZES, SMOOTH, likeliest, likely
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 

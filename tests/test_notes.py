@@ -7,7 +7,7 @@ import pytest
 
 from twin import notes
 from twin.diagnosis import ChannelError
-from twin.fit import Unknown
+from twin.estimation.unknowns import Unknown
 
 STATIC = 0.065  # N m, of the model
 

@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import calibration
 from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
+from twin.estimation.calibrate import calibrate
 from twin.residuals import make_view, static_levels
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang, free_vibration
@@ -35,7 +35,7 @@ def runs_away(monkeypatch):
 
 def test_they_are_left_out_and_named(campaign, runs_away):
     with ThreadPoolExecutor(2) as pool:
-        found = calibration.calibrate(campaign, pool)
+        found = calibrate(campaign, pool)
     assert {found.prepared[g.recording].recording.name for g in found.data.groups} == {"free-vibration.csv"}
     assert any("bang-bang-45.csv could not be used" in note for note in found.notes)
     assert np.isfinite(found.base.values).all()
@@ -50,4 +50,4 @@ def test_where_there_is_no_other_it_is_an_error(tmp_path, runs_away):
         ThreadPoolExecutor(2) as pool,
         pytest.raises(InputError, match=r"bang-bang-45.csv: the declared link runs away"),
     ):
-        calibration.calibrate(read_campaign(tmp_path / "rig"), pool)
+        calibrate(read_campaign(tmp_path / "rig"), pool)

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from homogeneous import HOMOGENEOUS
 
-from twin import fit, planning, separation
+from twin import planning, separation
 from twin.errors import InputError
+from twin.estimation.fit import Fit
+from twin.estimation.unknowns import Unknown, declared_unknowns
 from twin.mechanics import chain
 from twin.planner import Planned, to_json, write_torque
 from twin.planner import plan as plan_for
@@ -44,7 +46,7 @@ def within(model, unknowns, share):
 
 def declared_within(effects, share):
     model = MODEL.replace(effects=effects)
-    return within(model, fit.declared_unknowns(model), share)
+    return within(model, declared_unknowns(model), share)
 
 
 def test_nothing_separates_a_model_from_itself():
@@ -63,7 +65,7 @@ def test_what_acts_on_the_link_alone_is_seen_with_the_hub_locked():
 @pytest.mark.parametrize("factor", [0.99, 1.005, 1.01])
 def test_what_the_stiffness_does_within_its_error_separates_nothing(factor):
     """Slews of other stiffness stick elsewhere: no slope says that, but a standard error leaves it open."""
-    stiffness = [u for u in fit.declared_unknowns(MODEL) if u.name == "bending_stiffness"]
+    stiffness = [u for u in declared_unknowns(MODEL) if u.name == "bending_stiffness"]
     other = MODEL.replace(declared=RIG.replace(bending_stiffness=factor * RIG["bending_stiffness"]))
     names = ["slews", "far-slew", "large-decay", "slews-payload"]
     assert stiffness[0].scale == pytest.approx(0.02 * RIG["bending_stiffness"])
@@ -77,7 +79,7 @@ def test_what_an_effect_does_within_its_error_separates_nothing():
     def cable(stiffness):
         return MODEL.replace(effects={"cable-torsion": {"stiffness": stiffness, "rest_angle": 0.0}})
 
-    unknown = fit.Unknown("cable-torsion", "stiffness", 0.01, 2e-4, False, (0.0, 1.0))
+    unknown = Unknown("cable-torsion", "stiffness", 0.01, 2e-4, False, (0.0, 1.0))
     known = ranked(Explanation(cable(0.01)), Explanation(cable(0.0102)), ["slews", "far-slew"])
     fitted = ranked(Explanation(cable(0.01)), within(cable(0.0102), [unknown], 1.0), ["slews", "far-slew"])
     assert known[0].separation > 3
@@ -94,7 +96,7 @@ def test_effects_that_differ_in_kind_stay_apart_whatever_the_rig_does_within_its
 
 def gain_or_scale(error):
     """A drive that gives 2 % more, and a rig whose forces and inertias are off by a common factor, to `error`."""
-    unknowns = [u for u in fit.declared_unknowns(MODEL) if u.name in HOMOGENEOUS]
+    unknowns = [u for u in declared_unknowns(MODEL) if u.name in HOMOGENEOUS]
     values = np.array([u.start for u in unknowns])
     scale = Explanation.of(MODEL, unknowns, values, error**2 * np.outer(values, values))
     return Explanation(MODEL.replace(effects={"torque-gain": {"gain": 1.02}})), scale
@@ -121,20 +123,20 @@ def test_payload_is_added_to_that_of_an_effect():
 
 def test_moves_are_those_of_the_covariance_of_a_fit_without_clock_and_starts():
     unknowns = (
-        *fit.declared_unknowns(MODEL)[:3],
-        fit.Unknown("clock", "late", 0.0, 1e-4, True, (-1e-3, 1e-3)),
+        *declared_unknowns(MODEL)[:3],
+        Unknown("clock", "late", 0.0, 1e-4, True, (-1e-3, 1e-3)),
     )
     root = np.tril(np.random.default_rng(1).normal(size=(4, 4)))
     covariance = root @ root.T * np.outer(*2 * [[1e-3 * u.scale for u in unknowns]])
     values, nothing = np.array([u.start for u in unknowns]), np.zeros(0)
-    fitted = fit.Fit(MODEL, (), unknowns, values, covariance, nothing, nothing, 0.0, np.zeros((0, 4)))
+    fitted = Fit(MODEL, (), unknowns, values, covariance, nothing, nothing, 0.0, np.zeros((0, 4)))
     explanation = Explanation.of_fit(fitted, 1e-3)
     assert explanation.unknowns == unknowns[:3]
     np.testing.assert_allclose(explanation.axes.T @ explanation.axes, covariance[:3, :3], rtol=1e-6)
 
 
 def test_moves_stay_within_bounds():
-    stiffness = fit.declared_unknowns(MODEL)[:1]
+    stiffness = declared_unknowns(MODEL)[:1]
     explanation = within(MODEL, stiffness, 1.0)
     moved = explanation.moved(10 * explanation.axes[0])
     assert moved.declared["bending_stiffness"] in stiffness[0].bounds

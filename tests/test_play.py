@@ -7,7 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import fit, limit
+from twin.estimation import chain_limit
+from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
@@ -51,9 +52,9 @@ def _data(gap: float, torque: np.ndarray) -> DrivenData:
 def test_width_is_where_what_is_left_is_least(gap):
     data = _data(gap, _sweep(3.0, 17.0, 0.13, 8.0))
     with ThreadPoolExecutor(2) as pool:
-        bench = fit.Workbench(data, pool)
+        bench = Workbench(data, pool)
         starts = [p.start for p in data.prepared]
-        limit.move(bench, _model(0.0), starts, limit.CLOSE)
+        chain_limit.move(bench, _model(0.0), starts, chain_limit.CLOSE)
         widths = gap * np.array([0.0, 0.9, 0.95, 1.0, 1.05, 1.1])
         costs = [bench.cost(r) for r in bench.residuals([(_model(w), starts, None) for w in widths])]
     assert widths[np.argmin(costs)] == gap

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import calibration, search
+from twin import search
 from twin.campaigns.campaign import read_campaign
+from twin.estimation.calibrate import calibrate
 from twin.found import Found
 from twin.reconsider import reconsidered
 from twin.virtual_rig import Rig, Sensors, make_campaign
@@ -24,7 +25,7 @@ def start(tmp_path_factory):
     folder = tmp_path_factory.mktemp("two") / "rig"
     make_campaign(folder, MISSING, 11, experiments=slews)
     with ThreadPoolExecutor(2) as pool:
-        yield calibration.calibrate(read_campaign(folder), pool)
+        yield calibrate(read_campaign(folder), pool)
 
 
 def picked(start, *names):

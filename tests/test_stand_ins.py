@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from twin import search, stand_ins, whole_orders
-from twin.calibration import calibrate
 from twin.campaigns.campaign import read_campaign
 from twin.conclude import said, variables
 from twin.diagnose import asked, with_errors, with_whole_orders
+from twin.estimation.calibrate import calibrate
 from twin.found import Found
 from twin.traces import unexplained
 from twin.virtual_rig import Rig, Sensors, make_campaign

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin import search
-from twin.calibration import calibrate, likeliest_clock
 from twin.campaigns.campaign import read_campaign
+from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.mechanics import chain
 from twin.mechanics.modal import held_response
 from twin.mechanics.mujoco_chain import MujocoChain

@@ -19,8 +19,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin import evidence, fit
-from twin.fit import Fit, Workbench
+from twin.estimation import loss
+from twin.estimation.fit import Fit
+from twin.estimation.slopes import prior_precision, row_weights
+from twin.estimation.workbench import Workbench
 
 DRAWS = 400
 
@@ -59,7 +61,7 @@ def scores(
       seed: of the signs: the same campaign gets the same threshold.
     """
     signs = random_signs(bench, draws, np.random.default_rng(seed))
-    weights = fit.row_weights(bench, base.residual)
+    weights = row_weights(bench, base.residual)
     largest = np.zeros(draws)
     alone = {}
     for candidate in slopes.values():
@@ -130,7 +132,7 @@ def _losses(
     J = base.jacobian[:, kept] if columns is None else np.hstack([base.jacobian[:, kept], columns])
     scale = np.sqrt(np.maximum(J.T**2 @ weights, 1e-300))
     J = J / scale
-    prior = fit.prior_precision(base.unknowns)[kept]
+    prior = prior_precision(base.unknowns)[kept]
     ridge = np.full(J.shape[1], 1e-9)
     ridge[: len(prior)] += prior / scale[: len(prior)] ** 2
     slopes, products, normal = _by_group(bench, base.residual, J, weights)
@@ -140,7 +142,7 @@ def _losses(
     squares = squares + 2 * signs * (moves @ slopes[1].T)
     squares += np.einsum("di,gij,dj->dg", moves, products[0], moves, optimize=True)
     sizes = np.sqrt(np.maximum(squares, 0.0) / products[1])
-    return evidence.loss(sizes) @ bench.count
+    return loss.loss(sizes) @ bench.count
 
 
 def _by_group(

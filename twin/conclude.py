@@ -12,10 +12,10 @@ from twin.campaigns.campaign import Campaign
 from twin.correlations import Correlations, of_covariance
 from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, KnownEffect, Patched, Prediction, Verdict
 from twin.effects import REGISTRY
-from twin.fit import Fit
+from twin.estimation.fit import Fit
+from twin.estimation.static_friction import Polished
 from twin.found import Found
 from twin.planning import Plan
-from twin.polish import Polished
 from twin.rigs.patch import HUB
 from twin.traces import Unexplained
 

@@ -8,10 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin import fit, limit, search, verdict
-from twin.calibration import seen_by
-from twin.fit import Fit, Workbench
-from twin.polish import with_static_levels
+from twin import search, verdict
+from twin.estimation import chain_limit
+from twin.estimation.calibrate import seen_by
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.static_friction import with_static_levels
+from twin.estimation.workbench import FreeData, Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
 from twin.residuals.view import on_link
@@ -69,7 +72,7 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     if len(alike) < 2:
         return ranked
     assert isinstance(bench.data, DrivenData)
-    free = Workbench(fit.FreeData(bench.prepared), bench.pool)
+    free = Workbench(FreeData(bench.prepared), bench.pool)
     read = [with_static_levels(bench.data, c.fit) for c in alike]
     cost = [free.cost(r) for r in free.residuals([(f.model, f.starts, None) for f in read])]
     closest = alike[int(np.argmin(cost))]
@@ -85,7 +88,7 @@ def fitted(
 ) -> Candidate:
     """The candidate fitted with everything free, from these values (p); given up where it stays dearer than `goal`."""
     before = candidate.fit
-    result = fit.minimise(bench, before.model, before.starts, before.unknowns, first, None, LONG, goal=goal)
+    result = minimise(bench, before.model, before.starts, before.unknowns, first, None, LONG, goal=goal)
     return Candidate(candidate.effects, result, search.gain(bench, base, result))
 
 
@@ -97,7 +100,7 @@ def calibrated_as_well(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     """
     first = search.first_values(base.unknowns, base.model, base, best.fit)
     goal = base.cost - verdict.decisive(best.score)
-    again = fit.minimise(bench, base.model, base.starts, base.unknowns, first, None, LONG, goal=goal)
+    again = minimise(bench, base.model, base.starts, base.unknowns, first, None, LONG, goal=goal)
     return again if again.cost < goal else None
 
 
@@ -150,8 +153,8 @@ def _rings_otherwise(model: Model, before: Model) -> bool:
 
 def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
     """The fit with the chain's own error taken out where it now stands: an effect may bend the link as never before."""
-    limit.move(bench, found.model, found.starts, limit.QUICK)
-    return fit.minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)
+    chain_limit.move(bench, found.model, found.starts, chain_limit.QUICK)
+    return minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)
 
 
 def _close(score: float) -> float:

@@ -11,19 +11,14 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from twin import (
-    calibration,
     chance,
     contenders,
-    disagreement,
-    fit,
     nameless,
     patches,
     planning,
-    polish,
     predictions,
     rather_named,
     reconsider,
-    ridge,
     search,
     stand_ins,
     traces,
@@ -35,7 +30,11 @@ from twin.conclude import conclude
 from twin.diagnosis import Diagnosis
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
-from twin.fit import Fit, Workbench
+from twin.estimation import jackknife, refine, static_friction
+from twin.estimation.calibrate import calibrate, likeliest_clock, noise_levels
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.workbench import Workbench
 from twin.found import Found
 from twin.progress import Progress, silent
 from twin.recording import MEASURED
@@ -75,7 +74,7 @@ def diagnose(
         followed = not verdict.unexplained(found)
         if followed:
             progress("reading the static friction")
-        polished = polish.polish(
+        polished = static_friction.polish(
             found.data, found.base, found.best, found.start.declared, pool, whole=followed
         )
         progress("simulating every recording")
@@ -92,7 +91,7 @@ def planned(
     campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ThreadPoolExecutor
 ) -> list[planning.Plan]:
     """Experiments that would tell two candidates apart, best first."""
-    noise = {c: s for c, s in calibration.noise_levels(campaign).items() if c in MEASURED}
+    noise = {c: s for c, s in noise_levels(campaign).items() if c in MEASURED}
     first, second = (Explanation.of_fit(c.fit, PLANNING_STEP) for c in pair)
     return planning.plan(first, second, noise, pool)
 
@@ -144,13 +143,13 @@ def first_one(
     campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, false_alarm_rate: float
 ) -> tuple[Found, bool]:
     """The first round of the search, as by `one_more`: on the clock that what it adopts asks for."""
-    start = calibration.calibrate(campaign, pool, progress)
+    start = calibrate(campaign, pool, progress)
     found, more = one_more(Found(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
     if found.adopted:
         progress("asking when commands act")
-        clock = calibration.likeliest_clock(start, found.best)
+        clock = likeliest_clock(start, found.best)
         if clock != start.clock:
-            start = calibration.calibrate(campaign, pool, progress, clock=clock)
+            start = calibrate(campaign, pool, progress, clock=clock)
             return one_more(Found(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
     return found, more
 
@@ -205,7 +204,7 @@ def on_sound_channels(found: Found) -> tuple[Found, Workbench]:
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return found, bench
     sound = bench.without(faulty)
-    fit_again = fit.minimise(
+    fit_again = minimise(
         sound, best.model, best.starts, best.unknowns, best.values, iterations=contenders.LONG
     )
     return with_best(found, fit_again), sound
@@ -222,7 +221,7 @@ def with_errors(found: Found, sound: Workbench) -> Found:
     """The same with honest errors of what was fitted last, on these data, and of the calibration."""
     best = _sure(sound, found.best)
     if found.adopted:
-        calibrated = disagreement.sure(found.start.bench, found.base)
+        calibrated = jackknife.sure(found.start.bench, found.base)
         found = replace(found, start=replace(found.start, base=calibrated))
     return with_best(found, best)
 
@@ -232,10 +231,10 @@ def _sure(bench: Workbench, best: Fit) -> Fit:
 
     Where nothing but declarations tells how large all inertias and stiffnesses are, a search creeps and stops short.
     """
-    smooth, by_roughness = ridge.looked_along(bench, best)
-    if ridge.promised(bench, smooth) > ridge.WORTH:
-        smooth, by_roughness = ridge.looked_along(bench, ridge.refined(bench, smooth))
-    sure = disagreement.sure(bench, smooth)
+    smooth, by_roughness = refine.looked_along(bench, best)
+    if refine.promised(bench, smooth) > refine.WORTH:
+        smooth, by_roughness = refine.looked_along(bench, refine.refined(bench, smooth))
+    sure = jackknife.sure(bench, smooth)
     return replace(sure, covariance=sure.covariance + by_roughness)
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.calibration import Calibration
-from twin.fit import Fit, Workbench
+from twin.estimation.calibrate import Calibration
+from twin.estimation.fit import Fit
+from twin.estimation.workbench import Workbench
 from twin.nameless import Nameless
 from twin.residuals.data import DrivenData
 from twin.search import Candidate

@@ -3,7 +3,7 @@
 A fault without a name may leave a residual that is small everywhere, and still the same function of the command, of
 the hub's angle or of time wherever that comes back. Such a function is a Gaussian process here, as large and as smooth
 as the recordings like it best, with declared parameters and adopted effects free to give way; what counts is its
-evidence, see `twin.gaussian_process`. What chance gives comes from random signs, as in `twin.chance`.
+evidence, see `twin.estimation.gaussian_process`. What chance gives comes from random signs, as in `twin.chance`.
 
 Only the hub is asked, and the sensor of the drive's torque about what the drive does with its command: where readings
 of the link differ a little from the model's, so do sound links on other engines.
@@ -16,9 +16,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin import chance, fit, regressors
-from twin.fit import Fit, Workbench
-from twin.gaussian_process import Evidence, likeliest, likely
+from twin import chance, regressors
+from twin.estimation.fit import Fit
+from twin.estimation.gaussian_process import Evidence, likeliest, likely
+from twin.estimation.slopes import prior_precision, row_weights
+from twin.estimation.workbench import Workbench
 from twin.residuals import residual
 from twin.residuals.data import DrivenData, known_weights
 from twin.residuals.filters import GRID, low_passed
@@ -207,8 +209,8 @@ class _Given:
 
     @classmethod
     def of(cls, bench: Workbench, base: Fit) -> _Given:
-        weights = fit.row_weights(bench, base.residual) * known_weights(bench, base)
-        prior = fit.prior_precision(base.unknowns)
+        weights = row_weights(bench, base.residual) * known_weights(bench, base)
+        prior = prior_precision(base.unknowns)
         known = base.jacobian.T**2 @ weights + prior
         scale = np.sqrt(np.where(known > 0, known, 1.0))
         slopes = base.jacobian / scale

@@ -10,11 +10,11 @@ from twin import traces, verdict
 from twin.campaigns.campaign import Campaign
 from twin.campaigns.clock import said
 from twin.diagnosis import Prediction
-from twin.fit import Fit
+from twin.estimation.fit import Fit
+from twin.estimation.static_friction import Polished
 from twin.found import Found
 from twin.labels import named
 from twin.parameters import ASSUMED_UNCERTAINTY
-from twin.polish import Polished
 from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View

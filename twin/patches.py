@@ -7,13 +7,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from twin import calibration, labels, moving_start, traces, verdict
+from twin import labels, traces, verdict
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis import Patched, Prediction
+from twin.estimation import first_state
+from twin.estimation.calibrate import made_ready, noise_levels
+from twin.estimation.static_friction import Polished
 from twin.found import Found
 from twin.mechanics.state import Start
 from twin.nameless import Nameless
-from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS
 from twin.residuals.prepared import Prepared
 from twin.rigs import patch
@@ -43,17 +45,15 @@ def patched(
     if lookup is None:
         return None
     model = fine(polished.augmented.model.replace(patch=lookup))
-    noise = calibration.noise_levels(campaign)
+    noise = noise_levels(campaign)
 
     def errors(prepared: Prepared, start: Start) -> dict[str, tuple[float, float]]:
         after = simulate(model, prepared.recording, start)
         before = predictions[prepared.recording.name].errors
         return {c: (before[c].after, _rms(prepared.recording[c] - after[c])) for c in prepared.channels}
 
-    ready = [
-        calibration.made_ready(r, campaign.sensors, found.start.clock, noise)[0] for r in campaign.holdout()
-    ]
-    starts = [moving_start.first_state(model, prepared, pool) for prepared in ready]
+    ready = [made_ready(r, campaign.sensors, found.start.clock, noise)[0] for r in campaign.holdout()]
+    starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
     unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == patch.HUB else CHANNEL_UNITS[lookup.channel]
     gains = dict(zip((p.recording.name for p in ready), pool.map(errors, ready, starts), strict=True))
     return Patched(lookup, unit, gains)

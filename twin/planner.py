@@ -14,10 +14,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from twin import diagnose, planning, search, verdict
-from twin.calibration import Calibration, calibrate
 from twin.campaigns.campaign import Campaign
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
+from twin.estimation.calibrate import Calibration, calibrate
 from twin.files.outputs import writing
 from twin.planning import Plan
 from twin.progress import Progress, silent

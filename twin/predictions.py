@@ -8,11 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, moving_start
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis import ChannelError, Prediction
+from twin.estimation import first_state
+from twin.estimation.calibrate import made_ready, noise_levels
+from twin.estimation.static_friction import Polished
 from twin.found import Found
-from twin.polish import Polished
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model, fine
@@ -25,7 +26,7 @@ def predict(
     campaign: Campaign, found: Found, polished: Polished, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
     """Every recording beside the declared, the calibrated and the augmented model, free-running."""
-    noise = calibration.noise_levels(campaign)
+    noise = noise_levels(campaign)
     augmented = polished.augmented.model
     models = (polished.declared, polished.calibrated.model, augmented)
     found_all: dict[str, Prediction] = {}
@@ -35,7 +36,7 @@ def predict(
     )
     for role, recordings in roles:
         for recording in recordings:
-            prepared, left_out = calibration.made_ready(recording, campaign.sensors, found.start.clock, noise)
+            prepared, left_out = made_ready(recording, campaign.sensors, found.start.clock, noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
             errors = {c: _error(prepared, c, runs, nearby) for c in prepared.channels}
@@ -51,7 +52,7 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
     Behind these come two runs of the last model with its break-away torque changed a little.
     """
     exact = [fine(m) for m in models]
-    starts = [moving_start.first_state(m, prepared, pool) for m in models]
+    starts = [first_state.first_state(m, prepared, pool) for m in models]
     for share in (1 - _NEARBY, 1 + _NEARBY):
         exact.append(exact[len(models) - 1].with_break_away(share))
         starts.append(starts[len(models) - 1])

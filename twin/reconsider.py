@@ -9,8 +9,10 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
-from twin import contenders, fit, search, verdict
-from twin.fit import Fit, Workbench
+from twin import contenders, search, verdict
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.workbench import Workbench
 from twin.found import Found
 from twin.progress import Progress, silent
 from twin.search import Candidate
@@ -93,7 +95,7 @@ def fitted(
     unknowns = search.unknowns_of(bench, model, found.base)
     first = search.first_values(unknowns, model, found.base, near)
     kept = near.slopes if iterations == _QUICK else None
-    return fit.minimise(bench, model, near.starts, unknowns, first, kept, iterations)
+    return minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 
 def rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:

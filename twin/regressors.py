@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from twin.fit import Fit
+from twin.estimation.fit import Fit
 from twin.residuals.data import DrivenData
 from twin.residuals.view import View, move
 

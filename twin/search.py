@@ -7,17 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import fit, waves
+from twin import waves
 from twin.chance import Slopes
 from twin.effects import REGISTRY
-from twin.fit import Fit, Unknown, Workbench
-from twin.mechanics.state import Start
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.slopes import slope_gain, slope_move
+from twin.estimation.unknowns import Unknown, effect_unknowns, replaced_parameters
+from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.prepared import shortest_period
 from twin.rigs.model import Model
 from twin.waves import Peak
 
-_ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
 _STRAINED = 2.0  # standard deviations from its declared value at which a parameter makes one think
 _STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
@@ -26,32 +28,6 @@ _PROMISING = 0.5  # share of the best score that a size alone, nothing fitted, h
 _OFF = 0.5  # misfit a sample from which a model is off in most of what was recorded, not only here and there
 _QUICK = 8  # iterations of a first fit
 _VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
-
-
-def roughly(
-    bench: Workbench,
-    model: Model,
-    starts: Sequence[Start],
-    unknowns: Sequence[Unknown],
-    told: Mapping[str, float],
-) -> np.ndarray:
-    """Where the fit of a rig starts: as declared, or for a rig known only roughly, the best of a coarse grid.
-
-    What is `told` of a parameter otherwise, by a test of its own, say, goes before its declaration.
-
-    A link whose frequencies are far off is in another valley than the right one: stiffness and damping, where their
-    uncertainty is large, are tried over their range first.
-    """
-    first = [told.get(u.name, u.start) if u.owner == "rig" else u.start for u in unknowns]
-    x = np.array([np.clip(value, *u.bounds) for value, u in zip(first, unknowns, strict=True)])
-    for name in ("bending_stiffness", "damping_ratio", "bending_stiffness"):
-        for index, u in enumerate(unknowns):
-            if u.name == name and u.prior and u.scale > _ROUGH * abs(u.start):
-                spread = min(1.0, 2 * u.scale / abs(u.start))
-                values = np.clip(x[index] * np.geomspace(1 / (1 + spread), 1 + spread, 11), *u.bounds)
-                points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
-                x = points[int(np.argmin(fit.costs_at(bench, model, starts, unknowns, points)))]
-    return x
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +136,7 @@ def promised(bench: Workbench, base: Fit, slopes: Slopes) -> float:
     """
     if not slopes.columns.shape[1]:
         return 0.0
-    return fit.slope_gain(bench, base, slopes.columns, slopes.replaces) - slopes.price
+    return slope_gain(bench, base, slopes.columns, slopes.replaces) - slopes.price
 
 
 def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Slopes:
@@ -200,7 +176,7 @@ def _outside(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str
     """
     effect = REGISTRY[name]
     if slopes.coefficients.size:
-        _, amounts = fit.slope_move(bench, base, slopes.columns, slopes.replaces)
+        _, amounts = slope_move(bench, base, slopes.columns, slopes.replaces)
         led = effect.of_linear(amounts @ slopes.coefficients)
         if led is not None:
             led = {p.name: float(np.clip(led[p.name], *p.bounds)) for p in effect.parameters}
@@ -224,7 +200,7 @@ def _quickly(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]
     model = with_effect(base.model, name, values)
     unknowns = unknowns_of(bench, model, base)
     first = first_values(unknowns, model, base)
-    return fit.minimise(bench, model, base.starts, unknowns, first, base.slopes, _QUICK)
+    return minimise(bench, model, base.starts, unknowns, first, base.slopes, _QUICK)
 
 
 def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
@@ -265,14 +241,14 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
 
 def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
     """What a fit of this model may move: declared parameters that no effect replaces, effects, first states."""
-    replaced = fit.replaced_parameters(model)
+    replaced = replaced_parameters(model)
     kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
     kept += [u for u in base.unknowns if u.owner == "clock"]
     starts = [u for u in base.unknowns if u.owner == "start"]
     effects = [
         u
         for name, values in model.effects.items()
-        for u in fit.effect_unknowns(model, name, values, bench.channels())
+        for u in effect_unknowns(model, name, values, bench.channels())
     ]
     return (*kept, *effects, *starts)
 

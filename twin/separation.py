@@ -20,7 +20,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin.fit import CORRELATION, Fit, Unknown, placed
+from twin.estimation.fit import Fit
+from twin.estimation.unknowns import Unknown, placed
+from twin.estimation.workbench import CORRELATION
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.rigs.model import Model

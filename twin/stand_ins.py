@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from twin import contenders, reconsider
 from twin.effects import REGISTRY
-from twin.fit import Fit
+from twin.estimation.fit import Fit
 from twin.found import Found
 
 _TOLD = 3.0

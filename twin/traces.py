@@ -11,14 +11,15 @@ from scipy.fft import next_fast_len, rfft, rfftfreq
 
 from twin import regressors
 from twin.diagnosis import Trace
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.loss import SOUND
+from twin.estimation.workbench import Workbench
 from twin.found import Found
 from twin.residuals import residual
 from twin.residuals.data import SINGLE, DrivenData
 from twin.residuals.filters import BAND, GRID
 from twin.rigs.model import fine
 from twin.rigs.patch import HUB
-from twin.verdict import SOUND
 
 _BINS = (16, 100)  # of a variable, each with as many samples
 _COARSE = 8  # bins of each of two variables

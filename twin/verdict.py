@@ -6,8 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin import chance, evidence, left_out
-from twin.fit import Fit, Workbench
+from twin import chance
+from twin.estimation import cross_validation, loss
+from twin.estimation.fit import Fit
+from twin.estimation.loss import SOUND
+from twin.estimation.workbench import Workbench
 from twin.found import Found
 from twin.nameless import Nameless
 from twin.residuals.data import SINGLE, known_weights
@@ -28,8 +31,6 @@ LEAST_EVIDENCE = 7.0
 """Log of the odds by which a smooth function has to make the recordings likelier: 1100 to 1. Seven are asked in every
 campaign, each as large and as smooth as the recordings like it best: two nulls of some 600 came to 5.1 and 5.5."""
 ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
-SOUND = 1.4
-"""Noise levels up to which residuals of a right model lie, on dirty recordings too."""
 QUIET = 1 / 3
 """Noise levels below which a channel's noise is declared too large to be true."""
 UNEXPLAINED = 2.0
@@ -62,19 +63,21 @@ def worth_adopting(
 
 
 def elsewhere(bench: Workbench, base: Fit, best: Candidate) -> float:
-    """Gain in cost without the recording that gains most, each predicted by the others; see `twin.left_out`.
+    """Gain in cost without the recording that gains most, each predicted by the others; see `twin.estimation.cross_validation`.
 
     Predicted is what the effect adds, or the calibration with it, whichever tells more: where another effect is
     missing still, the calibration without a decay, say, goes far astray with any effect and without.
     """
-    with_calibration = _gains(bench, left_out.residual(bench, base), left_out.residual(bench, best.fit))
-    by_itself = _gains(bench, base.residual, left_out.residual(bench, best.fit, best.effects[-1]))
+    with_calibration = _gains(
+        bench, cross_validation.residual(bench, base), cross_validation.residual(bench, best.fit)
+    )
+    by_itself = _gains(bench, base.residual, cross_validation.residual(bench, best.fit, best.effects[-1]))
     return max(float(gains.sum() - gains.max()) for gains in (with_calibration, by_itself))
 
 
 def _gains(bench: Workbench, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Gain in cost of each recording (r) from one residual to another."""
-    costs = [bench.count * evidence.loss(bench.sizes(residual)) for residual in (before, after)]
+    costs = [bench.count * loss.loss(bench.sizes(residual)) for residual in (before, after)]
     gains = np.zeros(len(bench.prepared))
     for group, gain in zip(bench.groups, costs[0] - costs[1], strict=True):
         gains[group.recording] += gain
@@ -147,7 +150,7 @@ def too_quiet(found: Found) -> dict[str, float]:
 
 def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> size of the residual in noise levels."""
-    sizes = evidence.group_sizes(fit.residual, bench.data.groups, bench.weight * known_weights(bench, fit))
+    sizes = loss.group_sizes(fit.residual, bench.data.groups, bench.weight * known_weights(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 

@@ -15,10 +15,11 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter
 
-from twin import fit
 from twin.effects.base import Effect
 from twin.effects.wave import RESONANCE_DAMPING, Wave
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.slopes import normal_equations, row_weights
+from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
 from twin.residuals.data import SINGLE, DrivenData
 from twin.residuals.filters import GRID, low_passed, passed
@@ -190,8 +191,8 @@ class _Scan:
                         )
             return found
 
-        weights = fit.row_weights(bench, base.residual)
-        information, gradient = fit.normal_equations(bench, base)
+        weights = row_weights(bench, base.residual)
+        information, gradient = normal_equations(bench, base)
         told = tuple(k for k, _ in groups)
         return _Scan(bench, base, weights, information, gradient, acts, told, motions, columns)
 

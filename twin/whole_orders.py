@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin import fit, search
+from twin import search
 from twin.effects import REGISTRY
-from twin.fit import Fit, Unknown, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.slopes import normal_equations
+from twin.estimation.unknowns import Unknown
+from twin.estimation.workbench import Workbench
 
 _ITERATIONS = 5
 
@@ -45,12 +49,12 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     effects = {name: dict(p) for name, p in best.model.effects.items()}
     effects[order.owner][order.name] = whole
     model = best.model.replace(effects=effects)
-    return fit.minimise(bench, model, best.starts, unknowns, values, best.slopes, _ITERATIONS)
+    return minimise(bench, model, best.starts, unknowns, values, best.slopes, _ITERATIONS)
 
 
 def _moved_along(bench: Workbench, best: Fit, index: int) -> np.ndarray:
     """How the likeliest values of all unknowns (p) move with that of one."""
-    information, _ = fit.normal_equations(bench, best)
+    information, _ = normal_equations(bench, best)
     covariance = np.linalg.pinv(information, hermitian=True)
     variance = covariance[index, index]
     return covariance[:, index] / variance if variance > 0 else np.zeros(len(best.unknowns))

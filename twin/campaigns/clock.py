@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from twin.campaigns.readings import sample_clock
-from twin.fit import Fit
+from twin.estimation.fit import Fit
 from twin.recording import Recording
 
 Clock = Literal["stamped", "mean", "earliest"]

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 from scipy.signal import butter, sosfiltfilt
 
-from twin import limit
+from twin.estimation import chain_limit
 from twin.identify.results import EXPLAINED, TWO_SIDED_95, Estimate, grown
 from twin.mechanics import planar
 from twin.mechanics.state import Start
@@ -217,8 +217,10 @@ def shares(view: View) -> tuple[np.ndarray, np.ndarray]:
 
 def _required(prepared: Prepared, view: View, model: Model, start: Start) -> np.ndarray:
     """Torque (m) on the hub that its measured motion takes in the limit of fine chains [N m]."""
-    chains = [limit.even(model, n) for n in limit.QUICK]
-    return limit.weights(limit.QUICK) @ np.array([move(view, prepared, m, start)[1] for m in chains])
+    chains = [chain_limit.even(model, n) for n in chain_limit.QUICK]
+    return chain_limit.weights(chain_limit.QUICK) @ np.array(
+        [move(view, prepared, m, start)[1] for m in chains]
+    )
 
 
 def _low_pass(time: np.ndarray, band: float) -> Callable[[np.ndarray], np.ndarray]:

@@ -17,9 +17,12 @@ from typing import Literal
 
 import numpy as np
 
-from twin import calibration, fit, moving_start
 from twin.campaigns.campaign import Campaign
-from twin.fit import Workbench
+from twin.estimation import first_state
+from twin.estimation.calibrate import made_ready, noise_levels
+from twin.estimation.minimise import minimise
+from twin.estimation.unknowns import start_unknowns
+from twin.estimation.workbench import Workbench, whitened
 from twin.identify.joint import Joint
 from twin.mechanics.state import Start
 from twin.parameters import Rig
@@ -61,15 +64,15 @@ def errors(
     campaign: Campaign, found: Joint, rig: Rig, pool: ThreadPoolExecutor
 ) -> tuple[tuple[HeldOutError, ...], list[str]]:
     """Errors on every held-out recording, and what they leave out; `rig` is the identified one."""
-    noise = calibration.noise_levels(campaign)
+    noise = noise_levels(campaign)
     models = [found.fit.model.replace(declared=r) for r in (campaign.rig, rig)]
     rows: list[HeldOutError] = []
     notes: list[str] = []
     for recording in campaign.holdout():
-        prepared, left_out = calibration.made_ready(recording, campaign.sensors, found.clock, noise)
+        prepared, left_out = made_ready(recording, campaign.sensors, found.clock, noise)
         notes += left_out
         if prepared.channels:
-            starts = [moving_start.first_state(m, prepared, pool) for m in models]
+            starts = [first_state.first_state(m, prepared, pool) for m in models]
             rows += _rows(prepared, [fine(m) for m in models], starts, pool)
     return tuple(rows), notes
 
@@ -84,7 +87,7 @@ def _rows(
         simulate(identified, recording, start),
         simulate(identified, recording, start, guide),
     ]
-    windows = fit.whitened(identified, prepared, start)
+    windows = whitened(identified, prepared, start)
     steps = _by_steps(prepared, identified, start, pool)
     known_from: Literal["rest", "estimated"] = "estimated" if recording.start == "unknown" else "rest"
     rows = []
@@ -109,7 +112,7 @@ def _by_steps(prepared: Prepared, model: Model, start: Start, pool: ThreadPoolEx
     if prepared.recording.start == "unknown" and data.groups:
         # Under a measured hub the link rings on for long: its first state is that of all the recording.
         bench = Workbench(data, pool)
-        start = fit.minimise(bench, model, [start], fit.start_unknowns([prepared]), iterations=6).starts[0]
+        start = minimise(bench, model, [start], start_unknowns([prepared]), iterations=6).starts[0]
     found = residual.missing(view, prepared, model, start)
     of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
     return {g.channel: _rms(found[g.channel][data.weight[g.rows] > 0]) for g in of_link}

@@ -16,10 +16,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from twin import calibration, disagreement, fit, limit, ridge, scatter
 from twin.campaigns.campaign import Campaign
 from twin.campaigns.clock import Clock
-from twin.fit import Fit, Unknown, Workbench
+from twin.estimation import chain_limit, jackknife, refine, sandwich
+from twin.estimation.calibrate import calibrate
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.sandwich import Evidence
+from twin.estimation.slopes import costs_at, normal_equations, row_weights
+from twin.estimation.unknowns import Unknown
+from twin.estimation.workbench import Workbench
 from twin.identify.profile import Profile
 from twin.identify.results import TWO_SIDED_95, Estimate, positive
 from twin.parameters import Rig, relative_uncertainty
@@ -28,7 +34,6 @@ from twin.recording import Recording
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import MOTION_BANDS
 from twin.residuals.prepared import Prepared
-from twin.scatter import Evidence
 
 BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the motion of the hub [Hz]: an identification follows its harmonics further up."""
@@ -186,16 +191,16 @@ def estimate(
       progress: told of every stage.
       told: parameter -> value by a procedure of its own, from which the fit starts.
     """
-    start = calibration.calibrate(campaign, pool, progress, told)
+    start = calibrate(campaign, pool, progress, told)
     progress("fitting in the limit of a fine chain")
     bench = Workbench(DrivenData(start.prepared, start.base.model, BANDS), pool)
     base, left = _in_the_limit(bench, start.base)
     progress("leaving recordings out")
-    said = scatter.evidence(bench, base)
+    said = sandwich.evidence(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
     distances = said.distances()
     rest = said.by_declaration + np.outer(left, left)
-    full = disagreement.widened(said.by_noise, rest, *said.influences(), disagreement.most(base))
+    full = jackknife.widened(said.by_noise, rest, *said.influences(), jackknife.most(base))
     progress("looking along the likelihood")
     errors = np.sqrt(np.diag(full))
     rises = _rises(bench, base, errors)
@@ -239,14 +244,14 @@ def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
 
     The second time it is where it stands at last, on one chain more.
     """
-    kept = ridge.seen(base)
+    kept = refine.seen(base)
     unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
-    limit.move(bench, base.model, base.starts, limit.QUICK)
-    found = fit.minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
-    change = limit.move(bench, found.model, found.starts, limit.CLOSE)
-    found = ridge.refined(bench, found)
-    information, _ = fit.normal_equations(bench, found)
-    pull = found.jacobian.T @ (fit.row_weights(bench, found.residual) * change)
+    chain_limit.move(bench, base.model, base.starts, chain_limit.QUICK)
+    found = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
+    change = chain_limit.move(bench, found.model, found.starts, chain_limit.CLOSE)
+    found = refine.refined(bench, found)
+    information, _ = normal_equations(bench, found)
+    pull = found.jacobian.T @ (row_weights(bench, found.residual) * change)
     return found, -np.linalg.pinv(information, hermitian=True) @ pull
 
 
@@ -292,7 +297,7 @@ def _profiles(
 
 def _rises(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:
     """Rise of the cost (p x 2) two standard errors (p) to either side, over that of an ellipse, others giving way."""
-    information, _ = fit.normal_equations(bench, base)
+    information, _ = normal_equations(bench, base)
     covariance = np.linalg.pinv(information, hermitian=True)
     low, high = np.array([u.bounds for u in base.unknowns]).T
     points, expected = [], []
@@ -302,5 +307,5 @@ def _rises(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:
             points.append(np.clip(base.values + away, low, high))
             moved = points[-1] - base.values
             expected.append(0.5 * moved @ information @ moved)
-    costs = fit.costs_at(bench, base.model, base.starts, base.unknowns, points)
+    costs = costs_at(bench, base.model, base.starts, base.unknowns, points)
     return ((costs - base.cost) / np.maximum(expected, 1e-3)).reshape(-1, 2)

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from twin import fit
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.slopes import cost_of, equations_at, normal_equations
+from twin.estimation.unknowns import placed_both
+from twin.estimation.workbench import Workbench
 from twin.identify.results import TWO_SIDED_95
 
 _FARTHEST = 6.0  # standard errors up to which an end is looked for
@@ -64,7 +66,7 @@ class Profile:
     def _least_cost(self, value: float) -> float:
         """The cost with the parameter held, the others at their best."""
         bench, base = self.bench, self.base
-        information, _ = fit.normal_equations(bench, base)
+        information, _ = normal_equations(bench, base)
         free = np.arange(len(base.values)) != self.index
         inverse = np.linalg.pinv(information[np.ix_(free, free)], hermitian=True)
         low, high = np.array([u.bounds for u in base.unknowns]).T
@@ -75,9 +77,9 @@ class Profile:
         costs = []
         for step in range(_STEPS + 1):
             x = np.clip(x, low, high)
-            [r] = bench.residuals([(*fit.placed_both(base.model, base.starts, base.unknowns, x), None)])
-            costs.append(fit.cost_of(bench, base.unknowns, x, r))
+            [r] = bench.residuals([(*placed_both(base.model, base.starts, base.unknowns, x), None)])
+            costs.append(cost_of(bench, base.unknowns, x, r))
             if step < _STEPS:
-                _, pull = fit.equations_at(bench, base.unknowns, x, r, base.jacobian)
+                _, pull = equations_at(bench, base.unknowns, x, r, base.jacobian)
                 x[free] -= inverse @ pull[free]
         return min(costs)

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
 from twin.residuals import hub_balance
 from twin.residuals.filters import BAND, GRID, MOTION_BANDS

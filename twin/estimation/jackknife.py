@@ -12,15 +12,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from twin import scatter
-from twin.fit import Fit, Workbench
+from twin.estimation import sandwich
+from twin.estimation.fit import Fit
+from twin.estimation.workbench import Workbench
 
 _CHANCE = 0.05  # of moves as large as these by the noise alone, up to which it is not taken to explain them
 
 
 def sure(bench: Workbench, base: Fit) -> Fit:
     """The fit with the covariance of its residuals as they are, and of recordings as far apart as they are."""
-    said = scatter.evidence(bench, base)
+    said = sandwich.evidence(bench, base)
     covariance = widened(said.by_noise, said.by_declaration, *said.influences(), most(base))
     return replace(base, covariance=covariance)
 

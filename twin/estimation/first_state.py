@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from twin import fit
-from twin.fit import GuidedData, Workbench
+from twin.estimation.minimise import minimise
+from twin.estimation.unknowns import start_unknowns
+from twin.estimation.workbench import GuidedData, Workbench
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.residuals.make_view import look
@@ -37,7 +38,7 @@ def first_state(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> S
         return reading_start(model, prepared, prepared.start)
     short = with_bend(_head(prepared, _FREE), model)
     bench = Workbench(GuidedData([short]), pool)
-    return fit.minimise(bench, model, [short.start], fit.start_unknowns([short]), iterations=6).starts[0]
+    return minimise(bench, model, [short.start], start_unknowns([short]), iterations=6).starts[0]
 
 
 def with_bend(prepared: Prepared, model: Model) -> Prepared:

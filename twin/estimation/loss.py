@@ -32,3 +32,7 @@ def loss(size: np.ndarray) -> np.ndarray:
     s^2/2 up to the noise; log s beyond it, where the misfit's own size is the better guess.
     """
     return np.where(size < 1, 0.5 * size**2, 0.5 + np.log(np.maximum(size, 1.0)))
+
+
+SOUND = 1.4
+"""Noise levels up to which residuals of a right model lie, on dirty recordings too."""

@@ -9,14 +9,25 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin import fit, limit, moving_start, search
 from twin.campaigns import defects
 from twin.campaigns.campaign import Campaign
 from twin.campaigns.clock import Clock, clock_notes, on_clock, possible_clocks
 from twin.campaigns.readings import longest_sound_stretch, noise_of
 from twin.errors import InputError
-from twin.fit import Fit, Workbench
+from twin.estimation import chain_limit, first_state
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.slopes import costs_at
+from twin.estimation.unknowns import (
+    Unknown,
+    clock_unknown,
+    declared_unknowns,
+    known_effect_unknowns,
+    start_unknowns,
+)
+from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
+from twin.mechanics.state import Start
 from twin.progress import Progress, silent
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.residuals.data import DrivenData
@@ -107,8 +118,8 @@ def _cost_on(clock: Clock, start: Calibration, best: Fit) -> float:
     pairs = zip(start.sound, start.prepared, strict=True)
     prepared = [_prepared(clock, recording, p.noise, best.model)[0] for recording, p in pairs]
     bench = Workbench(DrivenData(prepared, best.model), start.bench.pool)
-    limit.move(bench, best.model, best.starts, limit.ROUGH)
-    return fit.minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
+    chain_limit.move(bench, best.model, best.starts, chain_limit.ROUGH)
+    return minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
 
 
 def _prepared(
@@ -116,7 +127,7 @@ def _prepared(
 ) -> tuple[Prepared, list[str]]:
     """The recording made ready on a clock, its first state too, and what was left out of it."""
     prepared, left_out = prepare(on_clock(recording, clock), noise)
-    return moving_start.with_bend(prepared, model), left_out
+    return first_state.with_bend(prepared, model), left_out
 
 
 @dataclass(frozen=True)
@@ -152,14 +163,14 @@ def _roughly(
     notes = (*left_out, *clock_notes(clock), *_out_of_reach(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
     unknowns = (
-        *fit.declared_unknowns(model),
-        *fit.known_effect_unknowns(model, known.errors, bench.channels()),
-        fit.clock_unknown(bench.prepared),
-        *fit.start_unknowns(bench.prepared),
+        *declared_unknowns(model),
+        *known_effect_unknowns(model, known.errors, bench.channels()),
+        clock_unknown(bench.prepared),
+        *start_unknowns(bench.prepared),
     )
-    limit.move(bench, model, starts, limit.ROUGH)
-    x = search.roughly(bench, model, starts, unknowns, known.told)
-    return _Rough(clock, bench, fit.minimise(bench, model, starts, unknowns, x, iterations=20), notes)
+    chain_limit.move(bench, model, starts, chain_limit.ROUGH)
+    x = roughly(bench, model, starts, unknowns, known.told)
+    return _Rough(clock, bench, minimise(bench, model, starts, unknowns, x, iterations=20), notes)
 
 
 def _out_of_reach(data: DrivenData) -> list[str]:
@@ -218,10 +229,39 @@ def sound_stretches(
 def _calibrated(bench: Workbench, model: Model, rough: Fit) -> tuple[Workbench, Fit]:
     """The data as the calibrated model sees them, the chain's own error taken out, and the fit to them."""
     bench = seen_by(bench, rough.model)
-    limit.move(bench, rough.model, rough.starts, limit.QUICK)
-    return bench, fit.minimise(bench, model, rough.starts, rough.unknowns, rough.values, iterations=3)
+    chain_limit.move(bench, rough.model, rough.starts, chain_limit.QUICK)
+    return bench, minimise(bench, model, rough.starts, rough.unknowns, rough.values, iterations=3)
 
 
 def seen_by(bench: Workbench, model: Model) -> Workbench:
     """The same data, their noise that of this model: it rings at its frequencies."""
     return Workbench(DrivenData(bench.prepared, model), bench.pool)
+
+
+_ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
+
+
+def roughly(
+    bench: Workbench,
+    model: Model,
+    starts: Sequence[Start],
+    unknowns: Sequence[Unknown],
+    told: Mapping[str, float],
+) -> np.ndarray:
+    """Where the fit of a rig starts: as declared, or for a rig known only roughly, the best of a coarse grid.
+
+    What is `told` of a parameter otherwise, by a test of its own, say, goes before its declaration.
+
+    A link whose frequencies are far off is in another valley than the right one: stiffness and damping, where their
+    uncertainty is large, are tried over their range first.
+    """
+    first = [told.get(u.name, u.start) if u.owner == "rig" else u.start for u in unknowns]
+    x = np.array([np.clip(value, *u.bounds) for value, u in zip(first, unknowns, strict=True)])
+    for name in ("bending_stiffness", "damping_ratio", "bending_stiffness"):
+        for index, u in enumerate(unknowns):
+            if u.name == name and u.prior and u.scale > _ROUGH * abs(u.start):
+                spread = min(1.0, 2 * u.scale / abs(u.start))
+                values = np.clip(x[index] * np.geomspace(1 / (1 + spread), 1 + spread, 11), *u.bounds)
+                points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
+                x = points[int(np.argmin(costs_at(bench, model, starts, unknowns, points)))]
+    return x

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from twin import fit
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.slopes import prior_precision, row_weights
+from twin.estimation.workbench import Workbench
 from twin.residuals.data import SINGLE
 from twin.residuals.filters import GRID
 
@@ -101,7 +102,7 @@ class Evidence:
 
 def evidence(bench: Workbench, base: Fit) -> Evidence:
     """Reads what each recording says of a fit's parameters, and how surely."""
-    w = fit.row_weights(bench, base.residual)
+    w = row_weights(bench, base.residual)
     # The state at the first sample of a recording is nothing to the others, whatever slopes by differences say.
     owner = np.array([-1 if u.recording is None else u.recording for u in base.unknowns])
     count, p = len(bench.prepared), base.jacobian.shape[1]
@@ -122,7 +123,7 @@ def evidence(bench: Workbench, base: Fit) -> Evidence:
                 np.stack([base.residual[r] for r in rows], axis=1),
                 np.stack([w[r, None] * slopes[r] for r in rows], axis=1),
             )
-    return Evidence(information, pulls, scatter, fit.prior_precision(base.unknowns))
+    return Evidence(information, pulls, scatter, prior_precision(base.unknowns))
 
 
 def _scatter(known: np.ndarray, residual: np.ndarray, slopes: np.ndarray) -> np.ndarray:

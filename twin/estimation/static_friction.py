@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin import fit
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.slopes import costs_at
+from twin.estimation.unknowns import placed_both
+from twin.estimation.workbench import FreeData, Workbench
 from twin.mechanics import chain
 from twin.residuals import breakaway, static_levels
 from twin.residuals.data import DrivenData
@@ -65,12 +67,12 @@ def with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | N
     best = _moved_along(best, read)
     x, covariance, errors = best.values.copy(), best.covariance.copy(), dict[int, float]()
     x[list(rough)] = list(rough.values())
-    if pool is not None and (free := Workbench(fit.FreeData(data.prepared), pool)).count.any():
+    if pool is not None and (free := Workbench(FreeData(data.prepared), pool)).count.any():
         x = _scanned(free, best, x, list(rough), errors)
     for index, error in errors.items():
         covariance[index, :] = covariance[:, index] = 0.0
         covariance[index, index] = error**2
-    model, starts = fit.placed_both(best.model, best.starts, best.unknowns, x)
+    model, starts = placed_both(best.model, best.starts, best.unknowns, x)
     return replace(best, model=model, starts=starts, values=x, covariance=covariance)
 
 
@@ -136,7 +138,7 @@ def _best_of_grid(
     half = reach * abs(x[index])
     values = np.clip(x[index] + np.linspace(-half, half, count), *best.unknowns[index].bounds)
     points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
-    cost = fit.costs_at(free, model, best.starts, best.unknowns, points)
+    cost = costs_at(free, model, best.starts, best.unknowns, points)
     likely = values[cost < cost.min() + _LIKELY]
     error = max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
     return points[int(np.argmin(cost))], error, float(cost.min())

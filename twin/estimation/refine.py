@@ -12,8 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin import fit
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.slopes import cost_of, normal_equations
+from twin.estimation.unknowns import placed_both
+from twin.estimation.workbench import Workbench
 
 _ROUNDS = 3
 WORTH = 0.02
@@ -36,19 +38,19 @@ def refined(bench: Workbench, base: Fit) -> Fit:
         if promised(bench, base) < WORTH:
             break
         base = _stepped(bench, base)
-    information, _ = fit.normal_equations(bench, base)
+    information, _ = normal_equations(bench, base)
     return _at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
 
 
 def promised(bench: Workbench, base: Fit) -> float:
     """Gain in cost that a Gauss-Newton step from a fit promises."""
-    information, gradient = fit.normal_equations(bench, base)
+    information, gradient = normal_equations(bench, base)
     return 0.5 * float(gradient @ np.linalg.pinv(information, hermitian=True) @ gradient)
 
 
 def with_slopes(bench: Workbench, base: Fit) -> Fit:
     """The fit with its slopes by differences along the axes of its ellipse; zero for what moves nothing."""
-    axes, ends = _axes(base, fit.normal_equations(bench, base)[0])
+    axes, ends = _axes(base, normal_equations(bench, base)[0])
     return _sloped(base, ends, _residuals(bench, base, ends))
 
 
@@ -61,12 +63,12 @@ def looked_along(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
     read at the instants of its steps is late by a sample more, bounds a value and makes it no less certain; slopes are
     those of the other side then.
     """
-    axes, ends = _axes(base, fit.normal_equations(bench, base)[0])
+    axes, ends = _axes(base, normal_equations(bench, base)[0])
     # The residual where it stands may be of other data than these.
     *found, here = _residuals(bench, base, [*ends, base.values])
     base = _at(bench, base, base.values, here, base.covariance)
-    information, gradient = fit.normal_equations(bench, base)
-    rises = [fit.cost_of(bench, base.unknowns, x, r) - base.cost for x, r in zip(ends, found, strict=True)]
+    information, gradient = normal_equations(bench, base)
+    rises = [cost_of(bench, base.unknowns, x, r) - base.cost for x, r in zip(ends, found, strict=True)]
     moves = [x - base.values for x in ends]
     parabola = [gradient @ m + 0.5 * m @ information @ m for m in moves]
     off = np.abs(np.array(rises) - parabola).reshape(-1, 2)
@@ -89,9 +91,7 @@ def _axes(base: Fit, information: np.ndarray) -> tuple[np.ndarray, list[np.ndarr
 
 
 def _residuals(bench: Workbench, base: Fit, points: Sequence[np.ndarray]) -> list[np.ndarray]:
-    return bench.residuals(
-        [(*fit.placed_both(base.model, base.starts, base.unknowns, x), None) for x in points]
-    )
+    return bench.residuals([(*placed_both(base.model, base.starts, base.unknowns, x), None) for x in points])
 
 
 def _sloped(base: Fit, ends: Sequence[np.ndarray], found: Sequence[np.ndarray]) -> Fit:
@@ -115,12 +115,12 @@ def seen(base: Fit) -> np.ndarray:
 
 def _stepped(bench: Workbench, base: Fit) -> Fit:
     """The fit after a Gauss-Newton step within the bounds, or where it was if that is no better."""
-    information, gradient = fit.normal_equations(bench, base)
+    information, gradient = normal_equations(bench, base)
     step = -np.linalg.pinv(information, hermitian=True) @ gradient
     low, high = np.array([u.bounds for u in base.unknowns]).T
     for half in range(_HALVES + 1):
         x = np.clip(base.values + step / 2**half, low, high)
-        [r] = bench.residuals([(*fit.placed_both(base.model, base.starts, base.unknowns, x), None)])
+        [r] = bench.residuals([(*placed_both(base.model, base.starts, base.unknowns, x), None)])
         there = _at(bench, base, x, r, base.covariance)
         if there.cost < base.cost:
             return there
@@ -128,6 +128,6 @@ def _stepped(bench: Workbench, base: Fit) -> Fit:
 
 
 def _at(bench: Workbench, base: Fit, x: np.ndarray, r: np.ndarray, covariance: np.ndarray) -> Fit:
-    cost = fit.cost_of(bench, base.unknowns, x, r)
-    model, starts = fit.placed_both(base.model, base.starts, base.unknowns, x)
+    cost = cost_of(bench, base.unknowns, x, r)
+    model, starts = placed_both(base.model, base.starts, base.unknowns, x)
     return Fit(model, starts, base.unknowns, x, covariance, r, bench.sizes(r), cost, base.jacobian)

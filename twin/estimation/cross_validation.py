@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin import fit
-from twin.fit import Fit, Workbench
+from twin.estimation.fit import Fit
+from twin.estimation.slopes import bounded_move, normal_equations, row_weights
+from twin.estimation.workbench import Workbench
 
 _ALONE = 0.01  # part of what is known of a number below which the other recordings do not tell it
 
@@ -23,8 +24,8 @@ def residual(bench: Workbench, found: Fit, effect: str | None = None) -> np.ndar
       found: the fit to all of them, with its slopes.
       effect: the only one whose parameters are told by the others; all else stays as all recordings tell it.
     """
-    weights = fit.row_weights(bench, found.residual)
-    information, gradient = fit.normal_equations(bench, found)
+    weights = row_weights(bench, found.residual)
+    information, gradient = normal_equations(bench, found)
     low, high = np.array([u.bounds for u in found.unknowns]).T - found.values
     mine = np.array([effect is None or u.owner == effect for u in found.unknowns])
     predicted = found.residual.copy()
@@ -36,6 +37,6 @@ def residual(bench: Workbench, found: Fit, effect: str | None = None) -> np.ndar
         if not told.any():
             continue
         pulls = gradient - weighted.T @ found.residual[own]
-        move = fit.bounded_move(others[np.ix_(told, told)], pulls[told], low[told], high[told])
+        move = bounded_move(others[np.ix_(told, told)], pulls[told], low[told], high[told])
         predicted[own] += J[:, told] @ move * bench.weight[own]
     return predicted

@@ -13,7 +13,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from twin.fit import Workbench
+from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
 from twin.mechanics.chain import Chain
 from twin.mechanics.state import Start
