@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from twin.campaigns.campaign import read_campaign
-from twin.diagnose import diagnose
+from twin.diagnosis.diagnose import diagnose
 
 
 def main() -> None:

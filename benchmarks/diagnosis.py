@@ -22,15 +22,16 @@ import resumable
 from cases import DEPENDS, NAMED, SIZES, Case, cases
 from machine import describe
 
-from twin import traces
 from twin.campaigns.campaign import Campaign, read_campaign
-from twin.conclude import errors_of, said, stated, variables
-from twin.diagnose import diagnose, find
-from twin.diagnosis import Diagnosis
+from twin.diagnosis import dependence
+from twin.diagnosis.answer import Diagnosis
+from twin.diagnosis.conclude import errors_of, said, stated, variables
+from twin.diagnosis.diagnose import diagnose, find
+from twin.diagnosis.remainder import sizes_left
+from twin.diagnosis.rules import alternatives
+from twin.diagnosis.state import Found
 from twin.effects import REGISTRY
 from twin.estimation.static_friction import polish
-from twin.found import Found
-from twin.verdict import alternatives, sizes_left
 from twin.virtual_rig import make_campaign
 
 
@@ -80,7 +81,7 @@ def _searched(campaign: Campaign) -> dict:
             found.data, found.base, found.best, found.start.declared, pool, said(found) != "outside-library"
         )
     fit, outside = last.augmented, said(found) == "outside-library"
-    left = traces.unexplained(found.bench, found.data, found.best) if outside else {}
+    left = dependence.unexplained(found.bench, found.data, found.best) if outside else {}
     return {
         "verdict": said(found),
         "adopted": [c.effects[-1] for c in found.adopted],

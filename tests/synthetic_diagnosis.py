@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lsim
 
-from twin.diagnosis import AdoptedEffect, Calibrated, ChannelError, Diagnosis, Prediction, Trace
+from twin.diagnosis.answer import AdoptedEffect, Calibrated, ChannelError, Diagnosis, Prediction, Trace
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
 

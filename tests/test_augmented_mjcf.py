@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin.diagnosis import AdoptedEffect
+from twin.diagnosis.answer import AdoptedEffect
 from twin.effects import REGISTRY
 from twin.mechanics import chain
 from twin.mechanics.state import Start

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import chance, verdict
+from twin.diagnosis import chance, rules
 
 
 def candidate(name, score):
@@ -34,7 +34,7 @@ def test_what_chance_gives_once_in_a_hundred_is_not_sure():
 def test_probabilities_leave_room_for_chance():
     draws = -7 * np.log(1 - (np.arange(400) + 0.5) / 400)
     ranked = [candidate("cogging", 33.0), candidate("cable-torsion", 33.0), candidate("torque-bias", 2.0)]
-    found = verdict.probabilities(ranked, draws)
+    found = rules.probabilities(ranked, draws)
     assert found["cogging"] == found["cable-torsion"]
     assert sum(found.values()) == pytest.approx(chance.real(chance.exceeded(draws, 33.0)))
     assert sum(found.values()) < 0.95

@@ -18,7 +18,7 @@ import synthetic_diagnosis as synthetic
 from twin import cli
 from twin.commands import shared
 from twin.deliver import ANSWER, FILES, FOLDER, deliver
-from twin.diagnosis import Patched
+from twin.diagnosis.answer import Patched
 from twin.files.json import to_text
 from twin.rigs.patch import HUB, Patch
 
@@ -44,7 +44,9 @@ def run(twin, monkeypatch, tmp_path, answer):
     work = tmp_path / "work"
     work.mkdir()
     monkeypatch.chdir(work)
-    monkeypatch.setitem(sys.modules, "twin.diagnose", SimpleNamespace(diagnose=lambda *_, **__: answer))
+    monkeypatch.setitem(
+        sys.modules, "twin.diagnosis.diagnose", SimpleNamespace(diagnose=lambda *_, **__: answer)
+    )
     return twin
 
 
@@ -155,7 +157,7 @@ def test_unfinite_errors_are_null(answer, tmp_path):
 def test_the_rig_of_a_file_is_declared_in_the_campaigns_place(run, campaign, tmp_path, answer, monkeypatch):
     declared = []
     loop = SimpleNamespace(diagnose=lambda given, *_, **__: declared.append(given) or answer)
-    monkeypatch.setitem(sys.modules, "twin.diagnose", loop)
+    monkeypatch.setitem(sys.modules, "twin.diagnosis.diagnose", loop)
     folder = deliver(replace(answer, effects=()), synthetic.SENSORS, tmp_path / "earlier").paths["rig"]
     assert run("diagnose", campaign, "--rig", folder)[0] == 0
     assert dict(declared[0].rig) == dict(answer.fitted)
@@ -246,7 +248,7 @@ def test_interrupt_is_130_in_one_line(tmp_path, campaign):
         "def loop(*_, **__):\n"
         "    print('running', flush=True)\n"
         "    time.sleep(60)\n"
-        "sys.modules['twin.diagnose'] = types.SimpleNamespace(diagnose=loop)\n"
+        "sys.modules['twin.diagnosis.diagnose'] = types.SimpleNamespace(diagnose=loop)\n"
         f"sys.argv = ['twin', 'diagnose', {str(campaign)!r}]\n"
         "twin.cli.main()\n"
     )

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from twin.contenders import simplest_first
+from twin.diagnosis.contest import simplest_first
 
 
 def candidate(score, unknowns):

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import contenders
 from twin.campaigns.campaign import read_campaign
+from twin.diagnosis import contest
+from twin.diagnosis.candidates import Candidate
 from twin.estimation import static_friction
 from twin.estimation.calibrate import noise_levels
 from twin.estimation.fit import Fit
@@ -23,7 +24,6 @@ from twin.residuals.static_levels import Level
 from twin.residuals.view import View
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.search import Candidate
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 
@@ -158,11 +158,11 @@ def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell
         def cost(self, residual):
             return 0.0
 
-    monkeypatch.setattr(contenders, "Workbench", Free)
+    monkeypatch.setattr(contest, "Workbench", Free)
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(data, pool)
         ranked = [Candidate(("asymmetric-friction",), badly_known, score) for score in (100.0, 99.0)]
-        assert contenders.freely_decided(bench, ranked) == ranked
+        assert contest.freely_decided(bench, ranked) == ranked
     assert len(tried) == 2
     for free in tried:
         level = free.effects["asymmetric-friction"]["static_positive"]

@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
-from twin import waves
 from twin.campaigns import rests
 from twin.campaigns.campaign import read_campaign
+from twin.diagnosis import spectrum
 from twin.estimation import chain_limit, jackknife, loss, refine, sandwich
 from twin.estimation.fit import Fit
 from twin.estimation.unknowns import Unknown
@@ -186,10 +186,10 @@ def test_commands_that_act_a_little_late_move_no_break_away():
 
 def test_what_a_spectrum_usually_is_about_a_place():
     white = np.random.default_rng(2).exponential(size=400)
-    assert waves._level(white, 200) < 1.5
+    assert spectrum._level(white, 200) < 1.5
     coloured = np.where(np.abs(np.arange(400) - 200) < 80, 8.0, 1.0) * white
-    assert waves._level(coloured, 200) == pytest.approx(8.0, rel=0.4)
-    assert waves._level(coloured, 20) < 1.5
+    assert spectrum._level(coloured, 200) == pytest.approx(8.0, rel=0.4)
+    assert spectrum._level(coloured, 20) < 1.5
 
 
 class Declared(dict):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import verdict
+from twin.diagnosis import rules
 from twin.estimation import cross_validation, loss
 from twin.estimation.unknowns import Unknown
 from twin.residuals.groups import Group
@@ -89,5 +89,5 @@ def test_an_effect_is_adopted_though_the_calibration_without_a_decay_goes_astray
     monkeypatch.setattr(loss, "loss", lambda sizes: sizes)
     means = SimpleNamespace(**{**vars(bench()), "sizes": lambda r: r.reshape(RECORDINGS, ROWS).mean(axis=1)})
     means.prepared, means.count = range(RECORDINGS), np.ones(RECORDINGS)
-    found = verdict.elsewhere(means, base, SimpleNamespace(fit=best, effects=("play",)))
+    found = rules.elsewhere(means, base, SimpleNamespace(fit=best, effects=("play",)))
     assert found == pytest.approx(50 + 12 - 1)

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from test_effects import PLANTED
 
-from twin import traces, waves
 from twin.campaigns.campaign import Campaign, read_campaign
-from twin.conclude import said, variables
-from twin.contenders import calibrated_as_well, confirmed, freely_decided, seen_anew, settled
-from twin.diagnose import diagnose, find
+from twin.diagnosis import dependence, spectrum
+from twin.diagnosis.candidates import Candidate, at_peaks, explore, gain, tried
+from twin.diagnosis.conclude import said, variables
+from twin.diagnosis.contest import calibrated_as_well, confirmed, freely_decided, seen_anew, settled
+from twin.diagnosis.diagnose import diagnose, find
+from twin.diagnosis.fit_patch import of_worst
 from twin.effects import REGISTRY
 from twin.estimation.calibrate import calibrate
 from twin.estimation.minimise import minimise
-from twin.patches import of_worst
 from twin.rigs import preset
-from twin.search import Candidate, at_peaks, explore, gain, tried
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.experiments import planned_campaign
@@ -162,7 +162,7 @@ def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(tmp_p
     )
     assert said(found) == "outside-library"
     assert not found.adopted
-    left = traces.unexplained(found.bench, found.data, found.best)
+    left = dependence.unexplained(found.bench, found.data, found.best)
     assert variables(found, left)[0] == "strain_base"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
@@ -277,7 +277,7 @@ def test_noise_is_that_of_the_link_that_stands(viscous):
 def test_a_wave_starts_from_its_highest_peak_and_from_the_one_that_fits_as_it_stands(viscous):
     start, _ = viscous
     effect = REGISTRY["position-dependent-friction"]
-    tops = waves.spectral_peaks(start.bench, start.base, effect)
+    tops = spectrum.spectral_peaks(start.bench, start.base, effect)
     # As if the highest stood for far more friction than there is.
     far = replace(tops[0], coefficients=tuple(0.05 + 0 * c for c in tops[0].coefficients))
     points = at_peaks(start.bench, start.base, effect.name, (far, *tops[1:]))

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin import notes
-from twin.diagnosis import ChannelError
+from twin.diagnosis import notes
+from twin.diagnosis.answer import ChannelError
 from twin.estimation.unknowns import Unknown
 
 STATIC = 0.065  # N m, of the model

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from homogeneous import HOMOGENEOUS
 
-from twin import planning, separation
+from twin.diagnosis import experiments, separation
+from twin.diagnosis.plan import Planned, to_json, write_torque
+from twin.diagnosis.plan import plan as plan_for
+from twin.diagnosis.separation import Explanation
 from twin.errors import InputError
 from twin.estimation.fit import Fit
 from twin.estimation.unknowns import Unknown, declared_unknowns
 from twin.mechanics import chain
-from twin.planner import Planned, to_json, write_torque
-from twin.planner import plan as plan_for
 from twin.recording import Sensor
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.separation import Explanation
 
 RIG = preset("bossi2009")
 SENSORS = {name: Sensor(name, 2e-6, x, 0.001) for name, x in (("strain_base", 0.02), ("strain_mid", 0.21))}
@@ -31,9 +31,9 @@ def planned(first, second, names=None):
 
 
 def ranked(first, second, names=None):
-    options = [e for e in planning.experiments(RIG) if names is None or e.name in names]
+    options = [e for e in experiments.experiments(RIG) if names is None or e.name in names]
     with ThreadPoolExecutor(2) as pool:
-        return planning.plan(first, second, NOISE, pool, options)
+        return experiments.plan(first, second, NOISE, pool, options)
 
 
 def within(model, unknowns, share):
@@ -52,7 +52,7 @@ def declared_within(effects, share):
 def test_nothing_separates_a_model_from_itself():
     plans = planned({}, {}, ["slews", "ramp", "large-decay"])
     assert [p.separation for p in plans] == [0.0, 0.0, 0.0]
-    assert "No experiment" in planning.said(plans, ("one", "other"))
+    assert "No experiment" in experiments.said(plans, ("one", "other"))
 
 
 def test_what_acts_on_the_link_alone_is_seen_with_the_hub_locked():
@@ -143,7 +143,7 @@ def test_moves_stay_within_bounds():
 
 
 def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep():
-    for experiment in planning.experiments(RIG):
+    for experiment in experiments.experiments(RIG):
         torque = experiment.recording["torque_command"]
         assert np.abs(torque).max() <= RIG["torque_limit"]
         assert len(torque) == pytest.approx(experiment.recording.duration / 2e-3, abs=2)
@@ -151,8 +151,8 @@ def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep(
 
 def test_declared_rig_can_do_every_experiment():
     with ThreadPoolExecutor(2) as pool:
-        plans = planning.plan(Explanation(MODEL), Explanation(MODEL), NOISE, pool)
-    assert len(plans) == len(planning.experiments(RIG))
+        plans = experiments.plan(Explanation(MODEL), Explanation(MODEL), NOISE, pool)
+    assert len(plans) == len(experiments.experiments(RIG))
 
 
 def test_hub_is_never_turned_further_than_its_wires_allow():

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from twin import notes, rather_named
-from twin.found import Found
-from twin.search import Candidate
+from twin.diagnosis import notes, rather_named
+from twin.diagnosis.candidates import Candidate
+from twin.diagnosis.state import Found
 
 BY_CHANCE, PRICE = 12.0, 9.0
 

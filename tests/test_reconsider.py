@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin import search
 from twin.campaigns.campaign import read_campaign
+from twin.diagnosis import candidates
+from twin.diagnosis.revise import reconsidered
+from twin.diagnosis.state import Found
 from twin.estimation.calibrate import calibrate
-from twin.found import Found
-from twin.reconsider import reconsidered
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 
@@ -32,7 +32,7 @@ def picked(start, *names):
     """What a search would have come to that adopted these effects, one after the other."""
     before, adopted = start.base, []
     for name in names:
-        adopted.append(search.tried(start.bench, before, name))
+        adopted.append(candidates.tried(start.bench, before, name))
         before = adopted[-1].fit
     rounds = tuple((c,) for c in adopted)
     return Found(start, tuple(adopted), rounds, (30.0,) * len(names), (start.bench,) * (len(names) + 1))
@@ -59,7 +59,7 @@ def test_two_that_are_both_missing_stay(start):
 
 def test_a_close_loser_that_explains_more_beside_the_second_takes_its_place(start):
     found = picked(start, "air-pad-drag", "torque-bias")
-    loser = search.tried(start.bench, start.base, "viscous-friction")
+    loser = candidates.tried(start.bench, start.base, "viscous-friction")
     close = replace(loser, score=found.adopted[0].score - 1)
     found = reconsidered(replace(found, rounds=((found.adopted[0], close), found.rounds[1])))
     assert sorted(names(found)) == ["torque-bias", "viscous-friction"]

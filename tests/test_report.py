@@ -13,7 +13,7 @@ import synthetic_diagnosis as synthetic
 from rich.console import Console
 
 from twin import labels
-from twin.diagnosis import ChannelError, Patched, Trace
+from twin.diagnosis.answer import ChannelError, Patched, Trace
 from twin.report import display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
 from twin.report.figures import JoinedTime, compress, other_variables_figure, recording_figure, trace_figure

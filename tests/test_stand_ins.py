@@ -5,13 +5,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import search, stand_ins, whole_orders
 from twin.campaigns.campaign import read_campaign
-from twin.conclude import said, variables
-from twin.diagnose import asked, with_errors, with_whole_orders
+from twin.diagnosis import candidates, stand_ins, whole_orders
+from twin.diagnosis.conclude import said, variables
+from twin.diagnosis.dependence import unexplained
+from twin.diagnosis.diagnose import asked, with_errors, with_whole_orders
+from twin.diagnosis.state import Found
 from twin.estimation.calibrate import calibrate
-from twin.found import Found
-from twin.traces import unexplained
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
 
@@ -30,8 +30,8 @@ def picked(tmp_path_factory):
         folder = tmp_path_factory.mktemp("rig") / "rig"
         make_campaign(folder, effects, 12, experiments=slews)
         start = calibrate(read_campaign(folder), pool)
-        cable = search.tried(start.bench, start.base, "cable-torsion")
-        both = search.tried(start.bench, cable.fit, "cogging")
+        cable = candidates.tried(start.bench, start.base, "cable-torsion")
+        both = candidates.tried(start.bench, cable.fit, "cogging")
         adopted = (cable, both)
         draws = (np.zeros(400),) * 2
         found = Found(start, adopted, ((cable,), (both,)), (30.0,) * 2, (start.bench,) * 3, (0.0,) * 2, draws)

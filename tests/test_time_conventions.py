@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin import search
 from twin.campaigns.campaign import read_campaign
+from twin.diagnosis import candidates
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.mechanics import chain
 from twin.mechanics.modal import held_response
@@ -111,7 +111,7 @@ def test_the_clock_is_asked_again_with_what_the_model_lacked(tmp_path, first):
     with ThreadPoolExecutor(2) as pool:
         start = calibrate(read_campaign(tmp_path), pool, clock=first)
         assert start.clock == first
-        found = search.tried(start.bench, start.base, "position-dependent-friction")
+        found = candidates.tried(start.bench, start.base, "position-dependent-friction")
         assert likeliest_clock(start, found.fit) == "stamped"
 
 

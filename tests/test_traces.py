@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.notes import drifts
-from twin.patches import why_none
+from twin.diagnosis.dependence import DEPENDS, TRAVEL, Unexplained, dependence, drift, strongest
+from twin.diagnosis.fit_patch import why_none
+from twin.diagnosis.notes import drifts
+from twin.diagnosis.traces import remaining
 from twin.rigs.patch import HUB
-from twin.traces import DEPENDS, TRAVEL, Unexplained, dependence, drift, remaining, strongest
 
 NOISE = 1e-3
 COUNT = 3000  # readings of a recording, 2 ms apart

@@ -7,7 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from twin.diagnosis import Diagnosis, KnownEffect
+from twin.diagnosis.answer import Diagnosis, KnownEffect
 from twin.parameters import Parameter
 from twin.rigs.rig_file import effect_lines, header, parameter_lines
 

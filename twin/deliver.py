@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twin import augmented
-from twin.diagnosis import Diagnosis
+from twin.diagnosis.answer import Diagnosis
 from twin.files.json import write_json
 from twin.files.outputs import ResultsFolder, writing
 from twin.recording import Sensor

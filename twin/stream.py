@@ -16,7 +16,7 @@ import numpy as np
 
 from twin import labels
 from twin import rerun_parts as parts
-from twin.diagnosis import UNSEEN, Diagnosis, Prediction, Trace
+from twin.diagnosis.answer import UNSEEN, Diagnosis, Prediction, Trace
 from twin.recording import Recording, Sensor
 from twin.report import display
 from twin.rigs.patch import HUB

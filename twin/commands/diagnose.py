@@ -78,7 +78,7 @@ def _diagnose(
         given = _declared(given, rig)
     with progress() as report:
         report(COMPILING)
-        from twin.diagnose import diagnose as loop
+        from twin.diagnosis.diagnose import diagnose as loop
 
         found = loop(given, report, false_alarm_rate=rate)
         report("writing the results")

@@ -12,7 +12,7 @@ from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.planner import Planned
+    from twin.diagnosis.plan import Planned
 
 
 def plan_experiment(
@@ -38,12 +38,12 @@ def plan_experiment(
     given = read_campaign(campaign)
     with progress() as report:
         report(COMPILING)
-        from twin import planner
+        from twin.diagnosis.plan import plan, to_json, write_torque
 
-        planned = planner.plan(given, between, report)
-    written = planner.write_torque(planned.plans, torque_file) if torque_file is not None else None
+        planned = plan(given, between, report)
+    written = write_torque(planned.plans, torque_file) if torque_file is not None else None
     if json_file is not None:
-        write_json(json_file, planner.to_json(planned))
+        write_json(json_file, to_json(planned))
     _print(planned)
     if written is not None:
         text = f"{torque_file} has the torque of {written.experiment.name}: {written.experiment.how}"
@@ -53,11 +53,11 @@ def plan_experiment(
 def _print(planned: Planned) -> None:
     from rich.table import Table
 
-    from twin import planning
+    from twin.diagnosis import experiments
 
     screen = console()
     screen.print(planned.said(), highlight=False, markup=False)
     table = Table("experiment", "what to do", "noise levels apart", "in", "with another sensor", box=None)
-    for row in planning.rows(planned.plans):
+    for row in experiments.rows(planned.plans):
         table.add_row(*row)
     screen.print(table, highlight=False)

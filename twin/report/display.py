@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Prediction
+from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Prediction
 from twin.labels import _listed, angle_in_degrees, over_noise, ratio, unit, with_error, words
 
 MODELS = ("before", "calibrated", "after")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from twin import pages
-from twin.diagnosis import UNSEEN, Patched, Prediction, Trace
+from twin.diagnosis.answer import UNSEEN, Patched, Prediction, Trace
 from twin.labels import channel, over_noise, unmodelled, variable
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report.decimate import decimate, thin

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from twin import labels, pages
-from twin.diagnosis import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
+from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
 from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures
 from twin.report.figures import Figure

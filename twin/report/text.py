@@ -8,7 +8,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from twin import labels
-from twin.diagnosis import Diagnosis, Patched, Prediction
+from twin.diagnosis.answer import Diagnosis, Patched, Prediction
 from twin.report import display
 
 if TYPE_CHECKING:

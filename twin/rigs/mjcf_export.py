@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from twin.diagnosis import Diagnosis
+from twin.diagnosis.answer import Diagnosis
 from twin.effects import REGISTRY, Drive
 from twin.mechanics import chain, mjcf
 from twin.recording import Sensor

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from twin import contenders, reconsider
+from twin.diagnosis import contest, revise
+from twin.diagnosis.state import Found
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
-from twin.found import Found
 
 _TOLD = 3.0
 """Standard errors from neutral from which the size of an effect is told; by what one gains they are 7 at least."""
@@ -30,8 +30,8 @@ def without(found: Found) -> Found | None:
     names = [name for name in found.names if name not in untold]
     if names:
         effects = {name: found.best.model.effects[name] for name in (*found.known, *names)}
-        fitted = reconsider.fitted(found, effects, contenders.LONG, found.best)
-        return reconsider.rebuilt(found, names, fitted)
+        fitted = revise.fitted(found, effects, contest.LONG, found.best)
+        return revise.rebuilt(found, names, fitted)
     return replace(
         found,
         adopted=(),

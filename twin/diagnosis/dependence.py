@@ -9,12 +9,10 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 
-from twin import regressors
-from twin.diagnosis import Trace
+from twin.diagnosis import regressors
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
 from twin.estimation.workbench import Workbench
-from twin.found import Found
 from twin.residuals import residual
 from twin.residuals.data import SINGLE, DrivenData
 from twin.residuals.filters import BAND, GRID
@@ -38,7 +36,6 @@ _SELDOM = 0.2  # share of the pieces that knocks may fall into
 DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
 TRAVEL = "hub_travel"
 """How far the hub has turned since it turned round [rad]: what it did before."""
-_SHOWN = (HUB, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 
 
 @dataclass(frozen=True)
@@ -287,50 +284,6 @@ def _share_in_cells(
     means = np.where(told, (sums.sum(0) - sums) / np.where(told, others, 1.0), 0.0)
     left = np.sum((values - means.ravel()[here] * slope) ** 2)
     return max(0.0, 1 - float(left / np.sum(values**2)))
-
-
-def traces_of(found: Found, behind: Mapping[str, Unexplained]) -> tuple[Trace, ...]:
-    """What the calibrated model leaves unexplained of each channel, those that the effects explain best first.
-
-    `behind` is what the model leaves that stands at the end.
-    """
-    traces = []
-    before = unexplained(found.bench, found.data, found.base) if found.adopted else behind
-    for channel in _SHOWN:
-        if channel not in before or len(before[channel].values) < _FEWEST_SHOWN:
-            continue
-        left, after = before[channel], behind[channel]
-        gained = float(np.log(np.std(left.values) / max(np.std(after.values), 1e-30)))
-        order = dependence(left)
-        explained = order[0][0] if order and order[0][1] > 0.1 else None
-        trace = _trace(channel, left, explained)
-        fitted = left.values - after.values if found.adopted else None
-        traces.append((gained, replace(trace, fitted=fitted)))
-    return tuple(trace for _, trace in sorted(traces, key=lambda pair: -pair[0]))
-
-
-def remaining(
-    behind: Mapping[str, Unexplained], worst: Sequence[str], depends: Sequence[str]
-) -> tuple[Trace, ...]:
-    """What the model that stands at the end leaves of each channel.
-
-    Args:
-      behind: channel -> its residuals.
-      worst: channels that are not explained; they come first.
-      depends: variables on which what is left of these depends, the first most.
-    """
-    channels = [c for c in dict.fromkeys((*worst, *_SHOWN)) if c in behind]
-    return tuple(
-        _trace(c, behind[c], depends[0] if depends and c in worst else None)
-        for c in channels
-        if len(behind[c].values) >= _FEWEST_SHOWN
-    )
-
-
-def _trace(channel: str, left: Unexplained, explained_by: str | None) -> Trace:
-    variables = left.variables | (_travel(left) if explained_by == TRAVEL else {})
-    since_start = left.variables["time"]
-    return Trace(channel, left.time, left.values, variables, left.recording, since_start, explained_by)
 
 
 def strongest(left: Sequence[Unexplained]) -> tuple[str, ...]:

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import chirp
 
+from twin.diagnosis.separation import Explanation, difference
 from twin.recording import Recording
-from twin.separation import Explanation, difference
 
 _PAYLOAD = 0.5  # share of the payload that is added
 _OPEN_LIMIT = 0.2  # N m, where the amplifier has no limit: that of a small servo

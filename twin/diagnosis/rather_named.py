@@ -11,8 +11,8 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 
-from twin import contenders, search, verdict
-from twin.found import Found
+from twin.diagnosis import candidates, contest, remainder, rules
+from twin.diagnosis.state import Found
 
 _FITTED = 2  # numbers that a function was fitted by: its size and its smoothness
 
@@ -23,21 +23,21 @@ def instead(found: Found) -> Found | None:
     Args:
       found: all of whose recordings are explained but for such a function, if any.
     """
-    smooth = verdict.nameless(found)
-    if smooth is None or verdict.too_large(found) or not _left(found):
+    smooth = remainder.nameless(found)
+    if smooth is None or remainder.too_large(found) or not _left(found):
         return None
-    least = max(smooth.evidence - search.price(_FITTED, found.bench), found.by_chance[-1])
+    least = max(smooth.evidence - candidates.price(_FITTED, found.bench), found.by_chance[-1])
     # What was not worth adopting was only fitted quickly.
-    ranked = contenders.settled(found.bench, found.best, found.rounds[-1])
+    ranked = contest.settled(found.bench, found.best, found.rounds[-1])
     choice = ranked[0]
-    if choice.score < least or verdict.elsewhere(found.bench, found.best, choice) <= 0:
+    if choice.score < least or rules.elsewhere(found.bench, found.best, choice) <= 0:
         return None
     bench = copy(found.bench)
-    fine = contenders.on_fine_chain(bench, choice.fit)
-    choice = replace(choice, fit=fine, score=search.gain(bench, found.best, fine))
+    fine = contest.on_fine_chain(bench, choice.fit)
+    choice = replace(choice, fit=fine, score=candidates.gain(bench, found.best, fine))
     if choice.score < least:
         return None
-    bench, seen = contenders.seen_anew(bench, found.best, fine)
+    bench, seen = contest.seen_anew(bench, found.best, fine)
     return replace(
         found,
         adopted=(*found.adopted, replace(choice, fit=seen)),

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin import waves
-from twin.chance import Slopes
+from twin.diagnosis import spectrum
+from twin.diagnosis.chance import Slopes
+from twin.diagnosis.spectrum import Peak
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
@@ -18,7 +19,6 @@ from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.prepared import shortest_period
 from twin.rigs.model import Model
-from twin.waves import Peak
 
 _FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
 _STRAINED = 2.0  # standard deviations from its declared value at which a parameter makes one think
@@ -78,7 +78,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     names = list(names)
     progress("scoring the effects")
     tops = {
-        name: waves.spectral_peaks(bench, base, REGISTRY[name])
+        name: spectrum.spectral_peaks(bench, base, REGISTRY[name])
         for name in names
         if REGISTRY[name].wave is not None
     }
@@ -145,7 +145,7 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
     paid = price(len(effect.free(effect.neutral(base.model.declared))), bench)
     if effect.wave is not None:
         columns = (
-            waves.wave_slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
+            spectrum.wave_slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
         )
         rivals, level = (tops[0].rivals, tops[0].level) if tops else (1, 1.0)
         return Slopes(columns, tuple(effect.replaces), paid, rivals, level)
@@ -218,7 +218,7 @@ def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
 def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
     """One effect added to a fitted model, followed out of its neutral value or from its spectrum, and fitted."""
     effect = REGISTRY[name]
-    tops = waves.spectral_peaks(bench, base, effect) if effect.wave is not None else ()
+    tops = spectrum.spectral_peaks(bench, base, effect) if effect.wave is not None else ()
     return quick(bench, base, name, slopes_of(bench, base, name, tops), tops)
 
 

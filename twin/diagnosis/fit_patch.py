@@ -7,22 +7,22 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from twin import labels, traces, verdict
+from twin import labels
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import Patched, Prediction
+from twin.diagnosis import dependence, remainder
+from twin.diagnosis.answer import Patched, Prediction
+from twin.diagnosis.dependence import Unexplained
+from twin.diagnosis.state import Found, Nameless
 from twin.estimation import first_state
 from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.static_friction import Polished
-from twin.found import Found
 from twin.mechanics.state import Start
-from twin.nameless import Nameless
 from twin.recording import CHANNEL_UNITS
 from twin.residuals.prepared import Prepared
 from twin.rigs import patch
 from twin.rigs.model import fine
 from twin.rigs.patch import Patch
 from twin.rigs.simulate import simulate
-from twin.traces import Unexplained
 
 _LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
 
@@ -61,15 +61,15 @@ def patched(
 
 def of_worst(found: Found, left: Mapping[str, Unexplained]) -> Patch | None:
     """The lookup of the first unexplained channel that is a function of one variable."""
-    for channel in verdict.too_large(found):
+    for channel in remainder.too_large(found):
         odd = left[channel]
-        for variable, share in sorted(traces.steps(odd).items(), key=lambda pair: -pair[1]):
+        for variable, share in sorted(dependence.steps(odd).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
                 break
             lookup = patch.smooth(odd.values, odd.variables[variable], odd.recording, channel, variable)
             if lookup is not None and lookup.acts:
                 return lookup
-    smooth = verdict.nameless(found)
+    smooth = remainder.nameless(found)
     return None if smooth is None else smooth.lookup
 
 
@@ -84,7 +84,7 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
     if not depends:
         return "There is no lookup, because what is left depends on none of the variables that were asked."
     first = depends[0]
-    if first == traces.TRAVEL:
+    if first == dependence.TRAVEL:
         return (
             "There is no lookup, because what is left depends on how far the hub has turned since it turned round: "
             "no function that a simulation knows."
@@ -95,7 +95,7 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
             f"There is no lookup, because what is left depends on the {name} and turns its sign with the direction of "
             "the hub: no function that a simulation knows."
         )
-    told = [channel for channel, odd in left.items() if traces.steps(odd).get(first, 0.0) >= _LEAST_SHARE]
+    told = [channel for channel, odd in left.items() if dependence.steps(odd).get(first, 0.0) >= _LEAST_SHARE]
     if not told and first == "time":
         return "There is no lookup, because what is left is another at the same instant of another recording."
     if not told:

@@ -1,36 +1,22 @@
-"""When an effect is adopted, when nothing is missing, and when the library has no answer."""
+"""What the model that stands at the end leaves unexplained, and whether it is more than noise."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from twin import chance
-from twin.estimation import cross_validation, loss
+from twin.diagnosis.state import Found, Nameless
+from twin.estimation import loss
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
 from twin.estimation.workbench import Workbench
-from twin.found import Found
-from twin.nameless import Nameless
 from twin.residuals.data import SINGLE, known_weights
 from twin.rigs.patch import HUB
-from twin.search import Candidate
 
-LEAST_SHARE = (
-    0.05  # of the misfit that an effect must explain: less is within what the model itself gets wrong
-)
-LEAST_SCORE = 30.0
-"""Gain in log likelihood, after the price of its parameters, that chance may not need but the chain's own error does:
-on recordings of a rig without a missing effect it gives up to 23."""
 OWN_ERROR = 2e-3
 """Share of what effects have gained so far that the model's own error, which grows with it, may gain once more."""
-LEAST_ELSEWHERE = 10.0
-"""Gain in log likelihood without the recording that gains most: odds of 20 000 that it is not that one alone."""
 LEAST_EVIDENCE = 7.0
 """Log of the odds by which a smooth function has to make the recordings likelier: 1100 to 1. Seven are asked in every
 campaign, each as large and as smooth as the recordings like it best: two nulls of some 600 came to 5.1 and 5.5."""
-ALIKE = 0.8  # share of the best gain from which another effect counts as an equal explanation
 QUIET = 1 / 3
 """Noise levels below which a channel's noise is declared too large to be true."""
 UNEXPLAINED = 2.0
@@ -40,48 +26,6 @@ LEFT = 0.05
 CHANCE = 3.0  # standard deviations by which the size of so much noise may seem larger than it is
 FAR_FROM_CHANCE = 5.0  # the same, of the worst
 REPEATED = 2  # recordings in which a channel must not be sound
-
-
-def worth_adopting(
-    bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float = 0.0
-) -> Candidate | None:
-    """The best candidate, if it explains a real part of the misfit, and in more than one recording.
-
-    `by_chance` is the score that chance alone gives too often; see `twin.chance`.
-    A lone recording may be odd, and the chain is not the rig: an effect has to explain a fair share of what is left,
-    and the recordings, each predicted by the others, have to gain by it even without the one that gains most.
-    """
-    if not ranked:
-        return None
-    best = ranked[0]
-    left = bench.misfit(base.residual)
-    if best.score < max(LEAST_SCORE, by_chance) or best.score < LEAST_SHARE * left:
-        return None
-    if len(bench.prepared) > 1 and elsewhere(bench, base, best) < LEAST_ELSEWHERE:
-        return None
-    return best
-
-
-def elsewhere(bench: Workbench, base: Fit, best: Candidate) -> float:
-    """Gain in cost without the recording that gains most, each predicted by the others; see `twin.estimation.cross_validation`.
-
-    Predicted is what the effect adds, or the calibration with it, whichever tells more: where another effect is
-    missing still, the calibration without a decay, say, goes far astray with any effect and without.
-    """
-    with_calibration = _gains(
-        bench, cross_validation.residual(bench, base), cross_validation.residual(bench, best.fit)
-    )
-    by_itself = _gains(bench, base.residual, cross_validation.residual(bench, best.fit, best.effects[-1]))
-    return max(float(gains.sum() - gains.max()) for gains in (with_calibration, by_itself))
-
-
-def _gains(bench: Workbench, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Gain in cost of each recording (r) from one residual to another."""
-    costs = [bench.count * loss.loss(bench.sizes(residual)) for residual in (before, after)]
-    gains = np.zeros(len(bench.prepared))
-    for group, gain in zip(bench.groups, costs[0] - costs[1], strict=True):
-        gains[group.recording] += gain
-    return gains
 
 
 def unexplained(found: Found) -> tuple[str, ...]:
@@ -160,39 +104,3 @@ def _independent(bench: Workbench) -> dict[tuple[int, str], float]:
     for group, count in zip(bench.groups, bench.count, strict=True):
         found[group.recording, group.channel] += float(count)
     return found
-
-
-def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]:
-    """Sets of effects of the adopting rounds that explain the recordings about as well as the adopted one."""
-    sets = []
-    for ranked in rounds:
-        best = ranked[0]
-        alike = [c.effects[-1] for c in ranked if c.score > best.score - decisive(best.score)]
-        if len(alike) > 1:
-            sets.append(tuple(alike))
-    return sets
-
-
-def closest(rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, Candidate] | None:
-    """The adopted and the next best candidate of the first round in which they explain about as much."""
-    for ranked in rounds:
-        if len(ranked) > 1 and ranked[1].score > ranked[0].score - decisive(ranked[0].score):
-            return ranked[0], ranked[1]
-    return None
-
-
-def decisive(score: float) -> float:
-    """Difference in score that decides: what the model gets wrong itself grows with what there is to explain."""
-    return max(5.0, (1 - ALIKE) * 0.25 * score)
-
-
-def probabilities(ranked: Sequence[Candidate], draws: np.ndarray) -> dict[str, float]:
-    """Of each candidate of one round, that it is the missing one: odds tempered by the model's own error.
-
-    That it is chance and nothing is missing takes its part; `draws` are scores that chance gives.
-    """
-    scores = np.array([c.score for c in ranked])
-    scale = max(1.0, 0.02 * max(scores.max(), 0.0))
-    weights = np.exp((scores - scores.max()) / scale)
-    weights *= chance.real(chance.exceeded(draws, scores.max())) / weights.sum()
-    return {c.effects[-1]: float(w) for c, w in zip(ranked, weights, strict=True)}

@@ -10,42 +10,39 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
-from twin import (
+from twin.campaigns.campaign import Campaign
+from twin.diagnosis import (
+    candidates,
     chance,
-    contenders,
-    nameless,
-    patches,
-    planning,
-    predictions,
+    contest,
+    dependence,
+    fit_patch,
+    predict,
     rather_named,
-    reconsider,
-    search,
+    remainder,
+    revise,
+    rules,
     stand_ins,
-    traces,
-    verdict,
+    unnamed,
     whole_orders,
 )
-from twin.campaigns.campaign import Campaign
-from twin.conclude import conclude
-from twin.diagnosis import Diagnosis
+from twin.diagnosis.answer import Diagnosis
+from twin.diagnosis.conclude import conclude
+from twin.diagnosis.plan import planned
+from twin.diagnosis.state import Found
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
 from twin.estimation import jackknife, refine, static_friction
-from twin.estimation.calibrate import calibrate, likeliest_clock, noise_levels
+from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.workbench import Workbench
-from twin.found import Found
 from twin.progress import Progress, silent
-from twin.recording import MEASURED
-from twin.search import Candidate
-from twin.separation import Explanation
 
 MOST_EFFECTS = 3
 MOST_ROUNDS = 6
 """Of the search: an effect that is dropped for a later one makes room for another round."""
 FALSE_ALARM_RATE = 0.01
-PLANNING_STEP = 1e-3  # s
 
 
 def diagnose(
@@ -71,29 +68,20 @@ def diagnose(
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         found = find(campaign, pool, progress, false_alarm_rate)
-        followed = not verdict.unexplained(found)
+        followed = not remainder.unexplained(found)
         if followed:
             progress("reading the static friction")
         polished = static_friction.polish(
             found.data, found.base, found.best, found.start.declared, pool, whole=followed
         )
         progress("simulating every recording")
-        predicted = predictions.predict(campaign, found, polished, pool)
-        pair = verdict.closest(found.rounds[: len(found.adopted)])
+        predicted = predict.predict(campaign, found, polished, pool)
+        pair = rules.closest(found.rounds[: len(found.adopted)])
         plans = planned(campaign, pair, pool) if pair else []
-        left = traces.unexplained(found.bench, found.data, found.best)
-        patched = None if followed else patches.patched(campaign, found, left, polished, predicted, pool)
+        left = dependence.unexplained(found.bench, found.data, found.best)
+        patched = None if followed else fit_patch.patched(campaign, found, left, polished, predicted, pool)
     answer = conclude(campaign, found, left, polished, predicted, plans, patched)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
-
-
-def planned(
-    campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ThreadPoolExecutor
-) -> list[planning.Plan]:
-    """Experiments that would tell two candidates apart, best first."""
-    noise = {c: s for c, s in noise_levels(campaign).items() if c in MEASURED}
-    first, second = (Explanation.of_fit(c.fit, PLANNING_STEP) for c in pair)
-    return planning.plan(first, second, noise, pool)
 
 
 # Recordings are simulated side by side: threads of linear algebra beside them double the time.
@@ -117,7 +105,7 @@ def find(
     other = stand_ins.without(found)
     if other is not None:
         other = asked(with_errors(other, other.bench), other.bench, false_alarm_rate)
-        if verdict.unexplained(other):
+        if remainder.unexplained(other):
             return other
     found = asked(with_whole_orders(found, sound), sound, false_alarm_rate)
     named = rather_named.instead(found)
@@ -125,12 +113,12 @@ def find(
         return found
     named = with_whole_orders(with_errors(named, named.bench), named.bench)
     named = asked(named, named.bench, false_alarm_rate)
-    return found if verdict.unexplained(named) else named
+    return found if remainder.unexplained(named) else named
 
 
 def asked(found: Found, sound: Workbench, false_alarm_rate: float) -> Found:
     """The same with what has no name, on these data."""
-    return replace(found, nameless=nameless.sought(sound, found.best, false_alarm_rate))
+    return replace(found, nameless=unnamed.sought(sound, found.best, false_alarm_rate))
 
 
 def with_whole_orders(found: Found, sound: Workbench) -> Found:
@@ -157,34 +145,36 @@ def first_one(
 def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple[Found, bool]:
     """One round of the search: what was found with the effect that it adopts, if any, and whether there is one."""
     bench, current = found.bench, found.best
-    explored = search.explore(bench, current, search.candidates(current.model, bench.channels()), progress)
+    explored = candidates.explore(
+        bench, current, candidates.candidates(current.model, bench.channels()), progress
+    )
     progress("scoring what chance gives")
     draws = chance.scores(bench, current, explored.slopes)
     by_chance = chance.threshold(draws, false_alarm_rate)
-    least = max(by_chance, verdict.OWN_ERROR * sum(c.score for c in found.adopted))
+    least = max(by_chance, remainder.OWN_ERROR * sum(c.score for c in found.adopted))
     ranked = explored.ranked
     # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
-    if ranked and ranked[0].score > verdict.LEAST_SCORE:
-        ranked = contenders.freely_decided(bench, contenders.settled(bench, current, ranked, progress))
-        better = contenders.calibrated_as_well(bench, current, ranked[0])
+    if ranked and ranked[0].score > rules.LEAST_SCORE:
+        ranked = contest.freely_decided(bench, contest.settled(bench, current, ranked, progress))
+        better = contest.calibrated_as_well(bench, current, ranked[0])
         if better is not None:
             progress("looking again beside a better calibration")
             return one_more(with_best(found, better), progress, false_alarm_rate)
-    ranked, choice, confirmed = contenders.confirmed(bench, current, ranked, least)
+    ranked, choice, confirmed = contest.confirmed(bench, current, ranked, least)
     found = replace(
         found,
         rounds=(*found.rounds, tuple(ranked)),
-        thresholds=(*found.thresholds, max(least, verdict.LEAST_SCORE)),
+        thresholds=(*found.thresholds, max(least, rules.LEAST_SCORE)),
         by_chance=(*found.by_chance, by_chance),
         draws=(*found.draws, draws),
     )
     if choice is None:
         return found, False
     progress(f"adopting {choice.effects[-1]}")
-    bench, current = contenders.seen_anew(confirmed, current, choice.fit)
+    bench, current = contest.seen_anew(confirmed, current, choice.fit)
     adopted = replace(choice, fit=current)
     found = replace(found, adopted=(*found.adopted, adopted), benches=(*found.benches, bench))
-    return reconsider.reconsidered(found, progress), True
+    return revise.reconsidered(found, progress), True
 
 
 def on_sound_channels(found: Found) -> tuple[Found, Workbench]:
@@ -198,15 +188,13 @@ def on_sound_channels(found: Found) -> tuple[Found, Workbench]:
     """
     bench, best = found.bench, found.best
     link = bench.channels() - {"hub_angle", "motor_torque"}
-    faulty = link & set(verdict.unexplained(found))
+    faulty = link & set(remainder.unexplained(found))
     if found.adopted and _read_by(found.adopted[-1].effects[-1]) & faulty:
         return on_sound_channels(replace(found, adopted=found.adopted[:-1], rounds=found.rounds[:-1]))
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return found, bench
     sound = bench.without(faulty)
-    fit_again = minimise(
-        sound, best.model, best.starts, best.unknowns, best.values, iterations=contenders.LONG
-    )
+    fit_again = minimise(sound, best.model, best.starts, best.unknowns, best.values, iterations=contest.LONG)
     return with_best(found, fit_again), sound
 
 

@@ -13,15 +13,21 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from twin import diagnose, planning, search, verdict
 from twin.campaigns.campaign import Campaign
+from twin.diagnosis import (
+    candidates,
+    experiments,
+    rules,
+)
+from twin.diagnosis.candidates import Candidate
+from twin.diagnosis.experiments import Plan
+from twin.diagnosis.separation import Explanation
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
-from twin.estimation.calibrate import Calibration, calibrate
+from twin.estimation.calibrate import Calibration, calibrate, noise_levels
 from twin.files.outputs import writing
-from twin.planning import Plan
 from twin.progress import Progress, silent
-from twin.search import Candidate
+from twin.recording import MEASURED
 
 
 @dataclass(frozen=True)
@@ -40,12 +46,12 @@ class Planned:
 
     def said(self) -> str:
         """Returns what to record, and whether these recordings speak for either effect at all."""
-        text = planning.said(self.plans, self.names)
-        if self.score >= verdict.LEAST_SCORE:
+        text = experiments.said(self.plans, self.names)
+        if self.score >= rules.LEAST_SCORE:
             return text
         return (
             f"These recordings speak for neither {self.names[0]} nor {self.names[1]}: the better one gains "
-            f"{self.score:.1f}, less than the {verdict.LEAST_SCORE:g} that a diagnosis asks for. {text}"
+            f"{self.score:.1f}, less than the {rules.LEAST_SCORE:g} that a diagnosis asks for. {text}"
         )
 
 
@@ -66,7 +72,7 @@ def plan(campaign: Campaign, between: tuple[str, str] | None = None, progress: P
         start = calibrate(campaign, pool, progress)
         pair = _best_two(start, progress) if between is None else _fitted(start, between, progress)
         progress("simulating experiments")
-        plans = diagnose.planned(campaign, pair, pool)
+        plans = planned(campaign, pair, pool)
     first, second = (c.effects[-1] for c in pair)
     return Planned((first, second), plans, max(c.score for c in pair))
 
@@ -82,14 +88,14 @@ def _check_names(between: tuple[str, str]) -> None:
 
 
 def _best_two(start: Calibration, progress: Progress) -> tuple[Candidate, Candidate]:
-    names = search.candidates(start.base.model, start.bench.channels())
-    first, second, *_ = search.explore(start.bench, start.base, names, progress).ranked
+    names = candidates.candidates(start.base.model, start.bench.channels())
+    first, second, *_ = candidates.explore(start.bench, start.base, names, progress).ranked
     return first, second
 
 
 def _fitted(start: Calibration, names: tuple[str, str], progress: Progress) -> tuple[Candidate, Candidate]:
     progress(f"fitting {names[0]} and {names[1]}")
-    first, second = (search.tried(start.bench, start.base, name) for name in names)
+    first, second = (candidates.tried(start.bench, start.base, name) for name in names)
     return first, second
 
 
@@ -130,3 +136,15 @@ def to_json(planned: Planned) -> dict[str, Any]:
             for p in planned.plans
         ],
     }
+
+
+PLANNING_STEP = 1e-3  # s
+
+
+def planned(
+    campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ThreadPoolExecutor
+) -> list[experiments.Plan]:
+    """Experiments that would tell two candidates apart, best first."""
+    noise = {c: s for c, s in noise_levels(campaign).items() if c in MEASURED}
+    first, second = (Explanation.of_fit(c.fit, PLANNING_STEP) for c in pair)
+    return experiments.plan(first, second, noise, pool)

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin import search, verdict
+from twin.diagnosis import candidates, rules
+from twin.diagnosis.candidates import Candidate
 from twin.estimation import chain_limit
 from twin.estimation.calibrate import seen_by
 from twin.estimation.fit import Fit
@@ -19,7 +20,6 @@ from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
 from twin.residuals.view import on_link
 from twin.rigs.model import Model
-from twin.search import Candidate
 
 CONTENDERS = 3  # candidates that are fitted to the end
 _CLOSE = 0.3  # share of the best score that they need
@@ -39,7 +39,7 @@ def settled(
     rest = [c for c in ranked if c not in contenders]
     refined = [fitted(bench, base, c, c.fit.values) for c in contenders]
     left = min(bench.misfit(c.fit.residual) for c in refined)
-    if left > verdict.LEAST_SHARE * bench.misfit(base.residual):
+    if left > rules.LEAST_SHARE * bench.misfit(base.residual):
         # A group that fits badly weighs little, so that a fit can settle with it: the other way is gone to the end too.
         goals = [c.fit.cost for c in refined]
         others = [
@@ -68,7 +68,7 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides. The
     static friction, on which free runs hang and which the search knows badly, is read where rests end first.
     """
-    alike = [c for c in ranked[:CONTENDERS] if c.score > ranked[0].score - verdict.decisive(ranked[0].score)]
+    alike = [c for c in ranked[:CONTENDERS] if c.score > ranked[0].score - rules.decisive(ranked[0].score)]
     if len(alike) < 2:
         return ranked
     assert isinstance(bench.data, DrivenData)
@@ -78,7 +78,7 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     closest = alike[int(np.argmin(cost))]
     if cost[0] - min(cost) <= _CLEARLY * free.count.sum():
         return ranked
-    most = closest.score - 0.5 * verdict.decisive(ranked[0].score)
+    most = closest.score - 0.5 * rules.decisive(ranked[0].score)
     rest = [replace(c, score=min(c.score, most)) for c in ranked if c is not closest]
     return [closest, *sorted(rest, key=lambda c: -c.score)]
 
@@ -89,7 +89,7 @@ def fitted(
     """The candidate fitted with everything free, from these values (p); given up where it stays dearer than `goal`."""
     before = candidate.fit
     result = minimise(bench, before.model, before.starts, before.unknowns, first, None, LONG, goal=goal)
-    return Candidate(candidate.effects, result, search.gain(bench, base, result))
+    return Candidate(candidate.effects, result, candidates.gain(bench, base, result))
 
 
 def calibrated_as_well(bench: Workbench, base: Fit, best: Candidate) -> Fit | None:
@@ -98,8 +98,8 @@ def calibrated_as_well(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     A calibration may have stopped short, of a recording that began in motion, say. Whatever is added to it goes on
     from there, and gains what calibration alone would have.
     """
-    first = search.first_values(base.unknowns, base.model, base, best.fit)
-    goal = base.cost - verdict.decisive(best.score)
+    first = candidates.first_values(base.unknowns, base.model, base, best.fit)
+    goal = base.cost - rules.decisive(best.score)
     again = minimise(bench, base.model, base.starts, base.unknowns, first, None, LONG, goal=goal)
     return again if again.cost < goal else None
 
@@ -124,12 +124,12 @@ def confirmed(
     """
     ranked = list(ranked)
     checked: dict[Candidate, Workbench] = {}
-    while (choice := verdict.worth_adopting(bench, base, ranked, by_chance)) is not None:
+    while (choice := rules.worth_adopting(bench, base, ranked, by_chance)) is not None:
         if choice in checked:
             return ranked, choice, checked[choice]
         own = copy(bench)
         fine = on_fine_chain(own, choice.fit)
-        found = replace(choice, fit=fine, score=search.gain(own, base, fine))
+        found = replace(choice, fit=fine, score=candidates.gain(own, base, fine))
         checked[found] = own
         ranked[0] = found
         if found.score < choice.score - _close(choice.score):

@@ -3,7 +3,7 @@
 A fault without a name may leave a residual that is small everywhere, and still the same function of the command, of
 the hub's angle or of time wherever that comes back. Such a function is a Gaussian process here, as large and as smooth
 as the recordings like it best, with declared parameters and adopted effects free to give way; what counts is its
-evidence, see `twin.estimation.gaussian_process`. What chance gives comes from random signs, as in `twin.chance`.
+evidence, see `twin.estimation.gaussian_process`. What chance gives comes from random signs, as in `twin.diagnosis.chance`.
 
 Only the hub is asked, and the sensor of the drive's torque about what the drive does with its command: where readings
 of the link differ a little from the model's, so do sound links on other engines.
@@ -12,11 +12,12 @@ of the link differ a little from the model's, so do sound links on other engines
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from twin import chance, regressors
+from twin.diagnosis import chance, regressors
+from twin.diagnosis.state import Law, Nameless
 from twin.estimation.fit import Fit
 from twin.estimation.gaussian_process import Evidence, likeliest, likely
 from twin.estimation.slopes import prior_precision, row_weights
@@ -27,31 +28,11 @@ from twin.residuals.filters import GRID, low_passed
 from twin.residuals.prepared import Prepared
 from twin.residuals.view import View
 from twin.rigs.model import Model
-from twin.rigs.patch import HUB, Patch
+from twin.rigs.patch import HUB
 
 _KNOTS = 32
 _RANGE = (0.002, 0.998)  # quantiles of the variable between which the knots lie
 _LEAST = 1e-9  # part of a variance that keeps a matrix regular
-
-
-@dataclass(frozen=True)
-class Law:
-    """A torque on the hub that is a function of one variable.
-
-    Attributes:
-      variable: on which it depends.
-      sided: whether it turns its sign with the hub's direction, as friction does.
-      drive: whether it is a fault of the drive, which a sensor of its torque reads, too.
-    """
-
-    variable: str
-    sided: bool = False
-    drive: bool = False
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """On which it depends, its own first."""
-        return (self.variable, "hub_rate") if self.sided else (self.variable,)
 
 
 _TORQUE, _COMMAND = "motor_torque", "torque_command"
@@ -60,32 +41,6 @@ _LAWS = (
     *(Law(variable) for variable in ("torque_command", "hub_angle", "hub_rate", "time")),
     *(Law(variable, sided=True) for variable in ("hub_angle", "time")),
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Nameless:
-    """A function, and how much it explains of what a model leaves.
-
-    Attributes:
-      law: what it is a function of.
-      evidence: how much more likely it makes the data, as a natural logarithm.
-      by_chance: evidence that chance exceeds at the false-alarm rate, by any of the functions asked for.
-      x: (k) values of the variable, SI, ascending.
-      y: (k) the function there that corrects the model as it is fitted [N m].
-      samples: (k) about each of them.
-    """
-
-    law: Law
-    evidence: float
-    by_chance: float
-    x: np.ndarray = field(repr=False)
-    y: np.ndarray = field(repr=False)
-    samples: np.ndarray = field(repr=False)
-
-    @property
-    def lookup(self) -> Patch | None:
-        """The function as a correction; None of one that a simulation cannot look up."""
-        return None if self.law.sided else Patch(HUB, self.law.variable, self.x, self.y, self.samples)
 
 
 def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin import search
+from twin.diagnosis import candidates
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
@@ -24,7 +24,7 @@ def taken(bench: Workbench, best: Fit) -> Fit:
     for u in best.unknowns:
         if _is_order(u):
             whole = _at_whole(bench, best, u)
-            if whole.cost < best.cost + search.price(1, bench):
+            if whole.cost < best.cost + candidates.price(1, bench):
                 best = whole
     return best
 

@@ -6,20 +6,20 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin import traces, verdict
 from twin.campaigns.campaign import Campaign
 from twin.campaigns.clock import said
-from twin.diagnosis import Prediction
+from twin.diagnosis import dependence, remainder, rules
+from twin.diagnosis.answer import Prediction
+from twin.diagnosis.dependence import Unexplained
+from twin.diagnosis.state import Found
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
-from twin.found import Found
 from twin.labels import named
 from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View
 from twin.rigs.patch import HUB
-from twin.traces import Unexplained
 
 _MUCH = 0.2  # share of what is left that one parameter's change explains, from which it is told
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque
@@ -64,7 +64,7 @@ def drifts(behind: Mapping[str, Unexplained], depends: Sequence[str]) -> list[st
     """The parameter whose change with time is what a model leaves, if that says much of it."""
     if HUB not in behind or depends[:1] != ("time",):
         return []
-    name, share = traces.drift(behind[HUB])
+    name, share = dependence.drift(behind[HUB])
     if share < _MUCH:
         return []
     return [
@@ -98,13 +98,13 @@ def _alone(found: Found) -> list[str]:
     return [
         f"{files[i]} alone leaves {size:.2g} noise levels of {named(channel)} unexplained, no other recording "
         "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
-        for i, channel, size in verdict.alone(found)
+        for i, channel, size in remainder.alone(found)
     ]
 
 
 def _quiet(found: Found) -> list[str]:
     """Channels whose declared noise hides what is smaller."""
-    told = {("hub_angle" if c == HUB else c): size for c, size in verdict.too_quiet(found).items()}
+    told = {("hub_angle" if c == HUB else c): size for c, size in remainder.too_quiet(found).items()}
     return [
         f"{named(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: what is smaller "
         "than that was not looked for. Declare the noise that the sensor has, or none: it is estimated then."
@@ -114,7 +114,7 @@ def _quiet(found: Found) -> list[str]:
 
 def _nameless(found: Found) -> list[str]:
     """How sure a function is that no effect explains."""
-    smooth = verdict.nameless(found)
+    smooth = remainder.nameless(found)
     if smooth is None:
         return []
     sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
@@ -131,7 +131,7 @@ def _instead(found: Found) -> list[str]:
     if found.instead is None:
         return []
     return [
-        f"{found.names[-1]} gains {found.adopted[-1].score:.0f}, less than {verdict.LEAST_SCORE:g}. But something is "
+        f"{found.names[-1]} gains {found.adopted[-1].score:.0f}, less than {rules.LEAST_SCORE:g}. But something is "
         f"missing for sure: a smooth torque on the hub over {named(found.instead.law.variable)} makes the recordings "
         f"e^{found.instead.evidence:.0f} times likelier, and the effect explains as much with the numbers it takes."
     ]
@@ -204,7 +204,7 @@ def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:
 
 def astray(found: Found, predictions: Mapping[str, Prediction]) -> list[str]:
     """Held-out recordings that the model misses, though it follows those that it was fitted to."""
-    if verdict.unexplained(found):
+    if remainder.unexplained(found):
         return []
     notes = []
     for file, prediction in predictions.items():

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import ChannelError, Prediction
+from twin.diagnosis.answer import ChannelError, Prediction
+from twin.diagnosis.state import Found
 from twin.estimation import first_state
 from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.static_friction import Polished
-from twin.found import Found
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model, fine

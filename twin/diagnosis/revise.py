@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
-from twin import contenders, search, verdict
+from twin.diagnosis import candidates, contest, remainder, rules
+from twin.diagnosis.candidates import Candidate
+from twin.diagnosis.state import Found
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.workbench import Workbench
-from twin.found import Found
 from twin.progress import Progress, silent
-from twin.search import Candidate
 
 _QUICK = 5  # iterations of a fit that only tells whether it is worth going on
 _FAR = 10.0  # times the score that an effect needs, from which a quick fit is enough to keep it
@@ -31,9 +31,9 @@ def reconsidered(found: Found, progress: Progress = silent) -> Found:
 
 def _without_needless(found: Found) -> Found:
     names = found.names
-    least = max(verdict.LEAST_SCORE, verdict.OWN_ERROR * sum(c.score for c in found.adopted))
+    least = max(rules.LEAST_SCORE, remainder.OWN_ERROR * sum(c.score for c in found.adopted))
     without = {name: _without(found, name, least) for name in names[:-1]}
-    scores = {name: search.gain(found.bench, other, found.best) for name, other in without.items()}
+    scores = {name: candidates.gain(found.bench, other, found.best) for name, other in without.items()}
     needless = min(scores, key=lambda name: scores[name])
     if scores[needless] >= least:
         return found
@@ -44,9 +44,9 @@ def _without(found: Found, name: str, least: float) -> Fit:
     """The fit of all effects but one; to the end where that one is in doubt."""
     effects = {n: p for n, p in found.best.model.effects.items() if n != name}
     quick = fitted(found, effects, _QUICK, found.best)
-    if search.gain(found.bench, quick, found.best) > _FAR * least:
+    if candidates.gain(found.bench, quick, found.best) > _FAR * least:
         return quick
-    return fitted(found, effects, contenders.LONG, quick)
+    return fitted(found, effects, contest.LONG, quick)
 
 
 def _exchanged(found: Found) -> Found:
@@ -62,8 +62,8 @@ def _exchanged(found: Found) -> Found:
             tried[name] = other.fit.model.effects[name]
             result = fitted(found, tried, _QUICK, found.best)
             fewer = len(closest.unknowns) - len(result.unknowns)
-            gained = closest.cost - result.cost + search.price(fewer, found.bench)
-            if gained > verdict.decisive(ranked[0].score):
+            gained = closest.cost - result.cost + candidates.price(fewer, found.bench)
+            if gained > rules.decisive(ranked[0].score):
                 best, closest = [n for n in tried if n not in found.known], result
     return found if best is None else rebuilt(found, best, closest)
 
@@ -74,11 +74,9 @@ def _alike(ranked: Sequence[Candidate]) -> list[Candidate]:
     What is missing beside them then may have helped either of them.
     """
     best = ranked[0].score
-    least = min(verdict.ALIKE * best, best - verdict.decisive(best))
+    least = min(rules.ALIKE * best, best - rules.decisive(best))
     return [
-        c
-        for c in ranked[1 : contenders.CONTENDERS]
-        if c.score > least and c.effects[-1] in c.fit.model.effects
+        c for c in ranked[1 : contest.CONTENDERS] if c.score > least and c.effects[-1] in c.fit.model.effects
     ]
 
 
@@ -92,8 +90,8 @@ def fitted(
     """The fit with these effects, from the values of another one; a quick one has its slopes, too."""
     bench = bench or found.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
-    unknowns = search.unknowns_of(bench, model, found.base)
-    first = search.first_values(unknowns, model, found.base, near)
+    unknowns = candidates.unknowns_of(bench, model, found.base)
+    first = candidates.first_values(unknowns, model, found.base, near)
     kept = near.slopes if iterations == _QUICK else None
     return minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
@@ -101,17 +99,17 @@ def fitted(
 def rebuilt(found: Found, names: Sequence[str], result: Fit) -> Found:
     """What was found, as if these effects had been adopted one after the other, the last fit that of them all."""
     bench = copy(found.bench)
-    fine = contenders.on_fine_chain(bench, result)
-    bench, fine = contenders.seen_anew(bench, found.best, fine)
+    fine = contest.on_fine_chain(bench, result)
+    bench, fine = contest.seen_anew(bench, found.best, fine)
     adopted: list[Candidate] = []
     rounds: list[tuple[Candidate, ...]] = []
     before = found.base
     for k, name in enumerate(names):
         last = k == len(names) - 1
         effects = {n: fine.model.effects[n] for n in (*found.known, *names[: k + 1])}
-        here = fine if last else fitted(found, effects, contenders.LONG, fine, found.benches[0])
+        here = fine if last else fitted(found, effects, contest.LONG, fine, found.benches[0])
         picked = Candidate(
-            tuple(effects), here, search.gain(bench if last else found.benches[0], before, here)
+            tuple(effects), here, candidates.gain(bench if last else found.benches[0], before, here)
         )
         adopted.append(picked)
         rounds.append((picked, *(c for c in found.rounds[k] if c.effects[-1] != name)))

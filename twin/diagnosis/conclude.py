@@ -7,17 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from twin import labels, notes, patches, planning, traces, verdict
+from twin import labels
 from twin.campaigns.campaign import Campaign
 from twin.correlations import Correlations, of_covariance
-from twin.diagnosis import AdoptedEffect, Calibrated, Diagnosis, KnownEffect, Patched, Prediction, Verdict
+from twin.diagnosis import dependence, experiments, fit_patch, notes, remainder, rules, traces
+from twin.diagnosis.answer import (
+    AdoptedEffect,
+    Calibrated,
+    Diagnosis,
+    KnownEffect,
+    Patched,
+    Prediction,
+    Verdict,
+)
+from twin.diagnosis.dependence import Unexplained
+from twin.diagnosis.experiments import Plan
+from twin.diagnosis.state import Found
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
-from twin.found import Found
-from twin.planning import Plan
 from twin.rigs.patch import HUB
-from twin.traces import Unexplained
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
 _SPEEDS = "Record slews of one angle at several speeds."
@@ -29,7 +38,7 @@ _TELLING = {
     "strain_base": _BENDS,
     "strain_mid": _BENDS,
     "time": "Repeat one run several times, at once and after a rest: see what goes on and what begins anew.",
-    traces.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what holds it back "
+    dependence.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what holds it back "
     "before it has turned far shows there.",
 }
 """Variable on which something outside the library depends -> experiment that tells more."""
@@ -48,11 +57,11 @@ def conclude(
     patched: Patched | None,
 ) -> Diagnosis:
     """Puts the answer together; `behind` is what the model leaves unexplained that stands at the end."""
-    left = verdict.unexplained(found)
+    left = remainder.unexplained(found)
     answer = said(found)
     effects = _effects(found, polished)
     first = found.rounds[0] if found.rounds else ()
-    alike = verdict.alternatives(found.rounds[: len(found.adopted)])
+    alike = rules.alternatives(found.rounds[: len(found.adopted)])
     depends = variables(found, behind)
     return Diagnosis(
         campaign=campaign.name,
@@ -73,9 +82,9 @@ def conclude(
         fitted=polished.augmented.model.declared,
         threshold=found.thresholds[0] if found.thresholds else None,
         by_chance=found.by_chance[0] if found.by_chance else None,
-        least_score=verdict.LEAST_SCORE,
+        least_score=rules.LEAST_SCORE,
         patched=patched,
-        no_patch=patches.why_none({c: behind[c] for c in left}, depends, verdict.nameless(found))
+        no_patch=fit_patch.why_none({c: behind[c] for c in left}, depends, remainder.nameless(found))
         if left and patched is None
         else None,
         correlations=_correlations(polished.augmented),
@@ -84,7 +93,7 @@ def conclude(
 
 def said(found: Found) -> Verdict:
     """The verdict of a search."""
-    if verdict.unexplained(found):
+    if remainder.unexplained(found):
         return "outside-library"
     return "explained" if found.adopted else "no-missing-effect"
 
@@ -112,7 +121,7 @@ def stated(found: Found) -> dict[str, float]:
     """Probability of each adopted effect that it is missing indeed."""
     beside = _BESIDE_UNKNOWN if said(found) == "outside-library" else 1.0
     return {
-        name: beside * verdict.probabilities(ranked, draws).get(name, 0.0)
+        name: beside * rules.probabilities(ranked, draws).get(name, 0.0)
         for name, ranked, draws in zip(found.names, found.rounds, found.draws, strict=False)
     }
 
@@ -152,9 +161,9 @@ def _correlations(fit: Fit) -> Correlations:
 
 def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
-    told = [behind[channel] for channel in verdict.too_large(found) if len(behind[channel].values) > 50]
-    depends = traces.strongest(told)
-    smooth = verdict.nameless(found)
+    told = [behind[channel] for channel in remainder.too_large(found) if len(behind[channel].values) > 50]
+    depends = dependence.strongest(told)
+    smooth = remainder.nameless(found)
     if smooth is None:
         return depends
     # Where a function of the same variables was asked for, its evidence tells best which one it is.
@@ -210,7 +219,7 @@ def _next(
     answer: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str], plans: Sequence[Plan]
 ) -> str | None:
     if alike and plans:
-        return planning.said(plans, alike[0][:2])
+        return experiments.said(plans, alike[0][:2])
     if answer == "outside-library":
         return _TELLING[depends[0]] if depends else _AGAIN
     return None

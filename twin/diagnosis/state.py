@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from twin.diagnosis.candidates import Candidate
 from twin.estimation.calibrate import Calibration
 from twin.estimation.fit import Fit
 from twin.estimation.workbench import Workbench
-from twin.nameless import Nameless
 from twin.residuals.data import DrivenData
-from twin.search import Candidate
+from twin.rigs.patch import HUB, Patch
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class Found:
       thresholds: score that each round asked for.
       benches: the data as the calibrated model sees them, and then each that was adopted.
       by_chance: score that chance exceeds at the false-alarm rate, of each round.
-      draws: scores that chance gives, of each round, see `twin.chance`.
+      draws: scores that chance gives, of each round, see `twin.diagnosis.chance`.
       nameless: functions of one variable that may be behind what is left at the end, the likeliest first.
       taken_back: effects that were adopted, but only stand for something else together.
-      instead: function without a name in the place of which the last effect was adopted, see `twin.rather_named`.
+      instead: function without a name in the place of which the last effect was adopted, see `twin.diagnosis.rather_named`.
     """
 
     start: Calibration
@@ -72,3 +72,49 @@ class Found:
     def best(self) -> Fit:
         """The fit of the model that stands at the end of the search."""
         return self.adopted[-1].fit if self.adopted else self.base
+
+
+@dataclass(frozen=True)
+class Law:
+    """A torque on the hub that is a function of one variable.
+
+    Attributes:
+      variable: on which it depends.
+      sided: whether it turns its sign with the hub's direction, as friction does.
+      drive: whether it is a fault of the drive, which a sensor of its torque reads, too.
+    """
+
+    variable: str
+    sided: bool = False
+    drive: bool = False
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """On which it depends, its own first."""
+        return (self.variable, "hub_rate") if self.sided else (self.variable,)
+
+
+@dataclass(frozen=True, eq=False)
+class Nameless:
+    """A function, and how much it explains of what a model leaves.
+
+    Attributes:
+      law: what it is a function of.
+      evidence: how much more likely it makes the data, as a natural logarithm.
+      by_chance: evidence that chance exceeds at the false-alarm rate, by any of the functions asked for.
+      x: (k) values of the variable, SI, ascending.
+      y: (k) the function there that corrects the model as it is fitted [N m].
+      samples: (k) about each of them.
+    """
+
+    law: Law
+    evidence: float
+    by_chance: float
+    x: np.ndarray = field(repr=False)
+    y: np.ndarray = field(repr=False)
+    samples: np.ndarray = field(repr=False)
+
+    @property
+    def lookup(self) -> Patch | None:
+        """The function as a correction; None of one that a simulation cannot look up."""
+        return None if self.law.sided else Patch(HUB, self.law.variable, self.x, self.y, self.samples)
