@@ -18,8 +18,8 @@ import resumable
 from machine import describe
 
 from twin.campaigns.campaign import read_campaign
-from twin.identify.identification import identify
-from twin.identify.results import TWO_SIDED_95
+from twin.identification.estimates import TWO_SIDED_95
+from twin.identification.identify import identify
 from twin.virtual_rig import make_campaign
 
 

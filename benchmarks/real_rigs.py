@@ -18,9 +18,9 @@ import numpy as np
 from machine import command, describe
 
 from twin.campaigns.campaign import Campaign, read_campaign
-from twin.identify.identification import Identification, identify
-from twin.identify.results import Estimate
-from twin.identify.sentences import shown
+from twin.identification.estimates import Estimate
+from twin.identification.findings import shown
+from twin.identification.identify import Identification, identify
 
 LAW = "viscous-friction"
 

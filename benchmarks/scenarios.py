@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 from machine import command, describe
 
-from twin import closed_loop, plants, scenarios
-from twin.closed_loop import Run
-from twin.control.siso import siso
-from twin.experiment import Experiment
+from twin.control import closed_loop, plants, scenarios
+from twin.control.closed_loop import Run
+from twin.control.experiment import Experiment
+from twin.control.laws.siso import siso
+from twin.control.plants.base import PERIOD
+from twin.control.plants.chain import CompiledPlant
+from twin.control.plants.modal import ModalPlant
 from twin.parameters import Rig
-from twin.plants.base import PERIOD
-from twin.plants.chain import CompiledPlant
-from twin.plants.modal import ModalPlant
+from twin.report.run_rerun import of_run, write_rrd
 from twin.rigs import preset
-from twin.run_stream import of_run, write_rrd
 from twin.validation import validation
 from twin.validation.requirements import defaults
 

@@ -24,8 +24,8 @@ from machine import describe
 
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.estimation.calibrate import noise_levels
-from twin.identify import balance, friction_map, joint, momentum
-from twin.identify.results import Estimate
+from twin.identification import balance, friction_map, joint, total_inertia
+from twin.identification.estimates import Estimate
 from twin.mechanics import beam, chain
 from twin.parameters import Rig
 from twin.residuals.data import DrivenData
@@ -58,7 +58,7 @@ def _slews(seed: int, folder: Path) -> dict:
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
     prepared = _prepared(campaign)
     data = DrivenData(prepared, model, joint.BANDS)
-    whole = momentum.of_rig(data, model)
+    whole = total_inertia.of_rig(data, model)
     if whole is None:
         return {}
     found = {"total inertia, slews": _told(whole.inertia, beam.rigid_inertia(true))}

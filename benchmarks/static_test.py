@@ -16,8 +16,8 @@ import numpy as np
 from scipy.constants import g
 
 from twin.campaigns.campaign import Campaign, StaticTest
-from twin.identify import static_test
-from twin.identify.joint import prior_deviation
+from twin.identification import static_test
+from twin.identification.joint import prior_deviation
 from twin.rigs import preset
 
 TESTS = 2000

@@ -24,10 +24,10 @@ from functools import cache, partial
 import machine
 import numpy as np
 
+from twin.control.plants.paper import PaperPlant
 from twin.effects import REGISTRY
 from twin.mechanics import chain, planar
 from twin.open_loop import DURATION, Family, Profile
-from twin.plants.paper import PaperPlant
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.turns import (
@@ -256,7 +256,7 @@ def step_end(found: TurnFit) -> float:
 
     The regulator sees the hub's true angle: nan for what changes the sensor alone.
     """
-    from twin import closed_loop, plants, scenarios
+    from twin.control import closed_loop, plants, scenarios
 
     if found.effects and all(name.startswith("hub-sensor") for name in found.effects):
         return math.nan

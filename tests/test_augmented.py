@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin.augmented import to_toml, write_augmented
 from twin.correlations import of_covariance
 from twin.errors import InputError
 from twin.parameters import Rig
+from twin.report.augmented_rig import to_toml, write_augmented
 from twin.rigs.rig_file import read_rig_file, read_uncertainty
 
 MINIMAL = """format = 1

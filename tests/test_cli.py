@@ -17,9 +17,9 @@ import synthetic_diagnosis as synthetic
 
 from twin import cli
 from twin.commands import shared
-from twin.deliver import ANSWER, FILES, FOLDER, deliver
 from twin.diagnosis.answer import Patched
 from twin.files.json import to_text
+from twin.report.deliver import ANSWER, FILES, FOLDER, deliver
 from twin.rigs.patch import HUB, Patch
 
 TWIN = [sys.executable, "-m", "twin.cli"]
@@ -219,7 +219,7 @@ def test_a_full_disk_is_told_without_a_traceback(run, campaign, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("twin.deliver.write_report", full)
+    monkeypatch.setattr("twin.report.deliver.write_report", full)
     code, _, error = run("diagnose", campaign)
     assert (code, error) == (2, "Error: cannot write bench-diagnosis: No space left on device\n")
 

@@ -8,12 +8,12 @@ import control
 import numpy as np
 import pytest
 
-from twin import plants
-from twin.closed_loop import run
-from twin.control.library import CONTROLLERS, controller
-from twin.control.lqi import OBSERVER_POLES, design, lqi
-from twin.control.shaper import ShapedReference, extra_insensitive, residual_vibration, zero_vibration
-from twin.control.siso import siso
+from twin.control import plants
+from twin.control.closed_loop import run
+from twin.control.laws.library import CONTROLLERS, controller
+from twin.control.laws.lqi import OBSERVER_POLES, design, lqi
+from twin.control.laws.shaper import ShapedReference, extra_insensitive, residual_vibration, zero_vibration
+from twin.control.laws.siso import siso
 from twin.errors import InputError
 from twin.rigs import preset
 

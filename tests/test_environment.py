@@ -7,9 +7,9 @@ import pytest
 from absl.testing import absltest
 from dm_env import test_utils
 
-from twin import plants
-from twin.environment import Follow, over, rig_environment
-from twin.plants.sensors import BOSSI2009, Sensors
+from twin.control import plants
+from twin.control.environment import Follow, over, rig_environment
+from twin.control.plants.sensors import BOSSI2009, Sensors
 
 
 class ChainConformance(test_utils.EnvironmentTestMixin, absltest.TestCase):

@@ -18,21 +18,21 @@ from twin.campaigns import campaign
 from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
 from twin.estimation.calibrate import noise_levels
-from twin.identify import (
+from twin.identification import (
+    as_json,
     break_away,
     decay,
-    details,
+    findings,
     friction_map,
-    load_line,
     pictures,
-    sentences,
     spectra,
+    static_line,
     static_test,
 )
-from twin.identify.backbone import Backbone, backbone
-from twin.identify.break_away import StaticFriction
-from twin.identify.deliver import FOLDER
-from twin.identify.results import Estimate, Mode, disagreement, pooled
+from twin.identification.backbone import Backbone, backbone
+from twin.identification.break_away import StaticFriction
+from twin.identification.deliver import FOLDER
+from twin.identification.estimates import Estimate, Mode, disagreement, pooled
 from twin.mechanics import beam, chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
@@ -64,7 +64,7 @@ def table_one():
 
 
 def test_table_one_reads_as_in_the_paper_and_says_what_does_not_add_up(table_one):
-    said = sentences.static(table_one, Estimate(0.24957, 0.005)).sentences
+    said = findings.static(table_one, Estimate(0.24957, 0.005)).sentences
     assert any(s.startswith("Row 1 lies -1 mm off the line through the others") for s in said)
     [without] = [s for s in said if s.startswith("Without it")]
     # Rows 2 to 5 are a line to the last digit, 0.2423 N m^2 with g = 9.81 m/s^2; its tare is the plate's 0.019 kg.
@@ -93,7 +93,7 @@ def test_loads_read_to_few_decimals_do_not_flatten_the_line():
         read, y = np.round(force + rng.normal(0, 0.05, 400), 2), np.round(compliance * force, 5)
         found = static_test_of({"tip_force": read, "tip_deflection": y})
         off["both"].append(found.stiffness.value / 0.25 - 1)
-        plain = load_line.stiffness(load_line.fit_line(read, y), LENGTH)
+        plain = static_line.stiffness(static_line.fit_line(read, y), LENGTH)
         off["plain"].append(plain.value / 0.25 - 1)
     # The variance of the forces is 0.0075 N^2, of their errors 0.0025 N^2.
     assert np.mean(off["plain"]) > 0.25
@@ -117,8 +117,8 @@ def test_errors_in_both_variables_do_not_flatten_a_line():
     off = {"plain": [], "both": []}
     for _ in range(40):
         x, y = true + rng.normal(0, 0.1, 400), 0.5 + 2 * true + rng.normal(0, 0.2, 400)
-        off["plain"].append(load_line.fit_line(x, y).slope.value - 2)
-        both = load_line.fit_line(x, y, ratio=0.5)
+        off["plain"].append(static_line.fit_line(x, y).slope.value - 2)
+        both = static_line.fit_line(x, y, ratio=0.5)
         off["both"].append(both.slope.value - 2)
     # The variance of x is 1/12 and its noise 0.01: a plain line is flatter by 11 %.
     assert np.mean(off["plain"]) == pytest.approx(-0.21, abs=0.03)
@@ -132,8 +132,8 @@ def test_interval_of_few_rows_holds_the_truth(rows, decimals):
     force, held = np.linspace(0.2, 2.0, rows), 0
     for _ in range(400):
         y = 0.002 + 0.42**3 / (3 * 0.25) * force + rng.normal(0, 3e-4, rows)
-        line = load_line.fit_line(force, np.round(y, decimals), steps=(0.0, 10.0**-decimals))
-        low, high = load_line.stiffness(line, Estimate(0.42, 0.0)).interval
+        line = static_line.fit_line(force, np.round(y, decimals), steps=(0.0, 10.0**-decimals))
+        low, high = static_line.stiffness(line, Estimate(0.42, 0.0)).interval
         held += low <= 0.25 <= high
     assert held / 400 > 0.93
 
@@ -141,14 +141,14 @@ def test_interval_of_few_rows_holds_the_truth(rows, decimals):
 def test_a_bent_load_line_is_seen():
     x = np.linspace(0, 1, 12)
     noise = np.random.default_rng(0).normal(0, 0.003, 12)
-    assert load_line.fit_line(x, x + noise).straight
-    assert not load_line.fit_line(x, x - 0.1 * x**2 + noise).straight
+    assert static_line.fit_line(x, x + noise).straight
+    assert not static_line.fit_line(x, x - 0.1 * x**2 + noise).straight
 
 
 def test_displacement_against_its_load_is_an_error():
-    line = load_line.fit_line(np.arange(4.0), -np.arange(4.0))
+    line = static_line.fit_line(np.arange(4.0), -np.arange(4.0))
     with pytest.raises(InputError, match=r"static\.csv.*direction of the load"):
-        load_line.stiffness(line, LENGTH)
+        static_line.stiffness(line, LENGTH)
 
 
 def envelope(losses: tuple[float, float, float], time: np.ndarray, first: float) -> np.ndarray:
@@ -289,10 +289,10 @@ def test_of_a_closed_loop_the_response_is_by_the_reference_and_h1_is_biased():
     assert off[0] < 0.03
     assert off[1] > 0.1
     assert (by_reference.estimator, by_torque.estimator) == ("by the reference", "H1")
-    said = sentences.spectra(by_reference, (), None, Estimate(7.27, 0.01)).sentences
+    said = findings.spectra(by_reference, (), None, Estimate(7.27, 0.01)).sentences
     assert any("by the reference as instrument" in s for s in said)
     assert not any(
-        "instrument" in s for s in sentences.spectra(by_torque, (), None, Estimate(7.27, 0.01)).sentences
+        "instrument" in s for s in findings.spectra(by_torque, (), None, Estimate(7.27, 0.01)).sentences
     )
     curves = [trace.name for trace in pictures.response(by_reference).data]
     assert "by the reference" in curves
@@ -436,14 +436,14 @@ def test_json_has_the_procedures_as_numbers_too(run):
 def test_what_is_no_number_in_one_campaign_is_in_another():
     ends = Estimate(7.0, 0.1)
     moved = Backbone(("a", "b", "c"), "strain_base", np.arange(3.0), (ends,) * 3, ends, Estimate(-0.2, 0.01))
-    said = details.backbone(moved)
+    said = as_json.backbone(moved)
     assert said["moves"]
     assert said["simulated_slope"] is None
     assert said["frequency_hz"] == [7.0] * 3
     mapped = friction_map.FrictionMap(
         "r.csv", np.arange(2.0), np.arange(2.0), Estimate(0.5, 0.1), Estimate(5e-3, 1e-4), 0.03
     )
-    assert details.friction_map(mapped)["level"]["interval"] == pytest.approx([4.804e-3, 5.196e-3])
+    assert as_json.friction_map(mapped)["level"]["interval"] == pytest.approx([4.804e-3, 5.196e-3])
 
 
 def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
@@ -503,7 +503,7 @@ def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
 @pytest.mark.parametrize(("peak", "said"), [(6.5, True), (7.26, False), (18.4, False)])
 def test_a_peak_that_friction_has_moved_is_said_to_be(peak, said):
     mode = Mode("free", Estimate(peak, 0.02), None, "bending", "s.csv, strain_base")
-    found = sentences.spectra(spectra.response([fed_back(0)]), (mode,), None, Estimate(7.27, 0.01)).sentences
+    found = findings.spectra(spectra.response([fed_back(0)]), (mode,), None, Estimate(7.27, 0.01)).sentences
     assert any("small vibration" in sentence for sentence in found) == said
 
 
@@ -563,11 +563,11 @@ def test_bad_input_is_one_message_and_writes_nothing(twin, tmp_path):
 def test_what_recordings_do_not_allow_is_said_in_a_sentence():
     nothing = StaticFriction((), (), {}, None, math.nan)
     found = [
-        sentences.static(None, Estimate(0.25, 0.005)),
-        sentences.decays(()),
-        sentences.break_aways(nothing),
-        sentences.inertia(None, None, Estimate(0.03, 0.001), None, None),
-        sentences.spectra(None, (), None, Estimate(7.27, 0.01)),
+        findings.static(None, Estimate(0.25, 0.005)),
+        findings.decays(()),
+        findings.break_aways(nothing),
+        findings.inertia(None, None, Estimate(0.03, 0.001), None, None),
+        findings.spectra(None, (), None, Estimate(7.27, 0.01)),
     ]
     assert all(f.missing and not f.sentences for f in found)
 

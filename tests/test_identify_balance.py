@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.campaigns.campaign import read_campaign
-from twin.identify import balance, joint
+from twin.identification import balance, joint
 from twin.mechanics import chain
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import prepare

@@ -16,20 +16,20 @@ from twin.estimation import chain_limit, jackknife, loss, refine, sandwich
 from twin.estimation.fit import Fit
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
-from twin.identify import (
-    against,
+from twin.identification import (
     backbone,
     break_away,
-    identification,
+    compare_campaigns,
+    estimates,
+    findings,
+    identify,
     joint,
+    likelihood_profile,
     near_modes,
-    profile,
-    results,
-    sentences,
     spectra,
 )
-from twin.identify.against import Comparison
-from twin.identify.results import Identified
+from twin.identification.compare_campaigns import Comparison
+from twin.identification.estimates import Identified
 from twin.mechanics import beam, chain, planar
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
@@ -400,7 +400,7 @@ def test_what_is_not_determined_is_said_with_why():
         for name, error in (("known", 0.02), ("news", 0.08), ("jumps", 1e-8), ("ends", 0.01))
     }
     found = SimpleNamespace(at_an_end=lambda: ["ends"], tied=list)
-    said = identification._not_determined(told, found)
+    said = identify._not_determined(told, found)
     assert set(said) == {"news", "jumps", "ends"}
     assert "jumps about it" in said["jumps"]
 
@@ -412,7 +412,7 @@ def test_a_parameter_at_the_end_of_its_range_is_named():
     )
     assert found.at_an_end() == ["b"]
     assert any(
-        s.startswith("b stands at the end of its range") for s in sentences.joint(found, {}, ()).sentences
+        s.startswith("b stands at the end of its range") for s in findings.joint(found, {}, ()).sentences
     )
 
 
@@ -440,7 +440,7 @@ def test_profile_of_a_likelihood_that_is_no_ellipse():
     fitted = refine.refined(bench, bench.start(1.0, 0.0, h=1e-3))
     error = 10 * fitted.errors[0]
     # With a variance that is 100 times the likelihood's, the interval is so wide that the two ends differ.
-    low, high = profile.Profile(bench, fitted, 0, error, 100.0).interval()
+    low, high = likelihood_profile.Profile(bench, fitted, 0, error, 100.0).interval()
     a = fitted.values[0]
     costs = [bench.cost(bench.noise - decay(x, 0.0)) - fitted.cost for x in (low, high)]
     assert costs == pytest.approx([100 * 1.96**2 / 2] * 2, rel=0.05)
@@ -485,7 +485,7 @@ def of_modes(rig, torsion=None):
 def test_peaks_that_a_payload_moves_are_bending_modes():
     heavy = RIG.replace(tip_mass=0.3, tip_inertia=3e-4)
     here, there = of_modes(RIG, 28.0), of_modes(heavy, 28.0)
-    kinds = {round(p.frequency_hz): p for p in against.paired(here, RIG, there, heavy)}
+    kinds = {round(p.frequency_hz): p for p in compare_campaigns.paired(here, RIG, there, heavy)}
     assert {f: p.kind for f, p in kinds.items()} == {7: "bending", 18: "bending", 28: "not bending"}
     assert kinds[28].other_hz == pytest.approx(28.0, rel=0.01)
     assert kinds[18].other_hz == pytest.approx(kinds[18].bending_hz, rel=0.02)
@@ -493,12 +493,12 @@ def test_peaks_that_a_payload_moves_are_bending_modes():
 
 
 def test_a_peak_that_an_air_pad_takes_away_is_none_of_bending():
-    found = against.paired(of_modes(RIG, 28.0), RIG, of_modes(RIG), RIG)
+    found = compare_campaigns.paired(of_modes(RIG, 28.0), RIG, of_modes(RIG), RIG)
     assert [p.kind for p in found] == ["bending", "bending", "not bending"]
     assert found[2].other_hz is None
-    said = sentences.compared(Comparison("with-pad", {}, found)).sentences
+    said = findings.compared(Comparison("with-pad", {}, found)).sentences
     assert any("Hz is gone" in s for s in said)
-    assert sentences.compared(Comparison("with-pad", {}, (), missing="no sweep")).missing == "no sweep"
+    assert findings.compared(Comparison("with-pad", {}, (), missing="no sweep")).missing == "no sweep"
 
 
 def at_peaks(*frequencies, response=1.0):
@@ -512,7 +512,7 @@ def pictured(monkeypatch):
     """Peaks of such responses: 1 high, and surely where they are."""
 
     def peaks(found):
-        sure = results.Estimate
+        sure = estimates.Estimate
         return tuple(spectra.Peak(sure(f, 1e-3), sure(0.03, 1e-3), 1.0) for f in found.tops)
 
     monkeypatch.setattr(spectra, "peaks", peaks)
@@ -520,11 +520,11 @@ def pictured(monkeypatch):
 
 @pytest.mark.parametrize(("left", "gone", "kind"), [(0.69, False, "unknown"), (0.2, True, "not bending")])
 def test_a_peak_is_gone_only_if_its_height_is(pictured, left, gone, kind):
-    [found] = against.paired(at_peaks(30.0), RIG, at_peaks(response=left), RIG)
+    [found] = compare_campaigns.paired(at_peaks(30.0), RIG, at_peaks(response=left), RIG)
     assert found.other_hz is None
     assert found.height == pytest.approx(left)
     assert (found.gone, found.kind) == (gone, kind)
-    [_, said] = sentences.compared(Comparison("B", {}, (found,))).sentences
+    [_, said] = findings.compared(Comparison("B", {}, (found,))).sentences
     assert ("is gone" in said) == ("no bending mode" in said) == gone
 
 
@@ -560,18 +560,18 @@ def kinds(peaks):
 
 
 def test_the_torsional_mode_of_figure_4_vanishes_with_the_air_pad(figure_4):
-    found = against.compare(figure_4["bare"], figure_4["with-pad"])
+    found = compare_campaigns.compare(figure_4["bare"], figure_4["with-pad"])
     [torsion] = [p for p in found.peaks if 27 < p.frequency_hz < 32]
     assert torsion.gone
     assert all(p.kind == "bending" for p in found.peaks if p is not torsion)
     assert len(found.peaks) == 4
     assert not found.appeared
-    said = sentences.compared(found).sentences
+    said = findings.compared(found).sentences
     assert [s for s in said if "no bending mode" in s] == [s for s in said if "is gone" in s]
 
 
 def test_the_torsional_mode_of_figure_4_stays_under_a_payload_that_moves_bending_modes(figure_4):
-    found = against.compare(figure_4["bare"], figure_4["loaded"])
+    found = compare_campaigns.compare(figure_4["bare"], figure_4["loaded"])
     assert list(kinds(found.peaks).values()) == ["bending", "bending", "not bending", "bending"]
     stays = found.peaks[2]
     assert stays.other_hz == pytest.approx(stays.frequency_hz, rel=0.02)
@@ -579,7 +579,7 @@ def test_the_torsional_mode_of_figure_4_stays_under_a_payload_that_moves_bending
 
 
 def test_without_a_torsional_mode_figure_4_has_bending_modes_alone(figure_4):
-    found = against.compare(figure_4["no-torsion"], figure_4["bare"])
+    found = compare_campaigns.compare(figure_4["no-torsion"], figure_4["bare"])
     assert set(kinds(found.peaks).values()) == {"bending"}
     [torsion] = found.appeared
     assert 27 < torsion.frequency_hz < 32
@@ -593,9 +593,9 @@ def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured,
     for response in seen.values():
         response.channel = "strain_base"
     names = {id(figure_4[name].fit[0]): name for name in seen}
-    found = against.compare(figure_4["bare"], figure_4["with-pad"])
+    found = compare_campaigns.compare(figure_4["bare"], figure_4["with-pad"])
     assert [p.kind for p in found.appeared] == ["not bending", "bending"]
-    [_, torsion, third_bending] = sentences.compared(found).sentences
+    [_, torsion, third_bending] = findings.compared(found).sentences
     assert "no bending mode" in torsion
     assert "has a bending mode" in third_bending
 
@@ -629,7 +629,7 @@ def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
     assert found.simulated == pytest.approx(found.slope.value, abs=0.03)
     assert found.softens is False
     assert abs(found.beyond.value) < 0.01
-    said = sentences.spectra(seen_sweeps(), (), found, results.Estimate(7.27, 0.01)).sentences[-1]
+    said = findings.spectra(seen_sweeps(), (), found, estimates.Estimate(7.27, 0.01)).sentences[-1]
     assert "nothing is left for a softening link" in said
 
 
@@ -640,7 +640,7 @@ def test_a_softening_link_moves_its_resonance_beyond_the_model(tmp_path):
     assert -0.1 < found.beyond.value < -0.02
     assert (
         "a softening link"
-        in sentences.spectra(seen_sweeps(), (), found, results.Estimate(7.27, 0.01)).sentences[-1]
+        in findings.spectra(seen_sweeps(), (), found, estimates.Estimate(7.27, 0.01)).sentences[-1]
     )
 
 
@@ -654,14 +654,14 @@ def test_a_backbone_that_was_not_simulated_is_no_softening():
         "strain_base",
         np.ones(3),
         (),
-        results.Estimate(7.0, 0.1),
-        results.Estimate(-0.2, 0.05),
+        estimates.Estimate(7.0, 0.1),
+        estimates.Estimate(-0.2, 0.05),
     )
     assert found.moves
     assert found.softens is None
     assert (
         "no softening of the link by itself"
-        in sentences.spectra(seen_sweeps(), (), found, results.Estimate(7.27, 0.01)).sentences[-1]
+        in findings.spectra(seen_sweeps(), (), found, estimates.Estimate(7.27, 0.01)).sentences[-1]
     )
 
 
@@ -682,8 +682,8 @@ def test_the_limit_of_even_chains_knows_a_clamp_that_gives():
 
 
 def test_the_interval_of_a_positive_figure_stays_above_zero():
-    low, high = results.positive(3.4, 2.4).interval
+    low, high = estimates.positive(3.4, 2.4).interval
     assert 0 < low < 3.4 < high
-    assert results.positive(3.4, 0.01).interval == pytest.approx(
-        results.Estimate(3.4, 0.01).interval, rel=1e-4
+    assert estimates.positive(3.4, 0.01).interval == pytest.approx(
+        estimates.Estimate(3.4, 0.01).interval, rel=1e-4
     )

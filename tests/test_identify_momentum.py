@@ -11,9 +11,9 @@ import pytest
 
 from twin.campaigns.campaign import read_campaign
 from twin.estimation.calibrate import noise_levels
-from twin.identify import balance, identification, joint, momentum, sentences
-from twin.identify.break_away import StaticFriction
-from twin.identify.results import Estimate
+from twin.identification import balance, findings, identify, joint, total_inertia
+from twin.identification.break_away import StaticFriction
+from twin.identification.estimates import Estimate
 from twin.mechanics import beam, chain
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import prepare
@@ -57,13 +57,13 @@ def test_a_bent_link_is_nearer_to_the_axis():
     c, rate, m, positions = 0.3, 2.0, 5, (0.02, 0.21)
     rig = {"length": 0.42, "linear_density": 0.0, "tip_mass": 0.155}
     bends = [np.full(m, c * (1 - x / rig["length"])) for x in positions]
-    found = momentum.lacking(bends, positions, 0.002 * np.arange(m), np.full(m, rate), rig)
+    found = total_inertia.lacking(bends, positions, 0.002 * np.arange(m), np.full(m, rate), rig)
     assert found == pytest.approx(-0.155 * rate * c**2 * 0.42**4 / 45, rel=5e-3)
 
 
 def test_the_total_inertia_has_no_bias(quiet):
     _, _, model, data = quiet
-    found = momentum.of_rig(data, model).inertia
+    found = total_inertia.of_rig(data, model).inertia
     # Taken as straight, a link that bends by 65 mm makes it 0.4 to 1 % low.
     assert found.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-4)
 
@@ -77,25 +77,25 @@ def test_a_strain_that_is_bridged_is_no_reading(quiet):
         mid[fastest : fastest + 75] = np.nan  # 0.15 s
         channels = {**p.recording.channels, "strain_mid": mid}
         prepared.append(prepare(p.recording.replace(channels=channels), NOISE)[0])
-    found = momentum.of_rig(DrivenData(prepared, model, joint.BANDS), model)
+    found = total_inertia.of_rig(DrivenData(prepared, model, joint.BANDS), model)
     assert found.inertia.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-3)
 
 
 def test_the_shape_of_the_link_needs_two_gauges(quiet):
     _, _, model, data = quiet
     one = replace(model, sensors={n: s for n, s in model.sensors.items() if n != "strain_mid"})
-    assert momentum.of_rig(data, one) is None
+    assert total_inertia.of_rig(data, one) is None
 
 
 def test_few_runs_say_nothing(quiet):
     _, _, model, data = quiet
-    assert momentum.of_rig(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
+    assert total_inertia.of_rig(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
 
 
 def test_total_inertia_and_payload_from_slews_hold_the_truth(noisy):
     truth, declared, model, data = noisy
     hub = balance.of_hub(data, model, [p.start for p in data.prepared])
-    whole = momentum.of_rig(data, model)
+    whole = total_inertia.of_rig(data, model)
     total = beam.rigid_inertia(model.declared)
     low, high = whole.inertia.interval
     assert low < total < high
@@ -104,14 +104,14 @@ def test_total_inertia_and_payload_from_slews_hold_the_truth(noisy):
     values = np.array([truth[name] for name in names])
     told = {n: Estimate(float(v), 1e-3 * float(v)) for n, v in zip(names, values, strict=True)}
     found = SimpleNamespace(names=names, values=values, errors=1e-3 * values, estimate=told.__getitem__)
-    tip_mass = identification._payload(declared, found, hub, whole)
+    tip_mass = identify._payload(declared, found, hub, whole)
     low, high = tip_mass.interval
     assert low < truth["tip_mass"] < high
     assert high - low < 0.025 * truth["tip_mass"]
     none = StaticFriction((), (), {}, None, math.nan)
-    methods = identification._methods(declared, found, (), none, hub, None, None, tip_mass)
+    methods = identify._methods(declared, found, (), none, hub, None, None, tip_mass)
     assert methods["tip_mass"]["slews"] == tip_mass
-    said = sentences.inertia(hub, whole, Estimate(total, 0.01 * total), tip_mass, found).sentences
+    said = findings.inertia(hub, whole, Estimate(total, 0.01 * total), tip_mass, found).sentences
     assert any(s.startswith("Payload ") and "by (J - J0 - rho l^3/3 - J_p)/l^2" in s for s in said)
 
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
 
+from twin.control.plants.base import READINGS
+from twin.control.plants.chain import CompiledPlant
+from twin.control.plants.modal import ModalPlant
+from twin.control.plants.modal_rig import modal_rig
+from twin.control.plants.reporting import Reporting
 from twin.effects import REGISTRY, Effect
 from twin.errors import InputError
 from twin.mechanics import chain
 from twin.mechanics.mjcf import GAUGES
-from twin.plants.base import READINGS
-from twin.plants.chain import CompiledPlant
-from twin.plants.modal import ModalPlant
-from twin.plants.modal_rig import modal_rig
-from twin.plants.reporting import Reporting
 from twin.rigs import preset
 from twin.rigs.model import Model
 

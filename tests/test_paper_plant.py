@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from twin.plants import model_of
-from twin.plants.modal_rig import modal_rig
-from twin.plants.paper import PaperPlant
+from twin.control.plants import model_of
+from twin.control.plants.modal_rig import modal_rig
+from twin.control.plants.paper import PaperPlant
 from twin.rigs import preset
 
 RIG = preset("bossi2009")

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from twin import plants
+from twin.control import plants
+from twin.control.plants.base import READINGS
+from twin.control.plants.reporting import Reporting
 from twin.errors import InputError
 from twin.mechanics import chain
 from twin.mechanics.state import Start
-from twin.plants.base import READINGS
-from twin.plants.reporting import Reporting
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
 from twin.rigs.model import Model

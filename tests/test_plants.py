@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
+from twin.control.plants import make
+from twin.control.plants.base import READINGS
+from twin.control.plants.chain import ChainPlant, CompiledPlant
+from twin.control.plants.modal import ModalPlant
+from twin.control.plants.paper import PaperPlant
 from twin.errors import InputError
 from twin.mechanics import chain
 from twin.mechanics.beam import rigid_inertia
 from twin.mechanics.mjcf import GAUGES
-from twin.plants import make
-from twin.plants.base import READINGS
-from twin.plants.chain import ChainPlant, CompiledPlant
-from twin.plants.modal import ModalPlant
-from twin.plants.paper import PaperPlant
 from twin.rigs import preset
 from twin.rigs.model import Model
 

@@ -89,7 +89,7 @@ def test_effects_are_those_of_the_registry(fill_readme):
 
 
 def test_demo_shown_has_an_answer_and_the_files(fill_readme):
-    from twin.deliver import FILES
+    from twin.report.deliver import FILES
 
     printed = fill_readme.part(README, "demo")
     assert "$ twin demo\ndemo-rig: explained\n" in printed

@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from test_stream import read
 
-from twin import run_stream, scenarios
-from twin.compare import compare, read_tracks
+from twin.control import scenarios
+from twin.control.experiment import Experiment
 from twin.errors import InputError
-from twin.experiment import Experiment, run_shown
+from twin.report import run_rerun
+from twin.report.compare import compare, read_tracks
+from twin.report.mujoco_viewer import watch
+from twin.report.run_csv import read_track, write_csv
+from twin.report.show_run import run_shown
 from twin.rigs import preset
 from twin.rigs.rig_file import header, parameter_lines
-from twin.run_files import read_track, write_csv
-from twin.viewer import watch
 
 RIG = preset("bossi2009")
 
@@ -157,7 +159,7 @@ def test_rerun_file_holds_the_run_and_its_ghost(tmp_path):
 
 def test_what_is_sent_while_a_run_goes_on_is_what_the_file_holds(tmp_path, monkeypatch):
     live, path = tmp_path / "live.rrd", tmp_path / "run.rrd"
-    monkeypatch.setattr(run_stream, "open_viewer", lambda name: run_stream.open_file(live, name))
+    monkeypatch.setattr(run_rerun, "open_viewer", lambda name: run_rerun.open_file(live, name))
     run_shown(experiment(noise=1), path, view=True, ghost="other")
     streamed, written = read(live), read(path)
     assert streamed.keys() == written.keys()
@@ -376,7 +378,7 @@ def test_the_viewer_beside_the_interpreter_is_started(monkeypatch, tmp_path):
     asked = []
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     monkeypatch.setattr(rr, "spawn", lambda **options: asked.append(options["executable_path"]))
-    run_stream.open_viewer("run")
+    run_rerun.open_viewer("run")
     assert asked == [str(viewer)]
 
 
@@ -384,4 +386,4 @@ def test_a_viewer_that_does_not_start_is_said_in_one_line(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     with pytest.raises(InputError, match=r"viewer cannot be started: Failed to find [^\n]*$"):
-        run_stream.open_viewer("run")
+        run_rerun.open_viewer("run")

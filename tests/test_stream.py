@@ -8,8 +8,8 @@ import pytest
 import synthetic_diagnosis as synthetic
 
 from twin.recording import Recording, Sensor
-from twin.rerun_parts import centre_line
-from twin.stream import write_rrd
+from twin.report.diagnosis_rerun import write_rrd
+from twin.report.rerun_parts import centre_line
 
 LENGTH = 0.42
 

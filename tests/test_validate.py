@@ -8,16 +8,16 @@ import control
 import numpy as np
 import pytest
 
-from twin import closed_loop, plants
-from twin.closed_loop import Run
-from twin.control.base import LinearController
-from twin.control.library import CONTROLLERS, controller
+from twin.control import closed_loop, plants
+from twin.control.closed_loop import Run
+from twin.control.laws.base import LinearController
+from twin.control.laws.library import CONTROLLERS, controller
+from twin.control.plants.base import READINGS
+from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensors import Sensors
 from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.mechanics.modal import held_response, state_space
-from twin.plants.base import READINGS
-from twin.plants.reporting import Reporting
-from twin.plants.sensors import Sensors
 from twin.rigs import preset
 from twin.validation.figures import figures
 from twin.validation.fleet import Bench, Job

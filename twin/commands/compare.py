@@ -14,7 +14,7 @@ from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.compare import Difference
+    from twin.report.compare import Difference
 
 
 def compare(
@@ -32,23 +32,23 @@ def compare(
     json_file: JsonFile = None,
 ) -> None:
     """Lay runs and recordings over one another on one timeline, with their difference from the first."""
-    from twin.run_files import files_read
+    from twin.report.run_csv import files_read
 
     read = [read for file in files for read in files_read(file)]
     check_writable(rrd_file, json_file, read=[*read, rig_file(rig)])
     declared, _ = load_rig(rig)
     with progress() as report:
         report("reading the files")
-        from twin import run_stream
-        from twin.compare import compare as compared
-        from twin.compare import read_tracks, remarks
+        from twin.report import run_rerun
+        from twin.report.compare import compare as compared
+        from twin.report.compare import read_tracks, remarks
 
         tracks = read_tracks(files, declared)
         rows = compared(tracks)
         if rrd_file is not None:
             report("writing the recording")
             name = ", ".join(track.name for track in tracks)
-            run_stream.write_rrd(tracks, tracks[0].length, rrd_file, name)
+            run_rerun.write_rrd(tracks, tracks[0].length, rrd_file, name)
     if json_file is not None:
         write_json(
             json_file,

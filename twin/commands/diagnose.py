@@ -66,9 +66,8 @@ def _diagnose(
     rate: float = 0.01,
     rig: Path | None = None,
 ) -> None:
-    from twin import deliver
     from twin.campaigns.campaign import files_of, read_campaign
-    from twin.report import print_summary
+    from twin.report import deliver, print_summary
 
     folder = deliver.FOLDER.chosen(out, campaign, force)
     written, read = deliver.FOLDER.written(folder, json_file), (*files_of(campaign), rig)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from twin.campaigns.campaign import Campaign
-    from twin.identify.identification import Identification
+    from twin.identification.identify import Identification
 
 
 def identify(
@@ -44,7 +44,7 @@ def identify(
 ) -> None:
     """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
     from twin.campaigns.campaign import files_of, read_campaign
-    from twin.identify import deliver
+    from twin.identification import deliver
 
     folder = deliver.FOLDER.chosen(out, campaign, force)
     read = (*files_of(campaign), rig, *(() if against is None else files_of(against)))
@@ -54,7 +54,7 @@ def identify(
     other = read_campaign(against) if against is not None else None
     with progress() as report:
         report(COMPILING)
-        from twin.identify.identification import identify as run
+        from twin.identification.identify import identify as run
 
         found = run(given, report, other=other)
         report("writing the results")
@@ -91,7 +91,7 @@ def _held_out(found: Identification) -> Table:
 def _print(found: Identification, paths: dict[str, Path]) -> None:
     from rich.table import Table
 
-    from twin.identify.sentences import shown
+    from twin.identification.findings import shown
 
     screen = console()
     screen.print(f"{found.campaign}: identified", highlight=False, markup=False)

@@ -105,8 +105,9 @@ def run(
     remarks: list[str] = []
     with progress() as report:
         report("loading the plants")
-        from twin.experiment import Experiment, run_shown
-        from twin.plants import KINDS
+        from twin.control.experiment import Experiment
+        from twin.control.plants import KINDS
+        from twin.report.show_run import run_shown
 
         experiment = Experiment(scenario, plant, declared, effects, controller, noise, patch)
         report(f"{scenario} on the {KINDS.get(plant, plant)}")
@@ -123,7 +124,7 @@ def run(
     if patch is not None:
         answer["patch"] = f"{patch.channel} by {patch.variable}"
     if csv_file is not None:
-        from twin.run_files import write_csv
+        from twin.report.run_csv import write_csv
 
         write_csv(result, csv_file)
     if json_file is not None:
@@ -143,7 +144,7 @@ def _read_for(ghost: str) -> tuple[Path, ...]:
     """The files that a ghost is read from."""
     if not ghost.endswith(".csv"):
         return ()
-    from twin.run_files import files_read
+    from twin.report.run_csv import files_read
 
     return files_read(Path(ghost))
 
@@ -151,7 +152,7 @@ def _read_for(ghost: str) -> tuple[Path, ...]:
 def _print(answer: dict[str, Any]) -> None:
     from rich.table import Table
 
-    from twin.plants import KINDS
+    from twin.control.plants import KINDS
 
     screen = console()
     speed = answer["duration_s"] / answer["wall_s"]

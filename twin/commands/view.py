@@ -22,7 +22,7 @@ def view(
     require_display("twin view")
     import mujoco.viewer
 
-    from twin.experiment import Experiment
-    from twin.viewer import watch
+    from twin.control.experiment import Experiment
+    from twin.report.mujoco_viewer import watch
 
     watch(Experiment(scenario, "chain", declared, effects, controller), mujoco.viewer.launch_passive)

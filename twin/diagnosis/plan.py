@@ -14,11 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import (
-    candidates,
-    experiments,
-    rules,
-)
+from twin.diagnosis import candidates, experiments, rules
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.experiments import Plan
 from twin.diagnosis.separation import Explanation

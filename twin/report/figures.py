@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from twin import pages
 from twin.diagnosis.answer import UNSEEN, Patched, Prediction, Trace
 from twin.labels import channel, over_noise, unmodelled, variable
 from twin.recording import CHANNEL_UNITS, Recording
+from twin.report import pages
 from twin.report.decimate import decimate, thin
 from twin.report.display import MODELS, NOISE_LIKE
 

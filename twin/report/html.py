@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from twin import labels, pages
+from twin import labels
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
 from twin.recording import CHANNEL_UNITS
-from twin.report import display, figures
+from twin.report import display, figures, pages
 from twin.report.figures import Figure
 
 _CLEARLY = 1.05  # times the error of the declared model from which another one is worse

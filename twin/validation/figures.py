@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from twin.closed_loop import Run
+from twin.control.closed_loop import Run
 from twin.validation.requirements import BAND
 
 _LAST = 1.0  # s, the end of a run, in which it should be at rest

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin import closed_loop, plants, scenarios
-from twin.control import library
-from twin.control.base import Controller
+from twin.control import closed_loop, plants, scenarios
+from twin.control.laws import library
+from twin.control.laws.base import Controller
+from twin.control.plants.chain import CompiledPlant
+from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
 from twin.parameters import Rig
-from twin.plants.chain import CompiledPlant
-from twin.plants.reporting import Reporting
-from twin.plants.sensors import Sensors
 from twin.validation.figures import figures
 from twin.validation.linear_form import LinearForm, NoLinearFormError, identify
 from twin.validation.linear_rig import sampled_chain, sampled_modes

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.control.base import Controller
-from twin.plants.base import READINGS
+from twin.control.laws.base import Controller
+from twin.control.plants.base import READINGS
 
 PULSES = {
     "hub_angle": 1e-5,

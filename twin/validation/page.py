@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from twin import pages
 from twin.files.outputs import writing
+from twin.report import pages
 from twin.validation import pictures, text
 from twin.validation.validation import Validation
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin import pages
+from twin.report import pages
 from twin.validation import text
 from twin.validation.fleet import Outcome
 from twin.validation.validation import Validation, Verdict

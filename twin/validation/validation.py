@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from twin import scenarios
+from twin.control import scenarios
 from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.validation.fleet import Bench, Job, Outcome, run_fleet

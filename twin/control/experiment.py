@@ -1,0 +1,91 @@
+"""An experiment: a scenario on a plant under a controller, run, and shown while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from twin.control import closed_loop, plants, scenarios
+from twin.control.closed_loop import Run
+from twin.control.laws import library
+from twin.control.laws.base import Controller
+from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensors import BOSSI2009, Sensors
+from twin.errors import InputError
+from twin.parameters import Rig
+from twin.report import run_rerun
+from twin.report.run_rerun import Track
+from twin.rigs.patch import Patch
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is run.
+
+    Attributes:
+      scenario: name of a scenario.
+      plant: one of `plants.KINDS`.
+      rig: its parameters; the controllers are synthesised for them.
+      effects: effects that act on the plant.
+      controller: name or FILE.py:NAME; None for the scenario's own.
+      noise: seed of the sensors' noise; None for sensors that are true.
+      patch: a correction without a cause, looked up; None for none.
+    """
+
+    scenario: str
+    plant: str
+    rig: Rig
+    effects: Mapping[str, Mapping[str, float]]
+    controller: str | None = None
+    noise: int | None = None
+    patch: Patch | None = None
+
+    @property
+    def controller_name(self) -> str:
+        """Name of the controller that acts."""
+        return self.controller or scenarios.scenario(self.scenario).controller
+
+    def run(self, watch: Callable[[Run], None] | None = None) -> Run:
+        """Runs it.
+
+        Raises:
+          InputError: there is no such scenario, plant or controller, or the user's controller fails.
+        """
+        chosen = scenarios.scenario(self.scenario)
+        plant = plants.make(self.plant, self.rig, self.effects, patch=self.patch)
+        reporting = Reporting(plants.model_of(self.rig, self.effects, patch=self.patch), plant)
+        sensors = Sensors({} if self.noise is None else BOSSI2009, self.noise or 0, reporting)
+        law = self.law(plant.period)
+        # Matrices are small: threads of linear algebra wait for each other.
+        with threadpool_limits(1):
+            return closed_loop.run(plant, law, chosen.reference, chosen.duration, sensors, watch)
+
+    def law(self, period: float) -> Controller:
+        """Returns the controller for a sample period [s]."""
+        if self.controller is None:
+            return scenarios.scenario(self.scenario).own_controller(self.rig, period)
+        return library.controller(self.controller, self.rig, period)
+
+    def metrics(self, run: Run) -> dict[str, float]:
+        """Figures of a run of it."""
+        return scenarios.metrics(run, scenarios.scenario(self.scenario).from_half)
+
+    def ghost(self, what: str) -> Track | None:
+        """Returns what is shown beside it: "other" plant, "none", or a CSV file of a run or of a campaign.
+
+        Raises:
+          InputError: it is none of these, the other plant has no such effect, or the file cannot be read.
+        """
+        if what == "none":
+            return None
+        if what == "other":
+            other = replace(self, plant="chain" if self.plant == "modal" else "modal")
+            return run_rerun.of_run(other.run(), other.plant)
+        if not what.endswith(".csv"):
+            raise InputError(f"'{what}' is no ghost; expected other, none, or a CSV file")
+        from twin.report.run_csv import read_track
+
+        return read_track(Path(what), self.rig)

@@ -1,0 +1,97 @@
+"""What acts on the modes beside the linear rig: torques on the hub, and loads along the link.
+
+The hub's laws are those of the chain, `twin.mechanics.planar`. A load is a force per coordinate (n), with a_i(x) the slope of the
+link per coordinate, a = sum_i a_i q_i its angle, kappa its curvature, m(x) the mass outboard of x and v = tip_i q_i_t:
+
+    a field g of acceleration     int m a_i (g_y cos a - g_x sin a) dx          as the chain feels it
+    a link that softens           int a_i' EI s kappa^3 / (kappa^2 + kappa_0^2) dx
+    air that the tip stirs up     -coefficient |v| v tip_i
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twin.control.plants.modal_rig import ModalRig
+from twin.mechanics import planar
+from twin.rigs.model import Model
+
+_NODES = 12  # along the link, of Gauss and Legendre
+_SETTLE = 30  # rounds in which a link comes to hang still, as the chain's
+
+
+class Forces:
+    """Forces that are no linear function of the state.
+
+    Attributes:
+      vary: whether any of them varies while the hub rests, or while it slides one way.
+      loads: number of loads: n, or 0 where there are none.
+    """
+
+    def __init__(self, model: Model, rig: ModalRig) -> None:
+        """Takes what a model adds to a linear rig: all of its plant but viscous friction and a cable's stiffness."""
+        plant = model.plant
+        pull = plant.bias + plant.cable_stiffness * plant.cable_rest_angle
+        self._plant = plant._replace(viscous=0.0, cable_stiffness=0.0, bias=pull)
+        self._rig, self._hub, self._tip = rig, rig.hub, rig.tip
+        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+        length = model.rig["length"]
+        x, weights = 0.5 * length * (nodes + 1), 0.5 * length * weights
+        self._slopes, self._curvatures = rig.link(x, 1), rig.link(x, 2)
+        self._outboard = weights * (model.rig["linear_density"] * (length - x) + model.rig["tip_mass"])
+        self._softened = weights * model.rig["bending_stiffness"] * plant.softening
+        loaded = plant.gravity_x or plant.gravity_y or plant.softening or plant.tip_drag_quadratic
+        self.loads = len(rig.mass) if loaded or plant.is_shaken else 0
+        on_hub = plant.cogging_amplitude or plant.disturbance_amplitude or plant.patch_on
+        friction = plant.stribeck_velocity or plant.friction_amplitude
+        self.vary = bool(self.loads or on_hub or friction)
+
+    def static(self, q: np.ndarray, direction: int) -> float:
+        """Torque [N m] that a hub at rest withstands in a direction, at coordinates q (n)."""
+        if self.vary:
+            return planar.static_level(self._plant, float(self._hub @ q), direction)
+        return self._plant.static_positive if direction > 0 else self._plant.static_negative
+
+    def sliding(self, q: np.ndarray, direction: int) -> float:
+        """Friction [N m] of a hub that begins to slide in a direction, at coordinates q (n)."""
+        return planar.sliding_level(self._plant, float(self._hub @ q), 0.0, direction)
+
+    def on_hub(self, time: float, q: np.ndarray, rates: np.ndarray, direction: int) -> float:
+        """Torque [N m] on a hub that slides in a direction (0: that rests), friction included."""
+        angle, rate = float(self._hub @ q), float(self._hub @ rates)
+        torque = planar.hub_torque(self._plant, time, angle, rate)
+        if direction != 0:
+            torque -= direction * planar.sliding_level(self._plant, angle, rate, direction)
+        return torque
+
+    def along_link(self, time: float, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Loads (n)."""
+        speed = float(self._tip @ rates)
+        air = self._plant.tip_drag_quadratic * abs(speed) * speed * self._tip
+        return self._of_field(planar.field(self._plant, time), q) + self._of_softening(q) - air
+
+    def hanging(self, hub_angle: float) -> np.ndarray:
+        """Coordinates (n) at which the link hangs still, the hub held at an angle [rad]."""
+        n, hub = len(self._hub), self._hub[:, None]
+        held = np.block([[self._rig.stiffness, hub], [hub.T, np.zeros((1, 1))]])
+        gravity = self._plant.gravity_x, self._plant.gravity_y
+        q = np.zeros(n)
+        q[0] = hub_angle
+        if self.loads:
+            for _ in range(_SETTLE):
+                load = self._of_field(gravity, q)
+                q = np.linalg.solve(held, np.append(load, hub_angle))[:n]
+        return q
+
+    def _of_field(self, field: tuple[float, float], q: np.ndarray) -> np.ndarray:
+        """Loads (n) of a field along x and y [m/s^2]."""
+        x, y = field
+        angles = q @ self._slopes
+        return self._slopes @ (self._outboard * (y * np.cos(angles) - x * np.sin(angles)))
+
+    def _of_softening(self, q: np.ndarray) -> np.ndarray:
+        """Loads (n) that stand for the moment which a link of full stiffness has too much."""
+        curvature = q @ self._curvatures
+        square = curvature**2
+        part = square / (square + self._plant.softening_curvature**2)
+        return self._curvatures @ (self._softened * part * curvature)

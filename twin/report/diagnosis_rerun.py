@@ -1,0 +1,252 @@
+"""A diagnosis as a rerun recording: measured, before and after as three arms that move together.
+
+Every file of the campaign is a tab with a time of its own, the held-out ones first. The link's line is drawn
+from what the sensors say alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import labels
+from twin.diagnosis.answer import UNSEEN, Diagnosis, Prediction, Trace
+from twin.recording import Recording, Sensor
+from twin.report import display
+from twin.report import rerun_parts as parts
+from twin.rigs.patch import HUB
+
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+# On dark ground as on light; measured is a neutral grey, the models differ for every kind of colour vision.
+COLOURS: Mapping[str, tuple[int, int, int]] = {
+    "measured": (165, 172, 180),
+    "before": (230, 112, 30),
+    "after": (60, 150, 220),
+    "unmodelled": (214, 90, 160),
+    "command": (130, 140, 150),
+}
+
+# Plots draw entities by their names, one over the other: what is simulated over what is measured.
+_PLACES = {"measured": "measured", "before": "simulated/before", "after": "simulated/after"}
+_LEVER = 0.35  # of the length: where the arrow of a torque on the hub pushes
+_ARROW = 0.5  # of the length: the arrow of the largest unmodelled torque
+
+
+def write_rrd(diagnosis: Diagnosis, path: Path, sensors: Mapping[str, Sensor] | None = None) -> None:
+    """Writes a diagnosis for the rerun viewer (`rerun FILE`), laid out.
+
+    Args:
+      diagnosis: what to show.
+      path: the file; it is overwritten.
+      sensors: channel -> sensor; gauges tell where the link bends. Without any the links are drawn straight.
+    """
+    import rerun as rr  # 0.4 s
+
+    shown = [_Shown(diagnosis, file, root, sensors or {}) for file, root in _roots(diagnosis)]
+    stream = rr.RecordingStream("flexlink-twin")
+    stream.save(path, default_blueprint=_blueprint(diagnosis, shown))
+    stream.send_recording_name(diagnosis.campaign)
+    stream.log("summary", rr.TextDocument(_story(diagnosis), media_type="text/markdown"), static=True)
+    for entry in shown:
+        _send(stream, entry)
+    stream.flush()
+    stream.disconnect()
+
+
+def _roots(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
+    """Yields file and entity of each recording: held-out ones first, names made safe for a path."""
+    numbers = count(1)
+    for role in ("holdout", "fit"):
+        for file in display.by_role(diagnosis, role):
+            yield file, f"/{role}/{next(numbers):02}_{parts.entity_name(Path(file).stem)}"
+
+
+# What is shown of one recording
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """One recording of a diagnosis and where it goes.
+
+    Attributes:
+      diagnosis: all of it.
+      file: of the recording.
+      root: its entity.
+      sensors: channel -> sensor.
+    """
+
+    diagnosis: Diagnosis
+    file: str
+    root: str
+    sensors: Mapping[str, Sensor]
+
+    @property
+    def prediction(self) -> Prediction:
+        return self.diagnosis.predictions[self.file]
+
+    @property
+    def length(self) -> float:
+        return self.diagnosis.declared["length"]
+
+    def models(self) -> dict[str, Recording]:
+        """The three arms."""
+        p = self.prediction
+        return {"measured": p.measured, "before": p.before, "after": p.after}
+
+    def channels(self) -> list[str]:
+        """Measured channels that the models predict too."""
+        return [name for name in self.prediction.measured.measured() if name in self.prediction.after]
+
+    def torque(self) -> tuple[Trace, np.ndarray, np.ndarray] | None:
+        """The trace of an unmodelled torque with its samples and instants here, if there is one."""
+        for trace in self.diagnosis.traces:
+            if trace.channel == HUB:
+                samples, time = _samples(self.diagnosis, trace, self.file)
+                return (trace, samples, time) if len(samples) else None
+        return None
+
+
+def _samples(diagnosis: Diagnosis, trace: Trace, file: str) -> tuple[np.ndarray, np.ndarray]:
+    """Returns which samples of a trace belong to a file, and their time on its clock [s].
+
+    A trace numbers the fit recordings in their order.
+    """
+    files = list(display.by_role(diagnosis, "fit"))
+    if file not in files:
+        return np.array([], dtype=int), np.array([])
+    mine = (np.asarray(trace.recording) == files.index(file)) & np.isfinite(trace.values)
+    samples = np.flatnonzero(mine)
+    return samples, diagnosis.predictions[file].measured.time[0] + np.asarray(trace.since_start)[samples]
+
+
+def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
+    parts.send_scenery(stream, entry.root, entry.length)
+    measured = entry.prediction.measured
+    frames = np.arange(measured.time[0], measured.time[-1] + 0.5 / parts.FRAME_RATE, 1 / parts.FRAME_RATE)
+    for level, (model, recording) in enumerate(entry.models().items()):
+        line = parts.centre_line(recording, frames, entry.length, entry.sensors)
+        thick = (0.016 if model == "measured" else 0.009) * entry.length
+        place = f"{entry.root}/arms/{_PLACES[model]}"
+        whole = parts.lifted(line, level, entry.length)
+        parts.send_arm(stream, place, frames, whole, COLOURS[model], thick)
+        for name in entry.channels():
+            if name in recording:
+                values = labels.channel(name).factor * recording[name]
+                _send_scalars(stream, f"{entry.root}/{name}/{_PLACES[model]}", recording.time, values, model)
+    if "torque_command" in measured:
+        command = measured["torque_command"]
+        _send_scalars(stream, f"{entry.root}/torque/command", measured.time, command, "command")
+    _send_torque(stream, entry, frames)
+
+
+def _send_scalars(
+    stream: rr.RecordingStream, entity: str, time: np.ndarray, values: np.ndarray, model: str, name: str = ""
+) -> None:
+    width = {"measured": 4.0, "command": 1.0, "unmodelled": 1.0}.get(model, 1.5)
+    parts.send_scalars(stream, entity, time, values, COLOURS[model], name or model, width)
+
+
+def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) -> None:
+    """Sends the torque that the model lacks: a line over time, and an arrow that pushes the measured arm."""
+    import rerun as rr
+
+    found = entry.torque()
+    if found is None:
+        return
+    trace, samples, time = found
+    values = np.asarray(trace.values)[samples]
+    _send_scalars(stream, f"{entry.root}/unmodelled/estimated", time, values, "unmodelled", "estimated")
+    pushing = values
+    if trace.fitted is not None:
+        pushing = np.asarray(trace.fitted)[samples]
+        _send_scalars(stream, f"{entry.root}/unmodelled/fitted", time, pushing, "after", "fitted effect")
+    there = np.isfinite(pushing)
+    if not _has_arrow(entry.diagnosis) or not there.any():
+        return
+    torque = np.where(_seen(frames, time[there]), np.interp(frames, time[there], pushing[there]), 0.0)
+    origins, vectors = _arrows(entry, frames, torque / max(np.abs(pushing[there]).max(), 1e-12))
+    entity = f"{entry.root}/arms/unmodelled_torque"
+    style = rr.Arrows3D.from_fields(colors=COLOURS["unmodelled"], radii=0.012 * entry.length)
+    stream.log(entity, style, static=True)
+    columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
+    stream.send_columns(entity, [rr.TimeColumn(parts.TIMELINE, duration=frames)], columns)
+
+
+def _has_arrow(diagnosis: Diagnosis) -> bool:
+    """Whether the model lacks a torque: what is left where nothing is missing is noise."""
+    return bool(diagnosis.traces) and diagnosis.verdict != "no-missing-effect"
+
+
+def _seen(instants: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Whether instants (k) [s] lie between two samples, at times (n) [s], that are close to each other."""
+    behind = np.searchsorted(time, instants, side="right")
+    last, next_one = time[np.clip(behind - 1, 0, None)], time[np.clip(behind, None, len(time) - 1)]
+    return (last <= instants) & (instants <= next_one) & (next_one - last <= UNSEEN)
+
+
+def _arrows(entry: _Shown, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns origins and vectors (k x 3) of the arrow, for torques as a share (k) of the largest one."""
+    theta = parts.sampled(entry.prediction.measured, "hub_angle", frames)
+    along = np.stack([np.cos(theta), np.sin(theta), 0 * theta], axis=1)
+    across = np.stack([-np.sin(theta), np.cos(theta), 0 * theta], axis=1)
+    origins = _LEVER * entry.length * along + [0, 0, 0.06 * entry.length]
+    return origins, _ARROW * entry.length * share[:, None] * across
+
+
+# Layout and words
+
+
+def _blueprint(diagnosis: Diagnosis, shown: Sequence[_Shown]) -> rrb.Blueprint:
+    import rerun.blueprint as rrb
+
+    tabs: list[Any] = []
+    for role, name in (("holdout", "held out"), ("fit", "fit")):
+        mine = [_tab(diagnosis, entry) for entry in shown if entry.prediction.role == role]
+        if mine:
+            tabs.append(rrb.Tabs(*mine, name=f"{name} ({len(mine)})", active_tab=0))
+    tabs.append(rrb.TextDocumentView(origin="/summary", name="summary"))
+    return parts.blueprint(rrb.Tabs(*tabs, active_tab=0))
+
+
+def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
+    import rerun.blueprint as rrb
+
+    arms = parts.arms_view(entry.root, entry.length)
+    plots = [parts.channel_view(f"{entry.root}/{name}", name) for name in entry.channels()]
+    plots.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]"))
+    if entry.torque():
+        shown = labels.unmodelled(HUB)
+        plots.append(parts.series_view(f"{entry.root}/unmodelled", f"{shown.label} [{shown.unit}]"))
+    left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
+    return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)
+
+
+def _story(diagnosis: Diagnosis) -> str:
+    """Returns the verdict as markdown."""
+    arrow = (
+        " The **pink** arrow, on fit recordings, is the torque that the model lacks."
+        if _has_arrow(diagnosis)
+        else ""
+    )
+    lines = [
+        f"## {display.headline(diagnosis)}",
+        f"**Grey** measured, **orange** the declared model, **blue** the final one.{arrow}",
+        diagnosis.summary,
+        display.improvement(diagnosis),
+    ]
+    for effect in diagnosis.effects:
+        values = ", ".join(
+            f"{name} {value} {unit}".strip() for name, value, unit, _ in display.parameter_rows(effect)
+        )
+        lines.append(f"**{effect.name}**: {values}")
+    if diagnosis.next_experiment:
+        lines.append(f"Next: {diagnosis.next_experiment}")
+    return "\n\n".join(line for line in lines if line)

@@ -1,0 +1,100 @@
+"""Runs as CSV files in the recording format, so that every reader of recordings reads them back."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from twin.campaigns.campaign import files_of, read_campaign
+from twin.control.closed_loop import Run
+from twin.errors import InputError
+from twin.files.outputs import writing
+from twin.files.table import read_table
+from twin.mechanics.mjcf import GAUGES
+from twin.recording import CHANNEL_UNITS, Recording, Sensor
+from twin.report.run_rerun import Track, of_recording
+from twin.rigs import preset
+
+_OTHER = (".json", ".rrd", ".toml", ".html")  # what else the twin writes
+
+
+def columns(run: Run) -> dict[str, np.ndarray]:
+    """Returns the columns of a run by name (m each): the recording's, then `mode` and the controller's states."""
+    channels = run.recording("run").channels
+    states = {f"state_{name}": values for name, values in run.states.items()}
+    return {"time": run.time, **channels, "mode": run.modes, **states}
+
+
+def write_csv(run: Run, path: Path) -> None:
+    """Writes a run.
+
+    Raises:
+      InputError: the path cannot be written.
+    """
+    table = columns(run)
+    with writing(path), path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(table)
+        writer.writerows(_rows(table))
+
+
+def _rows(table: Mapping[str, np.ndarray]) -> Iterator[list[str]]:
+    # 9 digits: 1e-8 rad of a turn, far below any sensor.
+    for row in zip(*table.values(), strict=True):
+        yield [f"{value:.9g}" for value in row]
+
+
+def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
+    """Reads what there is to see of a CSV file: of a campaign, if its folder has a campaign.toml, else of a run.
+
+    Args:
+      path: the file.
+      rig: of a run, whose length [m] and torque limit [N m] the file does not say; None for `bossi2009`. A campaign
+        says its own.
+
+    Raises:
+      InputError: the file, or its campaign, cannot be used.
+    """
+    if (path.parent / "campaign.toml").is_file():
+        campaign = read_campaign(path.parent)
+        recordings = {r.name: r for r in (*campaign.fit, *campaign.holdout())}
+        if path.name not in recordings:
+            raise InputError(f"{path}: its campaign has no such recording; it has {', '.join(recordings)}")
+        return _of_rig(recordings[path.name], campaign.rig, campaign.sensors)
+    return _run_track(path, preset("bossi2009") if rig is None else rig)
+
+
+def _of_rig(recording: Recording, rig: Mapping[str, float], sensors: Mapping[str, Sensor]) -> Track:
+    return replace(of_recording(recording, rig["length"], sensors), torque_limit=rig["torque_limit"])
+
+
+def files_read(path: Path) -> tuple[Path, ...]:
+    """Returns the files that `read_track` reads.
+
+    Raises:
+      InputError: the campaign of the file cannot be used.
+    """
+    return (path, *files_of(path.parent)) if (path.parent / "campaign.toml").is_file() else (path,)
+
+
+def _run_track(path: Path, rig: Mapping[str, float]) -> Track:
+    """A file with a column for each channel, in SI units, as `write_csv` writes it."""
+    if path.suffix.lower() in _OTHER and path.is_file():
+        raise InputError(
+            f"{path} is not a CSV file; expected a run as `twin run --csv` writes it, or a recording of a campaign"
+        )
+    table = read_table(path, path.name)
+    if "time" not in table.columns or "hub_angle" not in table.columns:
+        raise InputError(
+            f"{path}: has the columns {', '.join(table.header)}; expected time and hub_angle, as `twin run --csv` "
+            "writes them, or a campaign.toml beside it that says what its columns are"
+        )
+    channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
+    recording = Recording(path.name, table.columns["time"], channels)
+    track = _of_rig(recording, rig, {g.channel: g for g in GAUGES})
+    states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
+    return replace(track, modes=table.columns.get("mode"), states=states)
