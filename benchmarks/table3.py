@@ -23,14 +23,8 @@ from functools import cache, partial
 
 import machine
 import numpy as np
-
-from twin.control.plants.paper import PaperPlant
-from twin.effects import REGISTRY
-from twin.mechanics import chain, planar
-from twin.open_loop import DURATION, Family, Profile
-from twin.rigs import preset
-from twin.rigs.model import Model
-from twin.turns import (
+from open_loop import DURATION, Family, Profile
+from turns import (
     Free,
     Outcomes,
     Search,
@@ -42,6 +36,12 @@ from twin.turns import (
     turns,
     with_values,
 )
+
+from twin.control.plants.paper import PaperPlant
+from twin.effects import REGISTRY
+from twin.mechanics import chain, planar
+from twin.rigs import preset
+from twin.rigs.model import Model
 
 DESIGNED = np.radians([20.0, 45.0, 60.0, 90.0, 120.0])
 SIMULATED = np.radians([18.84, 42.70, 58.25, 85.00, 112.00])

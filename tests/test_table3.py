@@ -1,20 +1,13 @@
 """Bang-bang turns and effects fitted to them: against closed forms, against planted values, over the registry."""
 
-import importlib.util
+import importlib
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-from twin.effects import REGISTRY
-from twin.mechanics import chain
-from twin.mechanics.beam import rigid_inertia
-from twin.open_loop import Family, designed, turn
-from twin.rigs import preset
-from twin.rigs.model import Model
-from twin.turns import (
+from open_loop import Family, designed, turn
+from turns import (
     Free,
     Outcomes,
     Search,
@@ -27,6 +20,12 @@ from twin.turns import (
     with_values,
 )
 
+from twin.effects import REGISTRY
+from twin.mechanics import chain
+from twin.mechanics.beam import rigid_inertia
+from twin.rigs import preset
+from twin.rigs.model import Model
+
 RIG = preset("bossi2009")
 ROOT = Path(__file__).parent.parent
 
@@ -38,13 +37,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def table3():
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    spec = importlib.util.spec_from_file_location("table3", ROOT / "benchmarks" / "table3.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["table3"] = module
-    spec.loader.exec_module(module)
-    sys.path.pop(0)
-    return module
+    return importlib.import_module("table3")
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.2])

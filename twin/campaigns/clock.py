@@ -39,7 +39,7 @@ def clock_notes(clock: Clock) -> list[str]:
     return ["Time stamps scatter about a uniform clock; commands are taken to be held on that clock."]
 
 
-def said(found: Fit) -> list[str]:
+def late_command_notes(found: Fit) -> list[str]:
     """What a fit found of the instant within a sample at which commands act, where it is surely off its stamp."""
     for u, value, error in zip(found.unknowns, found.values, found.errors, strict=True):
         if u.owner == "clock" and abs(value) > _SURE * error:

@@ -1,4 +1,4 @@
-"""What a diagnosis says: plain values, made by `twin.diagnosis.diagnose`, read by the report, the JSON and the tests."""
+"""What a diagnosis says: plain values, read by the report, the JSON and the tests."""
 
 from __future__ import annotations
 

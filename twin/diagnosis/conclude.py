@@ -38,8 +38,8 @@ _TELLING = {
     "strain_base": _BENDS,
     "strain_mid": _BENDS,
     "time": "Repeat one run several times, at once and after a rest: see what goes on and what begins anew.",
-    dependence.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what holds it back "
-    "before it has turned far shows there.",
+    dependence.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what "
+    "holds it back before it has turned far shows there.",
 }
 """Variable on which something outside the library depends -> experiment that tells more."""
 _AGAIN = "Repeat one run several times: what comes again at the same instants is the rig's, what does not is chance."

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from twin.campaigns.campaign import Campaign
-from twin.campaigns.clock import said
+from twin.campaigns.clock import late_command_notes
 from twin.diagnosis import dependence, remainder, rules
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
@@ -44,7 +44,7 @@ def of(
         *campaign.warnings,
         *found.start.notes,
         *(note for p in predictions.values() if p.role == "holdout" for note in p.left_out),
-        *said(polished.augmented),
+        *late_command_notes(polished.augmented),
         *_assumptions(campaign),
         *_known(found),
         *_alone(found),

@@ -44,7 +44,8 @@ def worth_adopting(
 
 
 def elsewhere(bench: Workbench, base: Fit, best: Candidate) -> float:
-    """Gain in cost without the recording that gains most, each predicted by the others; see `twin.estimation.cross_validation`.
+    """Gain in cost without the recording that gains most, each predicted by the others; see
+    `twin.estimation.cross_validation`.
 
     Predicted is what the effect adds, or the calibration with it, whichever tells more: where another effect is
     missing still, the calibration without a decay, say, goes far astray with any effect and without.

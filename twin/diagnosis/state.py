@@ -28,7 +28,8 @@ class Found:
       draws: scores that chance gives, of each round, see `twin.diagnosis.chance`.
       nameless: functions of one variable that may be behind what is left at the end, the likeliest first.
       taken_back: effects that were adopted, but only stand for something else together.
-      instead: function without a name in the place of which the last effect was adopted, see `twin.diagnosis.rather_named`.
+      instead: function without a name in the place of which the last effect was adopted, see
+        `twin.diagnosis.rather_named`.
     """
 
     start: Calibration

@@ -3,7 +3,8 @@
 A fault without a name may leave a residual that is small everywhere, and still the same function of the command, of
 the hub's angle or of time wherever that comes back. Such a function is a Gaussian process here, as large and as smooth
 as the recordings like it best, with declared parameters and adopted effects free to give way; what counts is its
-evidence, see `twin.estimation.gaussian_process`. What chance gives comes from random signs, as in `twin.diagnosis.chance`.
+evidence, see `twin.estimation.gaussian_process`. What chance gives comes from random signs, as in
+`twin.diagnosis.chance`.
 
 Only the hub is asked, and the sensor of the drive's torque about what the drive does with its command: where readings
 of the link differ a little from the model's, so do sound links on other engines.

@@ -1,4 +1,4 @@
-"""What an identification says: plain values, made by `twin.identification`, read by the report, the JSON and the tests."""
+"""What an identification says: plain values, read by the report, the JSON and the tests."""
 
 from __future__ import annotations
 

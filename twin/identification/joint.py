@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import norm
 
 from twin.campaigns.campaign import Campaign
-from twin.campaigns.clock import Clock
+from twin.campaigns.clock import Clock, late_command_notes
 from twin.estimation import chain_limit, jackknife, refine, sandwich
 from twin.estimation.calibrate import calibrate
 from twin.estimation.fit import Fit
@@ -225,7 +225,7 @@ def estimate(
             for i, n in zip(mine, names, strict=True)
             if i in intervals
         },
-        (*start.notes, *said(base)),
+        (*start.notes, *late_command_notes(base)),
     )
 
 

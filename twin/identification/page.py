@@ -12,7 +12,7 @@ from twin.report import pages
 def render(found: Identification) -> str:
     """Returns the page."""
     procedures = [(finding, _pictures(found, finding)) for finding in found.findings]
-    return pages.render("identify/page.html.j2", d=found, shown=shown, procedures=procedures)
+    return pages.render("identification/page.html.j2", d=found, shown=shown, procedures=procedures)
 
 
 def _pictures(found: Identification, finding: Finding) -> list[str]:

@@ -11,8 +11,8 @@ along x. What the numbers of a `Chain` become:
     backlash    body `rotor` with a joint of its own that the motor turns; the fixed tendon `play`, rotor less hub,
                 is limited to the gap
     friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the
-                break-away level stands in `custom/numeric` and is applied by `twin.mechanics.mujoco_chain`. Coulomb levels
-                that differ by the direction are their mean and a constant torque, actuator `friction_difference`
+                break-away level stands in `custom/numeric` and is applied by `twin.mechanics.mujoco_chain`. Coulomb
+                levels that differ by the direction are their mean and a constant torque, actuator `friction_difference`
     lag         a filter in the motor's actuator
     air drag    geom `drag`, a sphere in a thin fluid, at the tip
     disturbance of one frequency on the hub: the cogging of a body `clock` that turns at a constant rate
@@ -561,7 +561,10 @@ def _frame() -> Iterator[str]:
 
 def _tidy(xml: str) -> str:
     """Drops blank lines at the end, and says where the file comes from."""
-    note = "<!-- Written by `python -m twin.mechanics.mjcf models`; see README.md. Edit the generator, not this file. -->"
+    note = (
+        "<!-- Written by `python -m twin.mechanics.mjcf models`; see README.md. "
+        "Edit the generator, not this file. -->"
+    )
     return f"{note}\n{xml.rstrip()}\n"
 
 

@@ -1,6 +1,7 @@
 """The augmented rig as MJCF: the fitted chain with the effects that MuJoCo has elements for.
 
-Effects of the mechanics are written by `twin.mechanics.mjcf`, those of the sensors by `twin.rigs.mjcf_sensors`. Those of the drive
+Effects of the mechanics are written by `twin.mechanics.mjcf`, those of the sensors by `twin.rigs.mjcf_sensors`. Those
+of the drive
 are read off what it makes of a command u that is held from time 0 on: delivered(t) = gain * u(t - delay) + bias,
 behind a lag.
 """

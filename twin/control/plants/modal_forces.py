@@ -1,6 +1,7 @@
 """What acts on the modes beside the linear rig: torques on the hub, and loads along the link.
 
-The hub's laws are those of the chain, `twin.mechanics.planar`. A load is a force per coordinate (n), with a_i(x) the slope of the
+The hub's laws are those of the chain, `twin.mechanics.planar`. A load is a force per coordinate (n), with a_i(x) the
+slope of the
 link per coordinate, a = sum_i a_i q_i its angle, kappa its curvature, m(x) the mass outboard of x and v = tip_i q_i_t:
 
     a field g of acceleration     int m a_i (g_y cos a - g_x sin a) dx          as the chain feels it

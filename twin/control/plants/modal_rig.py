@@ -2,8 +2,8 @@
 
     M q_tt + D q_t + K q = forces        q = [alpha, delta_1..n, angles that effects add]
 
-Without effects these are the modes of `twin.mechanics.modal`, M = diag(J, 1, ...). An effect adds an angle p of its own, with
-which a part I of the hub's inertia moves otherwise than the hub of the modes, of rate theta_t = c^T q_t:
+Without effects these are the modes of `twin.mechanics.modal`, M = diag(J, 1, ...). An effect adds an angle p of its
+own, with which a part I of the hub's inertia moves otherwise than the hub of the modes, of rate theta_t = c^T q_t:
 
     clamp that gives    the hub, all of it, is behind its link by p     1/2 I (theta_t - p_t)^2 for 1/2 I theta_t^2
     torsional mode      an oscillator is ahead of the hub by p          1/2 I (theta_t + p_t)^2 for 1/2 I theta_t^2

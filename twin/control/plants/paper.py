@@ -12,8 +12,8 @@ As d goes to zero, a hub at rest
     otherwise         rests while pull and motor together are below tau_s.
 
 A motor below tau_s is held whatever it is, a bent link is not. On a rig nothing tells friction where a torque comes
-from: `twin.control.plants.modal` has the static level against their sum. The limit itself is taken here, since how large d is
-changes figures as soon as a step of time passes it.
+from: `twin.control.plants.modal` has the static level against their sum. The limit itself is taken here, since how
+large d is changes figures as soon as a step of time passes it.
 """
 
 from __future__ import annotations

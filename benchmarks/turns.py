@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from open_loop import Profile, turn
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from twin.effects import REGISTRY, Effect, EffectParameter
-from twin.open_loop import Profile, turn
 from twin.rigs.model import Model
 
 Effects = Mapping[str, Mapping[str, float]]
