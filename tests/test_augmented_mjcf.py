@@ -14,7 +14,7 @@ from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.parameters import Rig
 from twin.recording import Recording
-from twin.rigs.mjcf_export import to_mjcf
+from twin.report.augmented_rig import to_mjcf
 from twin.rigs.mjcf_sensors import SENSORS
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate

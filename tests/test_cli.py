@@ -19,8 +19,9 @@ from twin import cli
 from twin.commands import shared
 from twin.diagnosis.answer import Patched
 from twin.files.json import to_text
+from twin.recording import HUB
 from twin.report.deliver import ANSWER, FILES, FOLDER, deliver
-from twin.rigs.patch import HUB, Patch
+from twin.rigs.patch import Patch
 
 TWIN = [sys.executable, "-m", "twin.cli"]
 WRITTEN = [name for name in FILES.values() if name != FILES["patch"]]

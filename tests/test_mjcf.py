@@ -10,7 +10,7 @@ from twin.mechanics import beam, mjcf, planar
 from twin.mechanics.accuracy import linearised
 from twin.mechanics.chain import build
 from twin.recording import Sensor
-from twin.rigs import preset
+from twin.rigs import mjcf_files, preset
 
 RIG = preset("bossi2009")
 CHAIN = build(RIG)
@@ -35,7 +35,7 @@ def _same(found: str, expected: str) -> bool:
 
 @pytest.mark.parametrize("name", ["bossi2009.xml", "scene.xml"])
 def test_files_are_what_the_generator_writes(name, tmp_path):
-    mjcf.write_models(tmp_path)
+    mjcf_files.write_models(tmp_path)
     trees = [list(ET.parse(folder / name).iter()) for folder in (tmp_path, MODELS)]
     assert len(trees[0]) == len(trees[1])
     for written, kept in zip(*trees, strict=True):

@@ -12,7 +12,7 @@ from twin.control.plants.reporting import Reporting
 from twin.effects import REGISTRY, Effect
 from twin.errors import InputError
 from twin.mechanics import chain
-from twin.mechanics.mjcf import GAUGES
+from twin.recording import GAUGES
 from twin.rigs import preset
 from twin.rigs.model import Model
 

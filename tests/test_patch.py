@@ -11,10 +11,10 @@ from twin.control.plants.reporting import Reporting
 from twin.errors import InputError
 from twin.mechanics import chain
 from twin.mechanics.state import Start
-from twin.recording import Recording, Sensor
+from twin.recording import HUB, Recording, Sensor
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.rigs.patch import HUB, Patch, read, smooth, to_csv
+from twin.rigs.patch import Patch, read, smooth, to_csv
 from twin.rigs.simulate import simulate
 
 RIG = preset("bossi2009")

@@ -11,7 +11,7 @@ from twin.control.plants.paper import PaperPlant
 from twin.errors import InputError
 from twin.mechanics import chain
 from twin.mechanics.beam import rigid_inertia
-from twin.mechanics.mjcf import GAUGES
+from twin.recording import GAUGES
 from twin.rigs import preset
 from twin.rigs.model import Model
 

@@ -9,7 +9,7 @@ from twin.diagnosis.dependence import DEPENDS, TRAVEL, Unexplained, dependence, 
 from twin.diagnosis.fit_patch import why_none
 from twin.diagnosis.notes import drifts
 from twin.diagnosis.traces import remaining
-from twin.rigs.patch import HUB
+from twin.recording import HUB
 
 NOISE = 1e-3
 COUNT = 3000  # readings of a recording, 2 ms apart

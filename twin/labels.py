@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from twin.rigs.patch import HUB
+from twin.recording import HUB
 
 
 @dataclass(frozen=True)

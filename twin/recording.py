@@ -26,6 +26,9 @@ CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
 MEASURED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "tip_acceleration", "motor_torque")
 """Channels that a simulation predicts, in the order used everywhere."""
 
+HUB = "hub_torque"
+"""Name of the torque balance of the hub, which stands beside the channels."""
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -42,6 +45,13 @@ class Sensor:
     noise: float | None = None
     position: float = 0.0
     half_thickness: float = 0.0
+
+
+GAUGES = (
+    Sensor("strain_base", position=0.02, half_thickness=0.001),
+    Sensor("strain_mid", position=0.21, half_thickness=0.001),
+)
+"""Strain bridges of the files in `models/`: at the base and in the middle of a link 2 mm thick."""
 
 
 @dataclass(frozen=True)

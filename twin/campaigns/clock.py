@@ -8,13 +8,10 @@ from typing import Literal
 import numpy as np
 
 from twin.campaigns.readings import sample_clock
-from twin.estimation.fit import Fit
 from twin.recording import Recording
 
 Clock = Literal["stamped", "mean", "earliest"]
 """When commands are held: at their time stamps, or on the uniform clock about which these scatter."""
-
-_SURE = 3.0  # standard errors from which commands are said to act late
 
 
 def possible_clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
@@ -37,11 +34,3 @@ def clock_notes(clock: Clock) -> list[str]:
     if clock == "stamped":
         return []
     return ["Time stamps scatter about a uniform clock; commands are taken to be held on that clock."]
-
-
-def late_command_notes(found: Fit) -> list[str]:
-    """What a fit found of the instant within a sample at which commands act, where it is surely off its stamp."""
-    for u, value, error in zip(found.unknowns, found.values, found.errors, strict=True):
-        if u.owner == "clock" and abs(value) > _SURE * error:
-            return [f"Commands are taken to act {1e3 * value:+.2f} ms off their time stamps."]
-    return []

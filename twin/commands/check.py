@@ -28,11 +28,13 @@ def check(
             f"{rig}: has the effects {', '.join(effects)}; expected a rig without effects to check"
         )
     with progress() as report:
-        from twin.mechanics import accuracy as chain_check
+        from twin.mechanics import accuracy
 
-        result = chain_check.check(declared, segments, report)
+        result = accuracy.check(declared, segments, report)
     if json_file is not None:
-        write_json(json_file, chain_check.to_json(result))
+        from twin.rigs.bossi2009 import FREQUENCIES_HZ
+
+        write_json(json_file, accuracy.to_json(result, FREQUENCIES_HZ))
     _print_check(result)
     if not result.passed:
         raise typer.Exit(1)

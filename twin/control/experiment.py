@@ -1,10 +1,9 @@
-"""An experiment: a scenario on a plant under a controller, run, and shown while it goes on."""
+"""An experiment: a scenario on a plant under a controller, run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 from threadpoolctl import threadpool_limits
 
@@ -14,10 +13,7 @@ from twin.control.laws import library
 from twin.control.laws.base import Controller
 from twin.control.plants.reporting import Reporting
 from twin.control.plants.sensors import BOSSI2009, Sensors
-from twin.errors import InputError
 from twin.parameters import Rig
-from twin.report import run_rerun
-from twin.report.run_rerun import Track
 from twin.rigs.patch import Patch
 
 
@@ -72,20 +68,3 @@ class Experiment:
     def metrics(self, run: Run) -> dict[str, float]:
         """Figures of a run of it."""
         return scenarios.metrics(run, scenarios.scenario(self.scenario).from_half)
-
-    def ghost(self, what: str) -> Track | None:
-        """Returns what is shown beside it: "other" plant, "none", or a CSV file of a run or of a campaign.
-
-        Raises:
-          InputError: it is none of these, the other plant has no such effect, or the file cannot be read.
-        """
-        if what == "none":
-            return None
-        if what == "other":
-            other = replace(self, plant="chain" if self.plant == "modal" else "modal")
-            return run_rerun.of_run(other.run(), other.plant)
-        if not what.endswith(".csv"):
-            raise InputError(f"'{what}' is no ghost; expected other, none, or a CSV file")
-        from twin.report.run_csv import read_track
-
-        return read_track(Path(what), self.rig)

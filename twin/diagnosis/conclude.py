@@ -26,7 +26,7 @@ from twin.diagnosis.state import Found
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
-from twin.rigs.patch import HUB
+from twin.recording import HUB
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
 _SPEEDS = "Record slews of one angle at several speeds."

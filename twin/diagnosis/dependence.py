@@ -13,11 +13,11 @@ from twin.diagnosis import regressors
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
 from twin.estimation.workbench import Workbench
+from twin.recording import HUB
 from twin.residuals import residual
 from twin.residuals.data import SINGLE, DrivenData
 from twin.residuals.filters import BAND, GRID
 from twin.rigs.model import fine
-from twin.rigs.patch import HUB
 
 _BINS = (16, 100)  # of a variable, each with as many samples
 _COARSE = 8  # bins of each of two variables

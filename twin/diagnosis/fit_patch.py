@@ -17,7 +17,7 @@ from twin.estimation import first_state
 from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.static_friction import Polished
 from twin.mechanics.state import Start
-from twin.recording import CHANNEL_UNITS
+from twin.recording import CHANNEL_UNITS, HUB
 from twin.residuals.prepared import Prepared
 from twin.rigs import patch
 from twin.rigs.model import fine
@@ -54,7 +54,7 @@ def patched(
 
     ready = [made_ready(r, campaign.sensors, found.start.clock, noise)[0] for r in campaign.holdout()]
     starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
-    unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == patch.HUB else CHANNEL_UNITS[lookup.channel]
+    unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == HUB else CHANNEL_UNITS[lookup.channel]
     gains = dict(zip((p.recording.name for p in ready), pool.map(errors, ready, starts), strict=True))
     return Patched(lookup, unit, gains)
 

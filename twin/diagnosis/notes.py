@@ -7,19 +7,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from twin.campaigns.campaign import Campaign
-from twin.campaigns.clock import late_command_notes
 from twin.diagnosis import dependence, remainder, rules
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import Found
+from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
 from twin.labels import named
 from twin.parameters import ASSUMED_UNCERTAINTY
+from twin.recording import HUB
 from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View
-from twin.rigs.patch import HUB
 
 _MUCH = 0.2  # share of what is left that one parameter's change explains, from which it is told
 _FAR = 30.0  # noise levels by which a prediction may change with a tiny change of the break-away torque

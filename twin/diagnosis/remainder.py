@@ -8,9 +8,9 @@ from twin.diagnosis.state import Found, Nameless
 from twin.estimation import loss
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
-from twin.estimation.workbench import Workbench
-from twin.residuals.data import SINGLE, known_weights
-from twin.rigs.patch import HUB
+from twin.estimation.workbench import Workbench, known_weights
+from twin.recording import HUB
+from twin.residuals.data import SINGLE
 
 OWN_ERROR = 2e-3
 """Share of what effects have gained so far that the model's own error, which grows with it, may gain once more."""

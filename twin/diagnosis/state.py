@@ -10,8 +10,9 @@ from twin.diagnosis.candidates import Candidate
 from twin.estimation.calibrate import Calibration
 from twin.estimation.fit import Fit
 from twin.estimation.workbench import Workbench
+from twin.recording import HUB
 from twin.residuals.data import DrivenData
-from twin.rigs.patch import HUB, Patch
+from twin.rigs.patch import Patch
 
 
 @dataclass(frozen=True)

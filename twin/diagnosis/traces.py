@@ -10,7 +10,7 @@ import numpy as np
 from twin.diagnosis.answer import Trace
 from twin.diagnosis.dependence import _FEWEST_SHOWN, TRAVEL, Unexplained, _travel, dependence, unexplained
 from twin.diagnosis.state import Found
-from twin.rigs.patch import HUB
+from twin.recording import HUB
 
 _SHOWN = (HUB, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 

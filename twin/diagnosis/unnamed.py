@@ -22,14 +22,14 @@ from twin.diagnosis.state import Law, Nameless
 from twin.estimation.fit import Fit
 from twin.estimation.gaussian_process import Evidence, likeliest, likely
 from twin.estimation.slopes import prior_precision, row_weights
-from twin.estimation.workbench import Workbench
+from twin.estimation.workbench import Workbench, known_weights
+from twin.recording import HUB
 from twin.residuals import residual
-from twin.residuals.data import DrivenData, known_weights
+from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID, low_passed
 from twin.residuals.prepared import Prepared
 from twin.residuals.view import View
 from twin.rigs.model import Model
-from twin.rigs.patch import HUB
 
 _KNOTS = 32
 _RANGE = (0.002, 0.998)  # quantiles of the variable between which the knots lie

@@ -265,3 +265,14 @@ def roughly(
                 points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
                 x = points[int(np.argmin(costs_at(bench, model, starts, unknowns, points)))]
     return x
+
+
+_SURE = 3.0  # standard errors from which commands are said to act late
+
+
+def late_command_notes(found: Fit) -> list[str]:
+    """What a fit found of the instant within a sample at which commands act, where it is surely off its stamp."""
+    for u, value, error in zip(found.unknowns, found.values, found.errors, strict=True):
+        if u.owner == "clock" and abs(value) > _SURE * error:
+            return [f"Commands are taken to act {1e3 * value:+.2f} ms off their time stamps."]
+    return []

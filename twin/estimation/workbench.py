@@ -10,8 +10,11 @@ from typing import Protocol
 import numpy as np
 
 from twin.estimation import loss
+from twin.estimation.fit import Fit
 from twin.mechanics.state import Start
-from twin.recording import Recording
+from twin.recording import HUB, Recording
+from twin.residuals import hub_balance
+from twin.residuals.data import DrivenData
 from twin.residuals.groups import Group
 from twin.residuals.prepared import Prepared, guided, reading_start
 from twin.rigs.model import Model
@@ -173,3 +176,18 @@ def _known(channel: str, recording: Recording) -> np.ndarray:
         return blank
     time = recording.time
     return blank + np.where(time < time[0] + MEMORY, 0.0, blank[np.searchsorted(time, time - MEMORY + 1e-9)])
+
+
+def known_weights(bench: Workbench, fit: Fit) -> np.ndarray:
+    """1 where a torque can be told in time, 0 about fast reversals under a sliding friction that falls with speed (n).
+
+    There it jumps by twice the break-away torque within milliseconds: when the measured hub turns round is not known
+    so well, and the filter spreads the jump.
+    """
+    told = np.ones(len(fit.residual))
+    if not fit.model.plant.stribeck_velocity > 0:
+        return told
+    for group in bench.data.groups:
+        if group.channel == HUB and isinstance(bench.data, DrivenData):
+            told[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
+    return told

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.stats import norm
 
 from twin.campaigns.campaign import Campaign
-from twin.campaigns.clock import Clock, late_command_notes
+from twin.campaigns.clock import Clock
 from twin.estimation import chain_limit, jackknife, refine, sandwich
-from twin.estimation.calibrate import calibrate
+from twin.estimation.calibrate import calibrate, late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.sandwich import Evidence

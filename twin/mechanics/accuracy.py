@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -17,7 +17,6 @@ from twin.mechanics.chain_modes import Table, compare, linearised
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.mechanics.planar import Plant
 from twin.parameters import Rig
-from twin.rigs import bossi2009
 
 SEGMENTS = (2, 48)
 """Fewest and most segments that can be asked for."""
@@ -101,10 +100,15 @@ def check(
     return Check(rig.name, segments, free, clamped, compliance, creep, break_away, step_change, tuple(rows))
 
 
-def to_json(result: Check) -> dict[str, Any]:
-    """Returns what `twin check --json` writes."""
+def to_json(result: Check, published_hz: Sequence[float]) -> dict[str, Any]:
+    """Returns what `twin check --json` writes.
+
+    Args:
+      result: the comparison.
+      published_hz: first two free frequencies that a publication gives for such a rig [Hz].
+    """
     pairs = {"free": result.free, "clamped": result.clamped}
-    f1, f2 = bossi2009.FREQUENCIES_HZ
+    f1, f2 = published_hz
     return {
         "rig": result.rig,
         "segments": result.segments,

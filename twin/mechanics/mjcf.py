@@ -16,16 +16,12 @@ along x. What the numbers of a `Chain` become:
     lag         a filter in the motor's actuator
     air drag    geom `drag`, a sphere in a thin fluid, at the tip
     disturbance of one frequency on the hub: the cogging of a body `clock` that turns at a constant rate
-
-`python -m twin.mechanics.mjcf [FOLDER]` writes the files of `models/`.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -33,13 +29,7 @@ import numpy as np
 from twin.mechanics import planar
 from twin.mechanics.chain import Chain, curvature_row
 from twin.mechanics.planar import Plant
-from twin.recording import Sensor
-
-GAUGES = (
-    Sensor("strain_base", position=0.02, half_thickness=0.001),
-    Sensor("strain_mid", position=0.21, half_thickness=0.001),
-)
-"""Strain bridges of the files in `models/`: at the base and in the middle of a link 2 mm thick."""
+from twin.recording import GAUGES, Sensor
 
 TIMESTEP = 5e-4  # s; below the stability limit 2.8 / omega_max of RK4 for up to 8 segments
 _HALF_THICKNESS, _HALF_HEIGHT = 0.001, 0.022  # m; I = 2.95e-11 m^4 (Table II) and a density near 1000 kg/m^3
@@ -147,20 +137,6 @@ def _timestep(chain: Chain, plant: Plant) -> float:
     """A round time step [s] with which the chain is stable and a contact in a play is followed."""
     limit = min(chain.largest_step(), planar.largest_step(plant))
     return TIMESTEP if limit >= TIMESTEP else 1e-5 * math.floor(limit / 1e-5 + 1e-6)
-
-
-def write_models(folder: Path) -> tuple[Path, ...]:
-    """Writes `bossi2009.xml` and `scene.xml`; returns their paths."""
-    from twin.mechanics.chain import build
-    from twin.rigs import preset
-
-    rig = preset("bossi2009")
-    spec = build_spec(rig, build(rig))
-    spec.modelname = "bossi2009"
-    bare, scene = folder / "bossi2009.xml", folder / "scene.xml"
-    bare.write_text(_tidy(spec.to_xml()), encoding="utf-8")
-    scene.write_text(_scene(bare.name), encoding="utf-8")
-    return bare, scene
 
 
 # Moving parts
@@ -539,10 +515,10 @@ _SCENE = """<mujoco model="bossi2009 scene">
 
 def _in_scene(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     name = "rig.xml"
-    return mujoco.MjSpec.from_string(_scene(name), include={name: spec.to_xml().encode()})
+    return mujoco.MjSpec.from_string(scene_xml(name), include={name: spec.to_xml().encode()})
 
 
-def _scene(file: str) -> str:
+def scene_xml(file: str) -> str:
     # The table's upper face is the glass that the air-pad floats on.
     return _SCENE.format(file=file, table=round(_FLOOR - 0.005, 6), frame="\n".join(_frame()))
 
@@ -557,23 +533,3 @@ def _frame() -> Iterator[str]:
         yield bar.format(0, side, z, half, 0.015, 0.015)
         for other in (half - 0.015, 0.015 - half):
             yield bar.format(side, other, (z - 0.75) / 2, 0.015, 0.015, (z + 0.75) / 2)
-
-
-def _tidy(xml: str) -> str:
-    """Drops blank lines at the end, and says where the file comes from."""
-    note = (
-        "<!-- Written by `python -m twin.mechanics.mjcf models`; see README.md. "
-        "Edit the generator, not this file. -->"
-    )
-    return f"{note}\n{xml.rstrip()}\n"
-
-
-def main() -> None:
-    """Writes the files of `models/` to the folder named on the command line, by default `models`."""
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "models")
-    for path in write_models(folder):
-        print(path)
-
-
-if __name__ == "__main__":
-    main()

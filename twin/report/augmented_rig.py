@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from twin.diagnosis.answer import Diagnosis, KnownEffect
 from twin.parameters import Parameter
+from twin.recording import Sensor
 from twin.rigs.rig_file import effect_lines, header, parameter_lines
+
+if TYPE_CHECKING:
+    from twin.rigs.mjcf_export import AugmentedMjcf
 
 FILE = "augmented-rig.toml"
 
@@ -46,6 +51,26 @@ def to_toml(diagnosis: Diagnosis) -> str:
         lines += _effect_lines(effect, f"probability {effect.probability:.3g} among the candidates tried")
     lines += diagnosis.correlations.lines()
     return "\n".join(lines) + "\n"
+
+
+def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjcf:
+    """Returns the augmented rig as MJCF.
+
+    Args:
+      diagnosis: its fitted rig, known and adopted effects.
+      sensors: channel -> sensor; strain gauges are written where there are any.
+    """
+    from twin.rigs import mjcf_export  # compiles equations of motion: only where it is needed
+
+    effects = {effect.name: dict(effect.parameters) for effect in (*diagnosis.known, *diagnosis.effects)}
+    names = ", ".join(effect.name for effect in diagnosis.effects) or "none"
+    known = ", ".join(effect.name for effect in diagnosis.known)
+    comment = [
+        f"The rig of campaign '{diagnosis.campaign}' as diagnosed by twin.",
+        *([f"Effects that it was declared with: {known}."] if known else []),
+        f"Effects that the declared model lacked: {names}.",
+    ]
+    return mjcf_export.to_mjcf(diagnosis.fitted, effects, sensors, comment)
 
 
 def _effect_lines(effect: KnownEffect, comment: str) -> Iterator[str]:

@@ -52,13 +52,11 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     Raises:
       InputError: the folder cannot be written.
     """
-    from twin.rigs import mjcf_export  # compiles equations of motion: only where it is needed
-
     paths = {what: folder / name for what, name in FILES.items()}
     patch = paths["patch"]
     if diagnosis.patched is None:
         del paths["patch"]
-    mjcf = mjcf_export.to_mjcf(diagnosis, sensors)
+    mjcf = augmented_rig.to_mjcf(diagnosis, sensors)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # First, because by it the folder is known as ours.

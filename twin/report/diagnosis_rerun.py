@@ -16,10 +16,9 @@ import numpy as np
 
 from twin import labels
 from twin.diagnosis.answer import UNSEEN, Diagnosis, Prediction, Trace
-from twin.recording import Recording, Sensor
+from twin.recording import HUB, Recording, Sensor
 from twin.report import display
 from twin.report import rerun_parts as parts
-from twin.rigs.patch import HUB
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -14,8 +14,7 @@ from twin.control.closed_loop import Run
 from twin.errors import InputError
 from twin.files.outputs import writing
 from twin.files.table import read_table
-from twin.mechanics.mjcf import GAUGES
-from twin.recording import CHANNEL_UNITS, Recording, Sensor
+from twin.recording import CHANNEL_UNITS, GAUGES, Recording, Sensor
 from twin.report.run_rerun import Track, of_recording
 from twin.rigs import preset
 

@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from twin.control.closed_loop import Run
 from twin.control.experiment import Experiment
 from twin.errors import InputError
 from twin.report import run_rerun
+from twin.report.run_csv import read_track
 from twin.report.run_rerun import Track
+
+
+def beside(experiment: Experiment, what: str) -> Track | None:
+    """Returns what is shown beside an experiment: "other" plant, "none", or a CSV file of a run or of a campaign.
+
+    Raises:
+      InputError: it is none of these, the other plant has no such effect, or the file cannot be read.
+    """
+    if what == "none":
+        return None
+    if what == "other":
+        other = replace(experiment, plant="chain" if experiment.plant == "modal" else "modal")
+        return run_rerun.of_run(other.run(), other.plant)
+    if not what.endswith(".csv"):
+        raise InputError(f"'{what}' is no ghost; expected other, none, or a CSV file")
+    return read_track(Path(what), experiment.rig)
 
 
 def run_shown(
@@ -25,23 +43,23 @@ def run_shown(
       experiment: what is run.
       rrd: file for the viewer; None for none.
       view: show it in the viewer, which is started.
-      ghost: what is shown beside it, see `Experiment.ghost`.
+      ghost: what is shown beside it, see `beside`.
       remark: told why the other plant is not shown, where it has no such effect.
     """
     if rrd is None and not view:
         return experiment.run()
     name, length = f"{experiment.scenario}, {experiment.plant}", experiment.rig["length"]
     try:
-        beside = experiment.ghost(ghost)
+        other = beside(experiment, ghost)
     except InputError as error:
         if ghost != "other":
             raise
-        beside = None
+        other = None
         remark(f"No ghost is shown: {str(error).partition(';')[0]}.")
-    run = _run_in_viewer(experiment, beside, name) if view else experiment.run()
+    run = _run_in_viewer(experiment, other, name) if view else experiment.run()
     if rrd is not None:
         track = run_rerun.of_run(run, experiment.plant)
-        run_rerun.write_rrd([track] if beside is None else [track, beside], length, rrd, name)
+        run_rerun.write_rrd([track] if other is None else [track, other], length, rrd, name)
     return run
 
 

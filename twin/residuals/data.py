@@ -13,10 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin.estimation.fit import Fit
-from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
-from twin.residuals import hub_balance
 from twin.residuals.filters import BAND, GRID, MOTION_BANDS
 from twin.residuals.groups import Group, stretches
 from twin.residuals.make_view import look
@@ -24,7 +21,6 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.residual import residual
 from twin.residuals.view import LEFT_OUT, before_end
 from twin.rigs.model import Model
-from twin.rigs.patch import HUB
 
 BLOCK = 1.5
 """Length of the stretches over each of which the size of the misfit is taken as one [s]."""
@@ -74,18 +70,3 @@ class DrivenData:
                     weights.append(mask.astype(float))
                     row += len(mask)
         return tuple(groups), np.concatenate(weights) if weights else np.zeros(0)
-
-
-def known_weights(bench: Workbench, fit: Fit) -> np.ndarray:
-    """1 where a torque can be told in time, 0 about fast reversals under a sliding friction that falls with speed (n).
-
-    There it jumps by twice the break-away torque within milliseconds: when the measured hub turns round is not known
-    so well, and the filter spreads the jump.
-    """
-    told = np.ones(len(fit.residual))
-    if not fit.model.plant.stribeck_velocity > 0:
-        return told
-    for group in bench.data.groups:
-        if group.channel == HUB and isinstance(bench.data, DrivenData):
-            told[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
-    return told

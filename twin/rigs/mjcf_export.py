@@ -1,24 +1,23 @@
 """The augmented rig as MJCF: the fitted chain with the effects that MuJoCo has elements for.
 
-Effects of the mechanics are written by `twin.mechanics.mjcf`, those of the sensors by `twin.rigs.mjcf_sensors`. Those
-of the drive
-are read off what it makes of a command u that is held from time 0 on: delivered(t) = gain * u(t - delay) + bias,
-behind a lag.
+Effects of the mechanics are written by `twin.mechanics.mjcf`, those of the sensors by
+`twin.rigs.mjcf_sensors`. Those of the drive are read off what it makes of a command u that is held from time 0 on,
+delivered(t) = gain * u(t - delay) + bias, behind a lag.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
-from twin.diagnosis.answer import Diagnosis
 from twin.effects import REGISTRY, Drive
 from twin.mechanics import chain, mjcf
+from twin.parameters import Rig
 from twin.recording import Sensor
 from twin.rigs import mjcf_sensors
 from twin.rigs.model import Effects, Model
@@ -37,27 +36,30 @@ class AugmentedMjcf:
     left_out: tuple[str, ...]
 
 
-def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjcf:
-    """Returns the rig that a diagnosis arrived at.
+def to_mjcf(
+    rig: Rig, effects: Effects, sensors: Mapping[str, Sensor], comment: Sequence[str] = ()
+) -> AugmentedMjcf:
+    """Returns a rig with effects as MJCF.
 
     Args:
-      diagnosis: its fitted rig, known and adopted effects.
+      rig: its parameters without effects.
+      effects: that act: name -> parameter -> value, SI.
       sensors: channel -> sensor; strain gauges are written where there are any.
+      comment: lines at the head of the file, before what it leaves out.
     """
-    effects = {effect.name: dict(effect.parameters) for effect in (*diagnosis.known, *diagnosis.effects)}
-    model = Model(diagnosis.fitted, sensors, chain.fit_shape(diagnosis.fitted), effects)
+    model = Model(rig, sensors, chain.fit_shape(rig), effects)
     drive = _DriveLaw.of(effects)
     plant = model.plant._replace(lag=drive.lag)
     readings = mjcf_sensors.readings(effects)
     gauges = [_with_gain(s, readings[s.channel].gain) for s in sensors.values() if s.half_thickness > 0]
     spec = mjcf.build_spec(model.rig, model.chain, plant, gauges=gauges)
-    spec.modelname = _plain(diagnosis.fitted.name)
+    spec.modelname = _plain(rig.name)
     _write_drive(spec, drive)
     mjcf_sensors.write(spec, readings)
     left_out = (*mjcf.not_native(plant), *(name for name in effects if _misreads(name)))
     if model.curvature_rate_rows:
         left_out += ("lag of strains behind a clamp that gives",)
-    xml = f"{_comment(diagnosis, left_out)}\n{spec.to_xml().rstrip()}\n"
+    xml = f"{_comment(comment, left_out)}\n{spec.to_xml().rstrip()}\n"
     return AugmentedMjcf(xml, left_out)
 
 
@@ -106,13 +108,9 @@ def _misreads(name: str) -> bool:
     return REGISTRY[name].misreads and not mjcf_sensors.says(name)
 
 
-def _comment(diagnosis: Diagnosis, left_out: tuple[str, ...]) -> str:
-    names = ", ".join(effect.name for effect in diagnosis.effects) or "none"
-    known = ", ".join(effect.name for effect in diagnosis.known)
+def _comment(comment: Sequence[str], left_out: tuple[str, ...]) -> str:
     lines = [
-        f"The rig of campaign '{diagnosis.campaign}' as diagnosed by twin.",
-        *([f"Effects that it was declared with: {known}."] if known else []),
-        f"Effects that the declared model lacked: {names}.",
+        *comment,
         f"Not in this file, because MJCF cannot say it: {', '.join(left_out) or 'nothing'}.",
     ]
     return f"<!-- {chr(10).join(map(_plain, lines))} -->"

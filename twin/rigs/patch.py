@@ -15,9 +15,8 @@ from scipy.interpolate import make_smoothing_spline
 
 from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table
-from twin.recording import MEASURED
+from twin.recording import HUB, MEASURED
 
-HUB = "hub_torque"
 _ON_HUB = {"hub_angle": 1, "hub_rate": 2, "time": 3}
 _ADDED, _SAMPLES = "added_to_", "samples"  # columns of its table
 _BINS = 40

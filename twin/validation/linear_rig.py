@@ -14,8 +14,8 @@ from scipy.linalg import expm
 
 from twin.control.plants.base import READINGS
 from twin.effects import REGISTRY, TORSION, Drive
-from twin.mechanics.mjcf import GAUGES
 from twin.mechanics.modal import state_space
+from twin.recording import GAUGES
 from twin.rigs.model import Model
 
 NOT_LINEAR = ("backlash", "cogging")

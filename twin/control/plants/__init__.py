@@ -91,7 +91,7 @@ def model_of(
       InputError: an effect or a parameter of one is not known, or is no finite number.
     """
     from twin.mechanics import chain
-    from twin.mechanics.mjcf import GAUGES
+    from twin.recording import GAUGES
     from twin.rigs import preset
     from twin.rigs.model import Model
     from twin.rigs.rig_file import checked_effects

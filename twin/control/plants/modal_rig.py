@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from twin.mechanics import mjcf
 from twin.mechanics.beam import Modes, rigid_inertia
 from twin.mechanics.beam import modes as beam_modes
 from twin.mechanics.modal import state_space
+from twin.recording import GAUGES
 from twin.rigs.model import Model
 
 
@@ -65,7 +65,7 @@ class ModalRig:
 def modal_rig(model: Model, count: int) -> ModalRig:
     """Returns the linear rig of a model with `count` bending modes; friction and cable of the hub are not in it."""
     gauges = [sensor for sensor in model.sensors.values() if sensor.half_thickness > 0]
-    system = state_space(model.rig, count, gauges or mjcf.GAUGES)
+    system = state_space(model.rig, count, gauges or GAUGES)
     size = count + 1
     inner = np.asarray(system.A)[size:]
     outputs = dict(zip(system.output_labels, np.asarray(system.C)[:, :size], strict=True))
