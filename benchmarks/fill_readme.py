@@ -16,7 +16,6 @@ from pathlib import Path
 
 from twin.effects import REGISTRY, Effect
 from twin.labels import unit
-from twin.report.display import MEANINGS
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 
@@ -41,7 +40,7 @@ def effect_rows() -> Iterator[str]:
     """One line for each effect: name, plain words, first line of its docstring, parameters."""
     for name, effect in REGISTRY.items():
         parameters = ", ".join(f"`{p.name}` {unit(p.unit)}".rstrip() for p in effect.parameters)
-        yield f"| `{name}` | {MEANINGS[name]} | {_law(effect)} | {parameters} |"
+        yield f"| `{name}` | {effect.meaning} | {_law(effect)} | {parameters} |"
 
 
 def _law(effect: Effect) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from twin.mechanics import beam, planar
 from twin.mechanics.chain import Chain, build, uniform_shape
 from twin.mechanics.mujoco_chain import MujocoChain
-from twin.mechanics.planar import declared_plant
+from twin.mechanics.plant import declared_plant
 from twin.parameters import Rig
 from twin.rigs import preset
 

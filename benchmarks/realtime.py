@@ -13,7 +13,7 @@ from frequencies import DURATION, Slew, slew
 from twin.mechanics import planar
 from twin.mechanics.chain import Chain, build
 from twin.mechanics.mujoco_chain import MujocoChain
-from twin.mechanics.planar import Plant, declared_plant
+from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.rigs import preset
 
@@ -41,7 +41,7 @@ def main() -> None:
     for n in SEGMENTS:
         links = build(rig, n)
         plant = declared_plant(rig, links)
-        lagging = plant._replace(lag=0.005)
+        lagging = plant.with_motor(lag=0.005)
         cells = [
             f"{times_real_time(rig, links, p, motion, engine):.0f}"
             for p, engine in ((plant, "mujoco"), (lagging, "mujoco"), (plant, "planar"))

@@ -39,7 +39,7 @@ from turns import (
 
 from twin.control.plants.paper import PaperPlant
 from twin.effects import REGISTRY
-from twin.mechanics import chain, planar
+from twin.mechanics import chain
 from twin.rigs import preset
 from twin.rigs.model import Model
 
@@ -185,7 +185,7 @@ class Task:
 def _needs_short_steps(free: tuple[Free, ...]) -> bool:
     rng = np.random.default_rng(0)
     plant = with_values(rig_model(), free, [f.draw(rng) for f in free]).plant
-    return planar.largest_step(plant) < STEP
+    return plant.largest_step < STEP
 
 
 def _parameters(name: str) -> tuple[Free, ...]:
@@ -242,12 +242,12 @@ def scatter(found: TurnFit, profiles, draws: int = 24, relative: float = 0.02) -
 
 
 def _worn(model: Model, static: float, coulomb: float) -> Model:
-    plant = model.plant
-    return model.with_plant(
-        static_positive=plant.static_positive * static,
-        static_negative=plant.static_negative * static,
-        coulomb_positive=plant.coulomb_positive * coulomb,
-        coulomb_negative=plant.coulomb_negative * coulomb,
+    hub = model.plant.friction
+    return model.with_friction(
+        static_positive=hub.static_positive * static,
+        static_negative=hub.static_negative * static,
+        coulomb_positive=hub.coulomb_positive * coulomb,
+        coulomb_negative=hub.coulomb_negative * coulomb,
     )
 
 

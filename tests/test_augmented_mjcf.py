@@ -9,7 +9,7 @@ import pytest
 import synthetic_diagnosis as synthetic
 
 from twin.diagnosis.answer import AdoptedEffect
-from twin.effects import REGISTRY
+from twin.effects import REGISTRY, Effect
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.parameters import Rig
@@ -99,7 +99,7 @@ def test_what_is_left_out_is_told_in_the_file(explained):
 def test_a_reading_that_cannot_be_written_is_told(explained, monkeypatch):
     misread = with_effect(explained, "hub-sensor-gain")
     assert "hub-sensor-gain" not in to_mjcf(misread, synthetic.SENSORS).left_out
-    monkeypatch.setattr("twin.rigs.mjcf_sensors.says", lambda name: False)
+    monkeypatch.setattr(type(REGISTRY["hub-sensor-gain"]), "reading", Effect.reading)
     assert "hub-sensor-gain" in to_mjcf(misread, synthetic.SENSORS).left_out
 
 

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from twin.campaigns.campaign import read_campaign
 from twin.estimation.calibrate import noise_levels
 from twin.mechanics import chain, planar
+from twin.mechanics.plant import declared_plant
 from twin.mechanics.state import Motion
 from twin.residuals import creep, hub_balance, stribeck_reversals
 from twin.residuals.data import DrivenData
@@ -70,14 +71,14 @@ def test_runs_of_another_friction_do_not(falling, velocity):
 @pytest.mark.parametrize("part", [0.9, 1.1])
 def test_the_static_level_is_left_open(plain, part):
     data, twin = plain
-    level = part * twin.plant.static_positive
-    other = twin.with_plant(static_positive=level, static_negative=level)
+    level = part * twin.plant.friction.static_positive
+    other = twin.with_friction(static_positive=level, static_negative=level)
     assert misfit(data, other) == pytest.approx(misfit(data, twin), rel=1e-3)
 
 
 def test_how_strongly_the_hub_is_pushed_is_left_open(plain):
     data, twin = plain
-    pushed = twin.with_plant(bias=2e-3)
+    pushed = twin.replace(effects={"torque-bias": {"bias": 2e-3}})
     assert misfit(data, pushed) == pytest.approx(misfit(data, twin), rel=0.03)
 
 
@@ -92,9 +93,9 @@ def test_readings_are_a_group_of_their_own(plain):
 def test_a_model_that_never_comes_free_is_a_hub_at_rest(plain):
     data, twin = plain
     # Friction in motion beyond any torque, and an inertia at which nothing is stable.
-    heavy = twin.with_plant(coulomb_positive=1.5, coulomb_negative=1.5)
+    heavy = twin.with_friction(coulomb_positive=1.5, coulomb_negative=1.5)
     assert 10 < misfit(data, heavy) < np.inf
-    wild = twin.with_plant(viscous=1e6)
+    wild = twin.replace(effects={"viscous-friction": {"viscous": 1e6}})
     assert 10 < misfit(data, wild) < np.inf
 
 
@@ -139,28 +140,30 @@ def test_samples_that_share_an_instant_have_the_noise_of_one(plain):
 
 def test_a_closed_play_is_a_hub_with_its_motor():
     rig = preset("bossi2009")
-    plant = planar.declared_plant(rig, chain.build(rig, 5))
-    shut = planar.closed(planar.with_backlash(plant, 0.02, 1e-4))
-    assert shut.gap == 0
-    np.testing.assert_allclose(shut.inertia, plant.inertia)
-    assert planar.closed(plant) is plant
+    plant = declared_plant(rig, chain.build(rig, 5))
+    shut = plant.with_backlash(0.02, 1e-4).closed()
+    assert shut.motor.gap == 0
+    np.testing.assert_allclose(shut.link.inertia, plant.link.inertia)
+    assert plant.closed() is plant
 
 
 def test_the_mean_of_a_falling_friction_over_a_step_is_its_integral():
     rig = preset("bossi2009")
-    plant = planar.declared_plant(rig, chain.build(rig, 5))._replace(stribeck_velocity=0.2)
+    plant = declared_plant(rig, chain.build(rig, 5)).with_friction(stribeck_velocity=0.2)
     rate, acceleration = np.linspace(-2, 2, 81), np.full(81, 150.0)
     found = planar.mean_friction(plant, 0 * rate, rate, acceleration * GRID)
     within = rate[:, None] + acceleration[:, None] * GRID * (np.arange(4000) + 0.5 - 2000) / 4000
-    fallen = (plant.static_positive - plant.coulomb_positive) * np.exp(-((within / 0.2) ** 2))
-    exact = -(np.sign(within) * (plant.coulomb_positive + fallen)).mean(axis=1)
-    np.testing.assert_allclose(found, exact, atol=1e-3 * plant.static_positive)
+    fallen = (plant.friction.static_positive - plant.friction.coulomb_positive) * np.exp(
+        -((within / 0.2) ** 2)
+    )
+    exact = -(np.sign(within) * (plant.friction.coulomb_positive + fallen)).mean(axis=1)
+    np.testing.assert_allclose(found, exact, atol=1e-3 * plant.friction.static_positive)
 
 
 def test_the_mean_of_friction_at_a_steady_rate_is_its_level():
     rig = preset("bossi2009")
-    plant = planar.declared_plant(rig, chain.build(rig, 5))._replace(
-        coulomb_positive=0.004, coulomb_negative=0.0105, friction_amplitude=0.002
+    plant = declared_plant(rig, chain.build(rig, 5)).with_friction(
+        coulomb_positive=0.004, coulomb_negative=0.0105, amplitude=0.002
     )
     rate = np.array([-1.0, 0.0, 0.5, -1.0, 0.5])
     change = np.array([0.0, 0.0, 0.0, 1e-3, 1e-3])
@@ -170,14 +173,16 @@ def test_the_mean_of_friction_at_a_steady_rate_is_its_level():
 
 def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypatch):
     rig = preset("bossi2009")
-    twin = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3).with_plant(stribeck_velocity=0.8)
-    plant, inertia = twin.plant, twin.mechanics.chain.free_hub_inertia()
+    twin = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3).with_friction(stribeck_velocity=0.8)
+    plant, inertia = twin.plant, twin.chain.free_hub_inertia()
     fine, finer = np.arange(0, 2, 2e-4), 10
-    torque = 1.6 * plant.static_positive * np.sin(2 * np.pi * 4 * fine + 0.3)
+    torque = 1.6 * plant.friction.static_positive * np.sin(2 * np.pi * 4 * fine + 0.3)
 
     def friction(rate):
-        fallen = (plant.static_positive - plant.coulomb_positive) * np.exp(-((rate / 0.8) ** 2))
-        return -np.tanh(rate / 1e-3) * (plant.coulomb_positive + fallen)
+        fallen = (plant.friction.static_positive - plant.friction.coulomb_positive) * np.exp(
+            -((rate / 0.8) ** 2)
+        )
+        return -np.tanh(rate / 1e-3) * (plant.friction.coulomb_positive + fallen)
 
     def move(t, x):
         return [x[1], (np.interp(t, fine, torque) + friction(x[1])) / inertia]
@@ -188,7 +193,7 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
     spline = smooth(time, low_passed(angle[::finer], GRID, 70.0))
     seen = spline(time), spline(time, 1), spline(time, 2)
     view = View(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, {}, ())
-    links = len(twin.mechanics.chain.lengths)
+    links = len(twin.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in seen[:2])
     motion = Motion.of(time, angles, rates, np.sign(seen[1]), links)
 
@@ -205,13 +210,13 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
 
 def test_what_friction_seems_to_do_where_a_rest_ends_does_not_turn_a_creeping_hub_round():
     rig = preset("bossi2009")
-    twin = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3).with_plant(stribeck_velocity=1.2)
+    twin = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3).with_friction(stribeck_velocity=1.2)
     time = GRID * np.arange(1000)
     rate = np.where(time < 1.0, 0.0, 0.03 * (time - 1.0))
     angle, nothing = np.cumsum(rate) * GRID, np.zeros(len(time))
     surely = time > 1.0 + REACH
     view = View(time, angle, rate, nothing, np.sign(rate), surely, {}, {}, {}, ())
-    links = len(twin.mechanics.chain.lengths)
+    links = len(twin.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in (angle, rate))
     found = hub_balance.hub_laws(view, twin, Motion.of(time, angles, rates, np.sign(rate), links))
     level = planar.sliding_level(twin.plant, 0.0, 0.015, 1)

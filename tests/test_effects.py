@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.effects import REGISTRY
-from twin.mechanics import chain, planar
+from twin.mechanics import chain
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
@@ -108,8 +108,8 @@ def test_mujoco_moves_the_same(name, planted):
     recording = slew(0.6)
     compiled = integrate(augmented, recording, Start(hub_angle=0.1))
     drive = augmented.drive(recording)
-    engine = MujocoChain(augmented.rig, augmented.chain, augmented.plant)
-    phi = planar.extended(augmented.plant, initial_state(augmented, recording, Start(hub_angle=0.1))[0])
+    engine = MujocoChain(augmented.rig, augmented.chain, augmented.plant, augmented.hub_torques)
+    phi = augmented.plant.extended(initial_state(augmented, recording, Start(hub_angle=0.1))[0])
     times, torques = np.r_[-1e3, drive.time], np.r_[drive.before, drive.torque]
     angles, _, _ = engine.simulate(times, torques, recording.time, phi, 0 * phi, 0, False, 5e-4)
     # Sticks and slips are located to 1e-7 s by either engine, in their own way.

@@ -5,17 +5,18 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from plants import changed, torque_of
 
 from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import build
 from twin.mechanics.mujoco_chain import MujocoChain
-from twin.residuals import backlash
+from twin.mechanics.plant import CONTACT_LOSS, CONTACT_STEP, declared_plant
 from twin.residuals.filters import low_passed
 from twin.rigs import preset
 
 RIG = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)
 CHAIN = build(RIG, 6)
-PLANT = planar.declared_plant(RIG, CHAIN)
+PLANT = declared_plant(RIG, CHAIN)
 REST = np.zeros(len(CHAIN.lengths))
 SHARE = 0.4
 MOTOR = SHARE * RIG["hub_inertia"]
@@ -24,7 +25,7 @@ NO_DRIVE = (np.zeros(1), np.zeros(1))
 
 def torsional(frequency=25.0, ratio=0.05, share=0.2):
     inertia, omega = share * RIG["hub_inertia"], 2 * math.pi * frequency
-    return planar.with_torsion(PLANT, inertia, inertia * omega**2, 2 * ratio * omega * inertia)
+    return PLANT.with_torsion(inertia, inertia * omega**2, 2 * ratio * omega * inertia)
 
 
 def test_torsional_mode_rings_at_its_frequency_on_a_locked_hub():
@@ -38,36 +39,36 @@ def test_torsional_mode_rings_at_its_frequency_on_a_locked_hub():
     np.testing.assert_allclose(found[:, -1], exact, atol=1e-6)
 
 
-@pytest.mark.parametrize("plant", [torsional(), planar.with_backlash(PLANT, 0.02, MOTOR)])
+@pytest.mark.parametrize("plant", [torsional(), PLANT.with_backlash(0.02, MOTOR)])
 def test_inertia_of_the_hub_is_shared_not_added(plant):
-    assert np.trace(plant.inertia) == pytest.approx(np.trace(PLANT.inertia))
+    assert np.trace(plant.link.inertia) == pytest.approx(np.trace(PLANT.link.inertia))
 
 
 def test_extras_keep_their_places_whichever_comes_first():
     oscillator, motor = (1e-4, 2.5, 1e-3), (0.02, MOTOR)
-    one = planar.with_backlash(planar.with_torsion(PLANT, *oscillator), *motor)
-    other = planar.with_torsion(planar.with_backlash(PLANT, *motor), *oscillator)
-    for a, b in zip(one, other, strict=True):
+    one = PLANT.with_torsion(*oscillator).with_backlash(*motor)
+    other = PLANT.with_backlash(*motor).with_torsion(*oscillator)
+    for a, b in zip((*one.link, *one.motor), (*other.link, *other.motor), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-14)
 
 
 def test_motor_crosses_the_gap_before_the_hub_moves():
     gap, torque = 0.02, 0.1
-    plant = planar.with_backlash(PLANT, gap, MOTOR)
+    plant = PLANT.with_backlash(gap, MOTOR)
     contact = math.sqrt(gap * MOTOR / torque)  # gap / 2 = torque / (2 J) t^2
     time = np.array([0.0, 0.98 * contact, 1.1 * contact])
     phi = np.append(REST, 0.0)
-    run = (np.zeros(1), np.full(1, torque), time, phi, 0 * phi, 1, False, planar.CONTACT_STEP)
+    run = (np.zeros(1), np.full(1, torque), time, phi, 0 * phi, 1, False, CONTACT_STEP)
     angles, rates, _ = planar.simulate(plant, *run)
     assert rates[1, 0] == 0.0
     assert angles[1, -1] == pytest.approx(0.98**2 * gap / 2, rel=1e-6)
     assert rates[2, 0] > 0.1
 
 
-@pytest.mark.parametrize("loss", [planar.CONTACT_LOSS, 0.05, 0.5])
+@pytest.mark.parametrize("loss", [CONTACT_LOSS, 0.05, 0.5])
 def test_motor_comes_back_from_a_flank_as_a_linear_dashpot_lets_it(loss):
     # T. Schwager, T. Poeschel, Granular Matter 9 (2007): a contact that never pulls.
-    plant = planar.with_backlash(PLANT, 0.01, MOTOR, loss)
+    plant = PLANT.with_backlash(0.01, MOTOR, loss)
     phi, omega = np.append(REST, 0.0), np.append(REST, 2.0)
     time = np.array([0.0, 0.0025 + 0.004])  # the free way to the flank, and out of the contact of some 1.6 ms
     _, rates, _ = planar.simulate(plant, *NO_DRIVE, time, phi, omega, 0, True, 2e-6)
@@ -77,7 +78,7 @@ def test_motor_comes_back_from_a_flank_as_a_linear_dashpot_lets_it(loss):
 
 
 def test_play_passes_on_what_the_hub_takes():
-    plant = planar.with_backlash(PLANT, 0.02, MOTOR)
+    plant = PLANT.with_backlash(0.02, MOTOR)
     period = 5e-4
     time = np.arange(0, 0.8, period)
     command = np.where(time < 0.4, 0.1, -0.1)
@@ -85,8 +86,8 @@ def test_play_passes_on_what_the_hub_takes():
     angles, rates, _ = planar.simulate(plant, time, command, time, phi, 0 * phi, 1, False, period)
     acceleration = np.gradient(rates[:, 0], period)
     held = np.append(command[0], (command[1:] + command[:-1]) / 2)
-    passed = backlash.transmitted(plant, period, acceleration, angles[:, 0], held)
-    behind = planar.without_motor(plant)
+    passed = planar.transmitted(plant, period, acceleration, angles[:, 0], held)
+    behind = plant.without_motor()
     hub = (angles[:, 0], rates[:, 0], acceleration)
     _, _, taken = planar.driven(behind, time, *hub, REST, REST, 2.5e-4)
     missing = low_passed(taken - passed, period)
@@ -94,21 +95,22 @@ def test_play_passes_on_what_the_hub_takes():
     assert np.std(missing) < 0.1 * np.std(low_passed(taken - held, period))
 
 
-@pytest.mark.parametrize("plant", [torsional(), planar.with_backlash(PLANT, 0.02, MOTOR)])
+@pytest.mark.parametrize("plant", [torsional(), PLANT.with_backlash(0.02, MOTOR)])
 def test_locked_hub_moves_alike_in_mujoco(plant):
     phi = np.append(REST, 0.02)
-    lagging = plant._replace(lag=0.005, cogging_amplitude=0.01, cogging_order=5.0)
+    torques = (torque_of("cogging", amplitude=0.01, order=5.0),)
+    lagging = changed(plant, motor={"lag": 0.005}, torques=torques)
     time = np.arange(0, 0.1, 2e-3)
     run = (np.array([0.0, 0.05]), np.array([0.1, -0.1]), time, phi, 0 * phi, 0, True, 1e-4)
     angles, _, _ = planar.simulate(lagging, *run)
-    found, _, _ = MujocoChain(RIG, CHAIN, lagging).simulate(*run)
+    found, _, _ = MujocoChain(RIG, CHAIN, lagging, torques).simulate(*run)
     np.testing.assert_allclose(found, angles, atol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("plant", "tolerance"),
     # MuJoCo's limits are softer at first than a spring.
-    [(torsional(), 1e-5), (planar.with_backlash(PLANT, 0.02, MOTOR), 2e-3)],
+    [(torsional(), 1e-5), (PLANT.with_backlash(0.02, MOTOR), 2e-3)],
     ids=["torsional-mode", "backlash"],
 )
 def test_file_moves_alike_in_plain_mujoco(plant, tolerance):

@@ -15,6 +15,7 @@ from twin.estimation.fit import Fit
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain, planar
+from twin.mechanics.plant import CONTACT_LOSS
 from twin.mechanics.state import Motion
 from twin.residuals import hub_balance, static_levels
 from twin.residuals.data import DrivenData
@@ -84,7 +85,7 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
     make_campaign(tmp_path / "rig", play, 7, experiments=[e for e in plan if e.name == "break-away"])
     campaign = read_campaign(tmp_path / "rig")
     shape = chain.fit_shape(campaign.rig, 5)
-    known = {"backlash": {**play["backlash"], "contact_loss": planar.CONTACT_LOSS}}
+    known = {"backlash": {**play["backlash"], "contact_loss": CONTACT_LOSS}}
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
     prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
     found = static_levels.levels(DrivenData(prepared, twin), twin, [p.start for p in prepared])
@@ -192,7 +193,7 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     view = View(
         time, angle, rate, -(omega**2) * angle, np.sign(rate), np.ones(len(time), dtype=bool), {}, {}, {}, ()
     )
-    links = len(twin.mechanics.chain.lengths)
+    links = len(twin.chain.lengths)
     angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
     motion = Motion.of(time, angles, rates, np.sign(rate), links)
     inner = slice(200, -200)
@@ -211,4 +212,4 @@ def test_a_break_away_torque_a_little_off_is_none_that_the_hub_slides_against():
     less, more = plain.with_break_away(0.999).plant, plain.with_break_away(1.001).plant
     assert (less.static_positive, less.static_negative) == (0.02, 0.02)
     assert more.static_positive == pytest.approx(0.02002)
-    assert plain.with_break_away(1.001).plant.coulomb_positive == 0.02
+    assert plain.with_break_away(1.001).plant.friction.coulomb_positive == 0.02

@@ -5,16 +5,19 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from plants import BIAS, changed, torque_of
 
-from twin.mechanics import beam, mjcf, planar
+from twin.mechanics import beam, mjcf
 from twin.mechanics.accuracy import linearised
 from twin.mechanics.chain import build
+from twin.mechanics.hub_law import HubLaw, HubTorque
+from twin.mechanics.plant import declared_plant
 from twin.recording import Sensor
 from twin.rigs import mjcf_files, preset
 
 RIG = preset("bossi2009")
 CHAIN = build(RIG)
-PLANT = planar.declared_plant(RIG, CHAIN)
+PLANT = declared_plant(RIG, CHAIN)
 MODELS = Path(__file__).parent.parent / "models"
 
 
@@ -67,7 +70,7 @@ def test_compact_model_moves_alike():
 
 def test_losses_of_another_shape_are_written_too():
     damping = np.diag(np.linspace(1e-4, 2e-4, CHAIN.shape.segments))
-    model = mjcf.dynamics_spec(CHAIN, PLANT._replace(damping=damping), RIG).compile()
+    model = mjcf.dynamics_spec(CHAIN, PLANT.with_link(damping=damping), RIG).compile()
     np.testing.assert_allclose(linearised(model)[1][1:, 1:], damping, atol=1e-11)
 
 
@@ -116,19 +119,29 @@ def test_file_carries_the_break_away_level():
 
 
 def test_what_mjcf_cannot_say_is_listed():
-    augmented = PLANT._replace(stribeck_velocity=0.1, viscous=0.01, softening=0.2)
-    expected = ("break-away friction above Coulomb", "stribeck friction", "softening stiffness")
-    assert mjcf.not_native(augmented) == expected
+    torques = (torque_of("viscous-friction", viscous=0.01), HubTorque("brake", _brake, (0.1,)))
+    augmented = changed(PLANT, {"softening": 0.2}, {"stribeck_velocity": 0.1}, torques=torques)
+    expected = ("break-away friction above Coulomb", "stribeck friction", "softening stiffness", "brake")
+    assert mjcf.not_native(augmented, torques) == expected
+
+
+@HubLaw
+def _brake(t, theta, omega, values):
+    return -values[0] * omega * abs(omega)
 
 
 def test_native_mechanisms_act_on_the_hub():
-    added = {"viscous": 0.01, "cable_stiffness": 0.05, "cable_rest_angle": 0.3, "bias": 0.002}
-    waves = {"cogging_amplitude": 0.01, "cogging_order": 6.0, "cogging_phase": 0.4}
-    model = mjcf.build_spec(RIG, CHAIN, PLANT._replace(**added, **waves)).compile()
+    torques = (
+        torque_of("viscous-friction", viscous=0.01),
+        torque_of("cable-torsion", stiffness=0.05, rest_angle=0.3),
+        torque_of("cogging", amplitude=0.01, order=6.0, phase=0.4),
+        BIAS,
+    )
+    model = mjcf.build_spec(RIG, CHAIN, changed(PLANT, torques=torques), torques).compile()
     data = mujoco.MjData(model)
     data.qpos[0], data.qvel[0] = 0.7, 2.0
     mujoco.mj_forward(model, data)
-    expected = 0.002 - 0.01 * 2.0 - 0.05 * (0.7 - 0.3) + 0.01 * np.sin(6 * 0.7 + 0.4)
+    expected = 0.01 - 0.01 * 2.0 - 0.05 * (0.7 - 0.3) + 0.01 * np.sin(6 * 0.7 + 0.4)
     assert data.qfrc_smooth[0] + data.qfrc_bias[0] == pytest.approx(expected + data.qfrc_bias[0], abs=1e-12)
 
 
@@ -139,7 +152,7 @@ def test_scene_adds_table_and_cameras():
 
 
 def test_plant_of_another_chain_is_refused():
-    other = planar.declared_plant(RIG, build(RIG.replace(tip_mass=0.2), shape=CHAIN.shape))
+    other = declared_plant(RIG, build(RIG.replace(tip_mass=0.2), shape=CHAIN.shape))
     with pytest.raises(ValueError, match="plant and chain have different inertias"):
         mjcf.build_spec(RIG, CHAIN, other)
 

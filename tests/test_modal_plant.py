@@ -92,7 +92,7 @@ def test_an_effect_changes_the_modes_as_it_changes_the_chain(plain, name, p):
 
 
 def test_every_effect_of_the_mechanics_is_compared_or_refused():
-    hooks = ("rig", "links", "plant")
+    hooks = ("rig", "links", "plant", "hub_law")
     acting = {
         name
         for name, effect in REGISTRY.items()

@@ -3,35 +3,46 @@
 import mujoco
 import numpy as np
 import pytest
+from plants import BIAS, changed, torque_of
 
 from twin.mechanics import beam, planar
 from twin.mechanics.chain import build
 from twin.mechanics.mujoco_chain import MujocoChain
+from twin.mechanics.plant import declared_plant
 from twin.rigs import preset
 
 RIG = preset("bossi2009")
 CHAIN = build(RIG)
-PLANT = planar.declared_plant(RIG, CHAIN)
+PLANT = declared_plant(RIG, CHAIN)
 SIZE = len(CHAIN.lengths)
 REST = np.zeros(SIZE)
 STEP = 5e-4
 
 MECHANISMS = {
     "none": {},
-    "viscous": {"viscous": 0.004},
-    "cable": {"cable_stiffness": 0.03, "cable_rest_angle": 0.3},
-    "bias": {"bias": 0.01},
-    "cogging": {"cogging_amplitude": 0.01, "cogging_order": 12.0, "cogging_phase": 0.3},
-    "gravity": {"gravity_x": 0.05, "gravity_y": -0.1},
-    "linear drag": {"tip_drag_linear": 0.05},
-    "quadratic drag": {"tip_drag_quadratic": 0.05},
-    "both drags": {"tip_drag_linear": 0.03, "tip_drag_quadratic": 0.05},
-    "stribeck": {"stribeck_velocity": 0.05},
-    "position-dependent friction": {"friction_amplitude": 0.01, "friction_order": 3.0, "friction_phase": 0.2},
-    "asymmetric friction": {"coulomb_negative": 0.008, "static_negative": 0.05},
-    "disturbance": {"disturbance_amplitude": 0.02, "disturbance_frequency": 5.0, "disturbance_phase": 0.3},
-    "lag": {"lag": 0.01},
-    "softening": {"softening": 0.3, "softening_curvature": 2.0},
+    "viscous": {"torques": (torque_of("viscous-friction", viscous=0.004),)},
+    "cable": {"torques": (torque_of("cable-torsion", stiffness=0.03, rest_angle=0.3),)},
+    "two springs": {
+        "torques": (
+            torque_of("cable-torsion", stiffness=0.03, rest_angle=0.3),
+            torque_of("cable-torsion", stiffness=0.01, rest_angle=-0.8),
+        )
+    },
+    "bias": {"torques": (BIAS,)},
+    "bias and cable": {"torques": (BIAS, torque_of("cable-torsion", stiffness=0.03, rest_angle=0.3))},
+    "cogging": {"torques": (torque_of("cogging", amplitude=0.01, order=12.0, phase=0.3),)},
+    "gravity": {"link": {"gravity_x": 0.05, "gravity_y": -0.1}},
+    "linear drag": {"link": {"drag_linear": 0.05}},
+    "quadratic drag": {"link": {"drag_quadratic": 0.05}},
+    "both drags": {"link": {"drag_linear": 0.03, "drag_quadratic": 0.05}},
+    "stribeck": {"friction": {"stribeck_velocity": 0.05}},
+    "position-dependent friction": {"friction": {"amplitude": 0.01, "order": 3.0, "phase": 0.2}},
+    "asymmetric friction": {"friction": {"coulomb_negative": 0.008, "static_negative": 0.05}},
+    "disturbance": {
+        "torques": (torque_of("periodic-disturbance", amplitude=0.02, frequency=5.0, phase=0.3),)
+    },
+    "lag": {"motor": {"lag": 0.01}},
+    "softening": {"link": {"softening": 0.3, "softening_curvature": 2.0}},
 }
 
 
@@ -41,10 +52,10 @@ def _slew(duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_slew_with_sticking_agrees(mechanism):
-    plant = PLANT._replace(**MECHANISMS[mechanism])
+    plant = changed(PLANT, **MECHANISMS[mechanism])
     run = (*_slew(1.0), REST, REST, 0, False, STEP)
     angles, rates, modes = planar.simulate(plant, *run)
-    found = MujocoChain(RIG, CHAIN, plant).simulate(*run)
+    found = MujocoChain(RIG, CHAIN, plant, MECHANISMS[mechanism].get("torques", ())).simulate(*run)
     assert np.any(modes[100:] == 0)
     assert np.any(modes[100:] != 0)
     # `planar` locates an event to 1e-7 s, in which a rate of 1e-5 rad/s comes or goes.
@@ -54,7 +65,7 @@ def test_slew_with_sticking_agrees(mechanism):
 
 
 def test_what_a_lag_remembers_was_commanded_long_before():
-    plant = PLANT._replace(lag=0.05)
+    plant = PLANT.with_motor(lag=0.05)
     command = np.array([-1e3, 0.0]), np.array([0.1, -0.1])
     moving = (np.arange(0.0, 0.1, 2e-3), REST, np.full(SIZE, 1.0), 1, False, STEP)
     remembered, started = (
@@ -68,17 +79,17 @@ def test_what_a_lag_remembers_was_commanded_long_before():
 
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_clamped_free_vibration_agrees(mechanism):
-    plant = PLANT._replace(**MECHANISMS[mechanism])
+    plant = changed(PLANT, **MECHANISMS[mechanism])
     bent = 0.4 + np.cumsum(np.append(0.0, np.linspace(0.03, 0.01, SIZE - 1)))
     run = (*_slew(0.4), bent, REST, 0, True, STEP)
     angles, rates, _ = planar.simulate(plant, *run)
-    found = MujocoChain(RIG, CHAIN, plant).simulate(*run)
+    found = MujocoChain(RIG, CHAIN, plant, MECHANISMS[mechanism].get("torques", ())).simulate(*run)
     np.testing.assert_allclose(found[0], angles, atol=1e-9)
     np.testing.assert_allclose(found[1], rates, atol=1e-7)
 
 
 def test_released_hub_agrees():
-    frictionless = PLANT._replace(
+    frictionless = PLANT.with_friction(
         static_positive=0.0, static_negative=0.0, coulomb_positive=0.0, coulomb_negative=0.0
     )
     bent = np.linspace(0.0, 0.3, SIZE)
@@ -145,6 +156,6 @@ def test_sparse_output_does_not_miss_a_stick():
 
 
 def test_callback_is_gone_after_a_run():
-    engine = MujocoChain(RIG, CHAIN, PLANT._replace(lag=0.01))
+    engine = MujocoChain(RIG, CHAIN, PLANT.with_motor(lag=0.01))
     engine.advance(0.1, 0.01)
     assert mujoco.get_mjcb_control() is None

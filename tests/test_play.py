@@ -81,5 +81,5 @@ def test_hub_that_friction_may_hold_between_impacts_is_not_told():
     )
     assert held[view.sliding].any()
     assert held[view.sliding].mean() < 0.2
-    slack = model.with_plant(static_positive=0.0, static_negative=0.0)
+    slack = model.with_friction(static_positive=0.0, static_negative=0.0)
     assert not (backlash.doubtful(view, prepared, slack, noise, 0.1) & held).any()

@@ -8,6 +8,7 @@ from scipy.linalg import eigh
 
 from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import build, curvature_row, with_root
+from twin.mechanics.plant import declared_plant
 from twin.rigs import preset
 
 RIG = preset("bossi2009")
@@ -78,7 +79,7 @@ def test_the_two_forms_meet():
 @pytest.mark.parametrize("stiffness", [SOFT, STIFF])
 def test_mjcf_has_the_same_modes(stiffness):
     links = compliant(stiffness)
-    plant = planar.declared_plant(RIG, links)
+    plant = declared_plant(RIG, links)
     model = mjcf.build_spec(RIG, links, plant).compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -90,7 +91,7 @@ def test_mjcf_has_the_same_modes(stiffness):
 
 def test_file_of_a_soft_clamp_is_stable():
     links = compliant(4.0, build(RIG))
-    model = mjcf.build_spec(RIG, links, planar.declared_plant(RIG, links)).compile()
+    model = mjcf.build_spec(RIG, links, declared_plant(RIG, links)).compile()
     data = mujoco.MjData(model)
     data.actuator("motor").ctrl = 0.1
     mujoco.mj_step(model, data, 2000)
@@ -101,7 +102,7 @@ def test_file_of_a_soft_clamp_is_stable():
 @pytest.mark.parametrize("stiffness", [SOFT, STIFF])
 def test_runs_at_its_largest_step(stiffness):
     links = compliant(stiffness)
-    plant = planar.declared_plant(RIG, links)
+    plant = declared_plant(RIG, links)
     rest = np.zeros(len(links.lengths))
     run = (np.array([0.0]), np.array([0.15]), np.array([0.0, 0.3]), rest, rest, 1, False)
     coarse, fine = (planar.simulate(plant, *run, h)[0][-1] for h in (links.largest_step(), 5e-5))

@@ -75,7 +75,7 @@ def test_mujoco_keeps_the_same_time():
     time = instants("uniform")
     links = chain.build(RIG, shape=SHAPE)
     model = Model(RIG, {}, SHAPE)
-    engine = MujocoChain(RIG, links, model.plant)
+    engine = MujocoChain(RIG, links, model.plant, model.hub_torques)
     start = np.zeros(len(links.lengths))
     angles, _, _ = engine.simulate(time, commanded(time), time, start, start, 0, False, 2.5e-4)
     exact = held_response(LinearChain(), time, commanded(time))[:, 0]

@@ -18,7 +18,6 @@ from twin.estimation.static_friction import with_static_levels
 from twin.estimation.workbench import FreeData, Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
-from twin.residuals.view import on_link
 from twin.rigs.model import Model
 
 CONTENDERS = 3  # candidates that are fitted to the end
@@ -147,7 +146,9 @@ def seen_anew(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
 
 def _rings_otherwise(model: Model, before: Model) -> bool:
     now, then = (m.chain.modes("clamped")[0][:2] for m in (model, before))
-    acts, acted = (on_link(m.plant) for m in (model, before))
+    acts, acted = (
+        {**m.plant.link.mechanisms, **m.plant.motor._replace(lag=0.0)._asdict()} for m in (model, before)
+    )
     return acts != acted or bool(np.any(np.abs(now / then - 1) > _SAME))
 
 

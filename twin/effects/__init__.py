@@ -1,4 +1,15 @@
-"""The vocabulary of missing effects: one file each, and its line in the registry."""
+"""The vocabulary of missing effects: one file each, and its line in the registry.
+
+Effects of other packages join it by `register`, or by an entry point of the group "twin.effects" that names an
+`Effect` class or object:
+
+    [project.entry-points."twin.effects"]
+    magnetic-brake = "my_package.effects:MagneticBrake"
+"""
+
+import re
+import warnings
+from importlib.metadata import entry_points
 
 from twin.effects.actuator_delay import ActuatorDelay
 from twin.effects.actuator_lag import ActuatorLag
@@ -26,36 +37,105 @@ from twin.effects.torque_bias import TorqueBias
 from twin.effects.torque_gain import TorqueGain
 from twin.effects.torsional_mode import TorsionalMode
 from twin.effects.viscous_friction import ViscousFriction
+from twin.mechanics.hub_law import HubLaw
 
-REGISTRY: dict[str, Effect] = {
-    effect.name: effect
-    for effect in (
-        ViscousFriction(),
-        StribeckFriction(),
-        AsymmetricFriction(),
-        PositionDependentFriction(),
-        CableTorsion(),
-        Cogging(),
-        TorqueGain(),
-        TorqueBias(),
-        ActuatorLag(),
-        ActuatorDelay(),
-        Backlash(),
-        GravityTilt(),
-        PeriodicDisturbance(),
-        PayloadMass(),
-        StiffnessLoss(),
-        SofteningStiffness(),
-        TorsionalMode(),
-        RootCompliance(),
-        AirDrag(),
-        AirPadDrag(),
-        HubSensorGain(),
-        HubSensorNonlinearity(),
-        StrainGain(),
-        StrainDrift(),
-        SensorDelay(),
-    )
-}
+_OWN: tuple[Effect, ...] = (
+    ViscousFriction(),
+    StribeckFriction(),
+    AsymmetricFriction(),
+    PositionDependentFriction(),
+    CableTorsion(),
+    Cogging(),
+    TorqueGain(),
+    TorqueBias(),
+    ActuatorLag(),
+    ActuatorDelay(),
+    Backlash(),
+    GravityTilt(),
+    PeriodicDisturbance(),
+    PayloadMass(),
+    StiffnessLoss(),
+    SofteningStiffness(),
+    TorsionalMode(),
+    RootCompliance(),
+    AirDrag(),
+    AirPadDrag(),
+    HubSensorGain(),
+    HubSensorNonlinearity(),
+    StrainGain(),
+    StrainDrift(),
+    SensorDelay(),
+)
 
-__all__ = ["REGISTRY", "TORSION", "Drive", "Effect", "EffectParameter"]
+REGISTRY: dict[str, Effect] = {}
+"""Every effect by its name, in the order in which a search tries them."""
+
+ENTRY_POINTS = "twin.effects"
+"""Group of entry points whose effects are registered when this package is imported."""
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+
+
+def register(effect: Effect) -> Effect:
+    """Adds an effect to the vocabulary; returns it.
+
+    Raises:
+      ValueError: its name is taken or is not like "cable-torsion", or it lacks what every effect says of itself.
+    """
+    name = getattr(effect, "name", None)
+    if not isinstance(effect, Effect):
+        raise ValueError(f"{effect!r} is no effect; expected an object of a subclass of twin.effects.Effect")
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ValueError(
+            f"{type(effect).__name__}.name is {name!r}; expected lower case and hyphens, as 'air-drag'"
+        )
+    if name in REGISTRY:
+        raise ValueError(
+            f"the name '{name}' is taken by {type(REGISTRY[name]).__qualname__}; expected another one"
+        )
+    for attribute in ("meaning", "acts_on", "parameters"):
+        if not getattr(effect, attribute, None):
+            raise ValueError(f"{type(effect).__name__} has no '{attribute}'; see twin.effects.Effect")
+    REGISTRY[name] = effect
+    return effect
+
+
+def unregister(name: str) -> None:
+    """Takes an effect out of the vocabulary: for tests, and for a search without it.
+
+    Raises:
+      KeyError: there is none of this name.
+    """
+    del REGISTRY[name]
+
+
+def meaning(name: str) -> str:
+    """What a model lacks that lacks this effect, in words; "" where the vocabulary does not have it."""
+    return REGISTRY[name].meaning if name in REGISTRY else ""
+
+
+def _register_all() -> None:
+    for effect in _OWN:
+        register(effect)
+    for point in entry_points(group=ENTRY_POINTS):
+        try:
+            found = point.load()
+            register(found() if isinstance(found, type) else found)
+        except Exception as error:
+            # Another package's fault must not stop this one.
+            warnings.warn(f"effect '{point.name}' of {point.value} was not registered: {error}", stacklevel=2)
+
+
+_register_all()
+
+__all__ = [
+    "REGISTRY",
+    "TORSION",
+    "Drive",
+    "Effect",
+    "EffectParameter",
+    "HubLaw",
+    "meaning",
+    "register",
+    "unregister",
+]

@@ -7,6 +7,8 @@ class ActuatorDelay(Effect):
     """delivered(t) = commanded(t - delay)."""
 
     name = "actuator-delay"
+    meaning = "a drive that follows its command after a dead time"
+    acts_on = "drive"
     parameters = (EffectParameter("delay", "s", 0.0, (0.0, 0.2), 2e-3),)
 
     def resolved(self, values, period):

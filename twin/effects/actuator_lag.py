@@ -7,10 +7,12 @@ class ActuatorLag(Effect):
     """time_constant d(delivered)/dt = commanded - delivered."""
 
     name = "actuator-lag"
+    meaning = "a drive that follows its command with a lag"
+    acts_on = "drive"
     parameters = (EffectParameter("time_constant", "s", 0.0, (0.0, 0.5), 1e-3),)
 
     def drive(self, drive, p):
         return drive.replace(lag=p["time_constant"])
 
     def plant(self, plant, p):
-        return plant._replace(lag=p["time_constant"])
+        return plant.with_motor(lag=p["time_constant"])

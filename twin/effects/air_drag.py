@@ -7,7 +7,9 @@ class AirDrag(Effect):
     """Force -coefficient |v| v on the tip: turbulent drag."""
 
     name = "air-drag"
+    meaning = "drag on the tip, growing with the square of its speed"
+    acts_on = "payload"
     parameters = (EffectParameter("coefficient", "N*s^2/m^2", 0.0, (0.0, 10.0), 2e-3),)
 
     def plant(self, plant, p):
-        return plant._replace(tip_drag_quadratic=plant.tip_drag_quadratic + p["coefficient"])
+        return plant.with_link(drag_quadratic=p["coefficient"])

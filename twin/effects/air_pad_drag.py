@@ -7,7 +7,9 @@ class AirPadDrag(Effect):
     """Force -viscous v on the tip: a film of air in shear."""
 
     name = "air-pad-drag"
+    meaning = "drag on the tip, proportional to its speed"
+    acts_on = "payload"
     parameters = (EffectParameter("viscous", "N*s/m", 0.0, (0.0, 10.0), 1e-3),)
 
     def plant(self, plant, p):
-        return plant._replace(tip_drag_linear=p["viscous"])
+        return plant.with_link(drag_linear=p["viscous"])

@@ -7,6 +7,8 @@ class AsymmetricFriction(Effect):
     """Static and Coulomb level of each direction in the place of the declared ones."""
 
     name = "asymmetric-friction"
+    meaning = "friction that differs between the two directions"
+    acts_on = "hub"
     parameters = (
         EffectParameter("static_positive", "N*m", None, (0.0, 1e3), 1e-3),
         EffectParameter("static_negative", "N*m", None, (0.0, 1e3), 1e-3),
@@ -20,7 +22,7 @@ class AsymmetricFriction(Effect):
 
     def plant(self, plant, p):
         # A hub cannot slide against more than it withstands at rest.
-        return plant._replace(
+        return plant.with_friction(
             coulomb_positive=p["coulomb_positive"],
             coulomb_negative=p["coulomb_negative"],
             static_positive=max(p["static_positive"], p["coulomb_positive"]),

@@ -1,4 +1,4 @@
-"""What a missing effect is: parameters with a neutral value, and where it acts."""
+"""What a missing effect is: parameters with a neutral value at which it vanishes, and where it acts."""
 
 from __future__ import annotations
 
@@ -6,13 +6,19 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from twin.effects.reading import Reading
 from twin.effects.wave import Wave
 from twin.mechanics.chain import Chain
-from twin.mechanics.planar import Plant
+from twin.mechanics.hub_law import HubLaw, HubTorque
+from twin.mechanics.plant import Plant
 from twin.parameters import Rig
+
+if TYPE_CHECKING:
+    from mujoco import MjSpec
 
 TORSION = "torsion"
 """Name under which `Effect.sensing` finds the angle of a torsional mode against the hub [rad]."""
@@ -119,9 +125,24 @@ class Drive:
 class Effect:
     """A physical effect that the model may lack. Every hook is the identity unless a subclass says otherwise.
 
+    Where it acts is where it overrides a hook:
+
+        rig, links     parameters of the rig, its chain of segments
+        plant          mechanisms of the equations of motion: friction, link, motor
+        hub_law        a torque on the hub, a function of time, angle and rate
+        drive          the way from commanded to delivered torque
+        sensing        what sensors report
+
     Class attributes:
       name: as in the vocabulary.
+      meaning: what the model lacks, in words that follow "The model lacks ...: ".
+      acts_on: the part of the rig that it belongs to, for people.
       parameters: the `EffectParameter`s.
+      hub_law: torque on the hub, see `twin.mechanics.hub_law`; it reads the values of the parameters in their order.
+      on_motor: where there is a play between motor and hub, `hub_law` acts on the motor.
+      mjcf_is_exact: whether the element that `write_mjcf` adds is exact with any time step.
+      linearisable: whether a model that is linear about one place can stand for it. What `hub_law` says of that is
+        found by evaluating it.
       along: parameters that say where or how the effect acts and mean nothing at neutral (a phase, a rest angle):
         a start gives them as they are, it does not scale them.
       wave: how the effect repeats, if it does with an order that a search has to look for.
@@ -130,7 +151,13 @@ class Effect:
     """
 
     name: str
+    meaning: str
+    acts_on: Literal["drive", "hub", "link", "payload", "sensors"]
     parameters: tuple[EffectParameter, ...]
+    hub_law: HubLaw | None = None
+    on_motor = False
+    mjcf_is_exact = True
+    linearisable = True
     replaces: tuple[str, ...] = ()
     along: tuple[str, ...] = ()
     wave: Wave | None = None
@@ -196,6 +223,25 @@ class Effect:
     def plant(self, plant: Plant, p: Mapping[str, float]) -> Plant:
         """Switches on a mechanism of the equations of motion."""
         return plant
+
+    def hub_torque(self, p: Mapping[str, float]) -> HubTorque | None:
+        """Torque on the hub; None where the effect adds none."""
+        if self.hub_law is None:
+            return None
+        writes = type(self).write_mjcf is not Effect.write_mjcf
+        write = functools.partial(self.write_mjcf, p=p) if writes else None
+        values = tuple(float(p[q.name]) for q in self.parameters)
+        return HubTorque(self.name, self.hub_law, values, self.on_motor, write, self.mjcf_is_exact)
+
+    def write_mjcf(self, spec: MjSpec, joint: str, p: Mapping[str, float]) -> None:
+        """Writes a `hub_law` that is not linear into a MuJoCo specification, for the joint of this name.
+
+        Linear ones become stiffness and damping of the joint without it; what is not written is said to be left out.
+        """
+
+    def reading(self, reading: Reading, channel: str, p: Mapping[str, float]) -> Reading | None:
+        """What `sensing` makes of the reading of a channel, in terms that MJCF has; None where it has none."""
+        return None if self.misreads else reading
 
     def drive(self, drive: Drive, p: Mapping[str, float]) -> Drive:
         """Turns commanded torque (after saturation) into delivered torque."""

@@ -3,6 +3,13 @@
 import math
 
 from twin.effects.base import Effect, EffectParameter
+from twin.mechanics.hub_law import HubLaw
+
+
+@HubLaw
+def torque(t, theta, omega, values):
+    """-stiffness (theta - rest_angle)."""
+    return -values[0] * (theta - values[1])
 
 
 class CableTorsion(Effect):
@@ -12,11 +19,14 @@ class CableTorsion(Effect):
     """
 
     name = "cable-torsion"
+    meaning = "wires that pull the hub back like a spring"
+    acts_on = "hub"
     parameters = (
         EffectParameter("stiffness", "N*m/rad", 0.0, (0.0, 10.0), 1e-3),
         EffectParameter("rest_angle", "rad", 0.0, (-2 * math.pi, 2 * math.pi), 0.1),
     )
 
+    hub_law = torque
     along = ("rest_angle",)
 
     def starts(self, rig):
@@ -29,6 +39,3 @@ class CableTorsion(Effect):
     def of_linear(self, coefficients):
         stiffness, at_zero = coefficients
         return {"stiffness": stiffness, "rest_angle": at_zero / stiffness} if stiffness > 0 else None
-
-    def plant(self, plant, p):
-        return plant._replace(cable_stiffness=p["stiffness"], cable_rest_angle=p["rest_angle"])

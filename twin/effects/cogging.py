@@ -1,7 +1,16 @@
 """Magnets of the motor that pull it to their own positions."""
 
+import math
+
 from twin.effects.base import Effect, EffectParameter
 from twin.effects.wave import Wave
+from twin.mechanics.hub_law import HubLaw
+
+
+@HubLaw
+def torque(t, theta, omega, values):
+    """amplitude sin(order theta + phase)."""
+    return values[0] * math.sin(values[1] * theta + values[2])
 
 
 class Cogging(Effect):
@@ -12,15 +21,19 @@ class Cogging(Effect):
     """
 
     name = "cogging"
+    meaning = "a torque of the motor's magnets that repeats with the angle"
+    acts_on = "drive"
     parameters = (
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
         EffectParameter("order", "1", 2.0, (1.9, 80.0), 0.02),
         EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
     )
+    hub_law = torque
+    on_motor = True
     along = ("order", "phase")
     wave = Wave("torque", "order")
 
-    def plant(self, plant, p):
-        return plant._replace(
-            cogging_amplitude=p["amplitude"], cogging_order=p["order"], cogging_phase=p["phase"]
-        )
+    def write_mjcf(self, spec, joint, p):
+        from twin.mechanics.mjcf import add_wave
+
+        add_wave(spec, joint, self.name, p["amplitude"], p["order"], p["phase"])

@@ -10,6 +10,8 @@ class GravityTilt(Effect):
     """Acceleration g sin(tilt) along `direction`, an angle fixed in the plane, on every mass of link and payload."""
 
     name = "gravity-tilt"
+    meaning = "gravity, because the plane is not level"
+    acts_on = "link"
     parameters = (
         EffectParameter("tilt", "rad", 0.0, (0.0, 0.8), 1e-3),
         EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1),
@@ -29,6 +31,6 @@ class GravityTilt(Effect):
 
     def plant(self, plant, p):
         pull = g * np.sin(p["tilt"])
-        return plant._replace(
+        return plant.with_link(
             gravity_x=float(pull * np.cos(p["direction"])), gravity_y=float(pull * np.sin(p["direction"]))
         )

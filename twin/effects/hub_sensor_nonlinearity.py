@@ -1,5 +1,7 @@
 """An angle sensor whose error repeats with the angle: a potentiometer's track, an encoder off its centre."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from twin.effects.base import Effect, EffectParameter
@@ -10,6 +12,8 @@ class HubSensorNonlinearity(Effect):
     """reading = theta + amplitude sin(order theta + phase)."""
 
     name = "hub-sensor-nonlinearity"
+    meaning = "an angle sensor that is not linear"
+    acts_on = "sensors"
     parameters = (
         EffectParameter("amplitude", "rad", 0.0, (0.0, 0.5), 1e-3, "hub_angle"),
         EffectParameter("order", "1", 1.0, (0.9, 40.0), 0.02, "hub_angle"),
@@ -17,6 +21,11 @@ class HubSensorNonlinearity(Effect):
     )
     along = ("order", "phase")
     wave = Wave("reading", "order")
+
+    def reading(self, reading, channel, p):
+        if channel != "hub_angle":
+            return reading
+        return replace(reading, amplitude=p["amplitude"], order=p["order"], phase=p["phase"])
 
     def sensing(self, time, channels, p):
         if "hub_angle" not in channels:

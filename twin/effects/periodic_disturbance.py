@@ -6,6 +6,13 @@ import numpy as np
 
 from twin.effects.base import Effect, EffectParameter
 from twin.effects.wave import Wave
+from twin.mechanics.hub_law import HubLaw
+
+
+@HubLaw
+def torque(t, theta, omega, values):
+    """amplitude sin(2 pi frequency t + phase)."""
+    return values[1] * math.sin(2 * math.pi * values[0] * t + values[2])
 
 
 class PeriodicDisturbance(Effect):
@@ -16,6 +23,8 @@ class PeriodicDisturbance(Effect):
     """
 
     name = "periodic-disturbance"
+    meaning = "a disturbance at one fixed frequency"
+    acts_on = "hub"
     parameters = (
         EffectParameter("frequency", "Hz", 1.0, (0.05, 60.0), 0.002),
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 20.0), 1e-3),
@@ -23,6 +32,8 @@ class PeriodicDisturbance(Effect):
         EffectParameter("base", "1", 0.0, (0.0, 1.0), 1.0, choice=True),
         EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1),
     )
+    hub_law = torque
+    mjcf_is_exact = False
     along = ("frequency", "phase", "base", "direction")
     wave = Wave("time", "frequency")
 
@@ -49,14 +60,18 @@ class PeriodicDisturbance(Effect):
 
     def plant(self, plant, p):
         if p["base"]:
-            return plant._replace(
+            return plant.with_link(
                 shake_x=p["amplitude"] * math.cos(p["direction"]),
                 shake_y=p["amplitude"] * math.sin(p["direction"]),
                 shake_frequency=p["frequency"],
                 shake_phase=p["phase"],
             )
-        return plant._replace(
-            disturbance_amplitude=p["amplitude"],
-            disturbance_frequency=p["frequency"],
-            disturbance_phase=p["phase"],
-        )
+        return plant
+
+    def hub_torque(self, p):
+        return None if p["base"] else super().hub_torque(p)
+
+    def write_mjcf(self, spec, joint, p):
+        from twin.mechanics.mjcf import add_clock_wave
+
+        add_clock_wave(spec, p["frequency"], p["amplitude"], p["phase"])

@@ -8,6 +8,8 @@ class PositionDependentFriction(Effect):
     """Both friction levels raised by amplitude (1 + sin(order theta + phase))/2."""
 
     name = "position-dependent-friction"
+    meaning = "friction that depends on where the hub stands"
+    acts_on = "hub"
     parameters = (
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
         EffectParameter("order", "1", 1.0, (0.9, 80.0), 0.02),
@@ -17,6 +19,4 @@ class PositionDependentFriction(Effect):
     wave = Wave("friction", "order")
 
     def plant(self, plant, p):
-        return plant._replace(
-            friction_amplitude=p["amplitude"], friction_order=p["order"], friction_phase=p["phase"]
-        )
+        return plant.with_friction(amplitude=p["amplitude"], order=p["order"], phase=p["phase"])

@@ -10,6 +10,8 @@ class RootCompliance(Effect):
     """A spring between hub and link that takes the root's bending moment: M = stiffness * angle, without losses."""
 
     name = "root-compliance"
+    meaning = "a clamp between hub and link that gives"
+    acts_on = "link"
     parameters = (EffectParameter("stiffness", "N*m/rad", math.inf, (0.5, math.inf), 1e-3, inverse=True),)
     multiples = FAR
 

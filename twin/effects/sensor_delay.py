@@ -1,5 +1,7 @@
 """Channels that arrive late."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -10,6 +12,8 @@ class SensorDelay(Effect):
     """reading(t) = value(t - delay), of the hub angle, the link's sensors and the torque where their choice is 1."""
 
     name = "sensor-delay"
+    meaning = "channels that arrive late"
+    acts_on = "sensors"
     parameters = (
         EffectParameter("delay", "s", 0.0, (0.0, 0.05), 1e-3),
         EffectParameter("hub_angle", "1", 1.0, (0.0, 1.0), 1.0, "hub_angle", choice=True),
@@ -25,14 +29,18 @@ class SensorDelay(Effect):
     def resolved(self, values, period):
         return values["delay"] >= OPEN * period
 
+    def reading(self, reading, channel, p):
+        return replace(reading, delay=self._delay_of(channel, p))
+
     def sensing(self, time, channels, p):
-        late = {
-            ch: p[ch if ch in ("hub_angle", "motor_torque") else "strain"] * p["delay"] for ch in channels
-        }
+        late = {ch: self._delay_of(ch, p) for ch in channels}
         said = {ch: _read_at(time, v, time - late[ch]) for ch, v in channels.items()}
         if "motor_torque" in channels:
             said["motor_torque"] = _held(time, channels["motor_torque"], time - late["motor_torque"])
         return said
+
+    def _delay_of(self, channel, p):
+        return p[channel if channel in ("hub_angle", "motor_torque") else "strain"] * p["delay"]
 
     def hub_late(self, p):
         return p["delay"] if p["hub_angle"] else 0.0

@@ -12,10 +12,15 @@ class StrainGain(Effect):
     """reading = gain * strain, a gain for each bridge."""
 
     name = "strain-gain"
+    meaning = "strain bridges with another gain than declared"
+    acts_on = "sensors"
     parameters = tuple(EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch) for ch, gain in GAINS.items())
 
     def resolved(self, values, period):
         return max(abs(values[gain] - 1) for gain in GAINS.values()) >= _SOLD
+
+    def reading(self, reading, channel, p):
+        return reading.scaled(p[GAINS[channel]]) if channel in GAINS else reading
 
     def sensing(self, time, channels, p):
         read = {ch: channels[ch] * p[gain] for ch, gain in GAINS.items() if ch in channels}

@@ -7,6 +7,8 @@ class TorqueBias(Effect):
     """delivered = commanded + bias: an amplifier with an offset."""
 
     name = "torque-bias"
+    meaning = "a constant torque on the hub"
+    acts_on = "drive"
     parameters = (EffectParameter("bias", "N*m", 0.0, (-1.0, 1.0), 1e-4),)
 
     def drive(self, drive, p):

@@ -1,10 +1,11 @@
 """A lightly damped extra mode on the hub, such as a link that twists: Bossi et al. 2009, Fig. 4, has one near 28 Hz."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from twin.effects.base import TORSION, Effect, EffectParameter
 from twin.effects.wave import RESONANCE_DAMPING, Wave
-from twin.mechanics import planar
 
 SEEN = {"strain_base": "strain_base", "strain_mid": "strain_mid"}
 """Channel -> parameter with which it sees the twist."""
@@ -14,6 +15,8 @@ class TorsionalMode(Effect):
     """J psi'' + c psi' + k psi = -J theta'' with J a share of the hub's inertia; bridges read strain psi on top."""
 
     name = "torsional-mode"
+    meaning = "a lightly damped extra mode of the link"
+    acts_on = "link"
     parameters = (
         EffectParameter("frequency", "Hz", 28.0, (4.0, 80.0), 0.05),
         EffectParameter("damping_ratio", "1", 0.02, (5e-4, 0.4), 2e-3),
@@ -35,9 +38,12 @@ class TorsionalMode(Effect):
         # The hub's own inertia: what is left of its diagonal is that of the first segment.
         inertia = p["inertia_share"] * plant.hub_inertia
         omega = 2 * np.pi * p["frequency"]
-        return planar.with_torsion(
-            plant, inertia, inertia * omega**2, 2 * p["damping_ratio"] * omega * inertia
-        )
+        return plant.with_torsion(inertia, inertia * omega**2, 2 * p["damping_ratio"] * omega * inertia)
+
+    def reading(self, reading, channel, p):
+        if channel not in SEEN or p["inertia_share"] <= 0:
+            return reading
+        return replace(reading, twist=p[SEEN[channel]])
 
     def sensing(self, time, channels, p):
         if TORSION not in channels:

@@ -1,13 +1,20 @@
-"""Friction that grows with the rate of the hub."""
+"""Friction that grows with the speed."""
 
 from twin.effects.base import Effect, EffectParameter
+from twin.mechanics.hub_law import HubLaw
+
+
+@HubLaw
+def torque(t, theta, omega, values):
+    """-viscous omega."""
+    return -values[0] * omega
 
 
 class ViscousFriction(Effect):
     """f += viscous * omega: bearing grease, or the back-EMF of a voltage drive."""
 
     name = "viscous-friction"
+    meaning = "friction that grows with the speed of the hub"
+    acts_on = "hub"
     parameters = (EffectParameter("viscous", "N*m*s/rad", 0.0, (0.0, 10.0), 1e-4),)
-
-    def plant(self, plant, p):
-        return plant._replace(viscous=plant.viscous + p["viscous"])
+    hub_law = torque

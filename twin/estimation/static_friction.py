@@ -55,7 +55,7 @@ def polish(
     Without `whole`, nothing is told by whole runs: those of a model that does not follow the recordings tell nothing.
     Nor do those of one with a play: its impacts take ten times as many steps, and whole runs hang on each of them.
     """
-    told = whole and best.model.plant.gap <= 0
+    told = whole and best.model.plant.motor.gap <= 0
     augmented = with_static_levels(data, best, pool if told else None)
     calibrated = augmented if best is base else with_static_levels(data, base)
     return Polished(declared, calibrated, augmented)

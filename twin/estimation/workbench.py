@@ -185,7 +185,7 @@ def known_weights(bench: Workbench, fit: Fit) -> np.ndarray:
     so well, and the filter spreads the jump.
     """
     told = np.ones(len(fit.residual))
-    if not fit.model.plant.stribeck_velocity > 0:
+    if not fit.model.plant.friction.stribeck_velocity > 0:
         return told
     for group in bench.data.groups:
         if group.channel == HUB and isinstance(bench.data, DrivenData):

@@ -80,7 +80,7 @@ def of_hub(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance |
       model: its link, sensors and torque limit count; its hub does not.
       starts: states at the first samples.
     """
-    return None if model.plant.gap > 0 else _balance(data, model, starts)
+    return None if model.plant.motor.gap > 0 else _balance(data, model, starts)
 
 
 def by_laws(model: Model, time: np.ndarray, hub: Hub) -> np.ndarray:

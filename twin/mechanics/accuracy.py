@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 from twin.errors import InputError
-from twin.mechanics import beam, mjcf, planar
+from twin.mechanics import beam, mjcf
 from twin.mechanics.beam import Boundary
 from twin.mechanics.chain import DEFAULT_SEGMENTS, Chain, build
 from twin.mechanics.chain_modes import Table, compare, linearised
 from twin.mechanics.mujoco_chain import MujocoChain
-from twin.mechanics.planar import Plant
+from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 
 SEGMENTS = (2, 48)
@@ -85,15 +85,15 @@ def check(
         raise InputError(f"--segments is {segments}; expected {SEGMENTS[0]} to {SEGMENTS[1]}")
     report(f"fitting a chain of {segments} segments")
     chain = build(rig, segments)
-    plant = planar.declared_plant(rig, chain)
+    plant = declared_plant(rig, chain)
     report("eigenvalues and ring-downs")
     free, clamped = (compare(rig, chain, plant, boundary) for boundary in get_args(Boundary))
     compliance = (beam.static_tip_compliance(rig), _tip_compliance(rig, chain, plant))
     creep = break_away = step_change = None
-    if plant.static_positive > 0:
+    if plant.friction.static_positive > 0:
         report("60 s under a torque that static friction holds")
         creep = _creep(rig, chain, plant)
-        break_away = (plant.static_positive, _break_away(rig, chain, plant))
+        break_away = (plant.friction.static_positive, _break_away(rig, chain, plant))
         report("a slew with three time steps")
         step_change = _step_change(rig, chain, plant)
     rows = _verdicts(free, clamped, compliance, creep, break_away, step_change)
@@ -160,14 +160,14 @@ def _tip_compliance(rig: Rig, chain: Chain, plant: Plant) -> float:
 def _creep(rig: Rig, chain: Chain, plant: Plant) -> float:
     """Angle [rad] the hub turns in 60 s under 0.06 N m where 0.065 hold it, or in proportion."""
     engine = MujocoChain(rig, chain, plant)
-    engine.advance(0.06 / 0.065 * plant.static_positive, 60.0)
+    engine.advance(0.06 / 0.065 * plant.friction.static_positive, 60.0)
     return float(abs(engine.angles[0]))
 
 
 def _break_away(rig: Rig, chain: Chain, plant: Plant) -> float:
     """Torque [N m] at which the hub starts to move while it rises by 1e-3 of the static friction a second."""
     engine = MujocoChain(rig, chain, plant)
-    for torque in plant.static_positive * np.arange(0.99, 1.01, 1e-5):
+    for torque in plant.friction.static_positive * np.arange(0.99, 1.01, 1e-5):
         engine.advance(torque, 0.01)
         if engine.mode != 0:
             return float(torque)
@@ -181,7 +181,7 @@ def _step_change(rig: Rig, chain: Chain, plant: Plant) -> tuple[float, float]:
     friction, and on until it rests.
     """
     limit = rig.get("torque_limit", np.inf)
-    torque = min(0.7 * limit, 3 * plant.static_positive)
+    torque = min(0.7 * limit, 3 * plant.friction.static_positive)
     half = float(np.sqrt(np.pi / 2 * beam.rigid_inertia(rig) / torque))
     engine = MujocoChain(rig, chain, plant)
     command_time, command = half * np.arange(3.0), torque * np.array([1.0, -1.0, 0.0])

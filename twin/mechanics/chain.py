@@ -13,6 +13,7 @@ Relative coordinates: hub angle, then the n hinge angles. Absolute ones: the ang
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -79,6 +80,7 @@ class Chain:
       first_moment: (n + 1) masses times lever along each segment [kg m].
       bending: (n) part of a hinge's angle that is the link's own bending: the rest is a clamp that gives.
       rigid: the chain on a rigid clamp, where the clamp of this one gives.
+      root_stiffness: of the clamp between hub and link [N m/rad].
     """
 
     shape: ChainShape
@@ -90,6 +92,7 @@ class Chain:
     first_moment: np.ndarray
     bending: np.ndarray
     rigid: Chain | None = None
+    root_stiffness: float = math.inf
 
     @property
     def hinges(self) -> np.ndarray:
@@ -174,7 +177,12 @@ def with_root(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
         bending = 1 / (1 + shares)
         damping = links.damping * np.outer(bending, bending)
         return replace(
-            links, stiffness=links.stiffness * bending, damping=damping, bending=bending, rigid=links
+            links,
+            stiffness=links.stiffness * bending,
+            damping=damping,
+            bending=bending,
+            rigid=links,
+            root_stiffness=stiffness,
         )
     inertia = np.zeros((len(links.lengths) + 1,) * 2)
     inertia[1:, 1:] = links.inertia
@@ -190,6 +198,7 @@ def with_root(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
         first_moment=np.r_[0.0, links.first_moment],
         bending=np.r_[0.0, np.ones(len(links.stiffness))],
         rigid=links,
+        root_stiffness=stiffness,
     )
 
 

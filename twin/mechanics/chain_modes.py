@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from twin.mechanics import beam, mjcf, modal
 from twin.mechanics.beam import Boundary
 from twin.mechanics.chain import Chain
-from twin.mechanics.planar import Plant
+from twin.mechanics.plant import Friction, Plant
 from twin.parameters import Rig
 
 _MODES = 3
@@ -54,7 +54,7 @@ def compare(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> Table:
     """
     count = min(_MODES, chain.shape.segments)
     exact = beam.modes(rig, count, boundary)
-    model = mjcf.dynamics_spec(chain, _without_friction(plant), rig, boundary == "clamped").compile()
+    model = mjcf.dynamics_spec(chain, _without_friction(plant), rig, locked=boundary == "clamped").compile()
     mass, damping, stiffness = linearised(model)
     roots = _roots(mass, damping, stiffness)[:count]
     shapes = _shapes(mass, stiffness, boundary)[:, :count]
@@ -74,9 +74,7 @@ def compare(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> Table:
 
 
 def _without_friction(plant: Plant) -> Plant:
-    return plant._replace(
-        static_positive=0.0, static_negative=0.0, coulomb_positive=0.0, coulomb_negative=0.0
-    )
+    return plant._replace(friction=Friction())
 
 
 def linearised(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

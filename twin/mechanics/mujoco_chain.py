@@ -17,20 +17,19 @@ of a call only, and two simulations with such mechanisms cannot run in two threa
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import mujoco
 import numpy as np
 
-from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import Chain
-from twin.mechanics.planar import TIME_TOLERANCE, Plant
+from twin.mechanics.hub_law import HubTorque
+from twin.mechanics.mujoco_model import ChainModel
+from twin.mechanics.planar import TIME_TOLERANCE
+from twin.mechanics.plant import Plant
 
-_OFF = mujoco.mjtDisableBit
-_DISABLED = int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_SENSOR | _OFF.mjDSBL_AUTORESET)
 _NO_TIME = 1e-12  # s, what rounding leaves of a span
 _UNWATCHED = 2.5e-3  # s, longest time without a look for stick and slip: 1/10 of the third mode's period
 
@@ -42,18 +41,21 @@ class MujocoChain:
     The torque limit is the caller's.
     """
 
-    def __init__(self, rig: Mapping[str, float], chain: Chain, plant: Plant) -> None:
+    def __init__(
+        self, rig: Mapping[str, float], chain: Chain, plant: Plant, torques: Sequence[HubTorque] = ()
+    ) -> None:
         """Compiles both models.
 
         Args:
           rig: hub_inertia, tip_mass, tip_inertia.
           chain: the segments.
           plant: what acts on them; its inertia must be that of the chain.
+          torques: those of the plant on the hub.
         """
-        self._plant, self._size, self._links = plant, len(plant.lengths), len(chain.lengths)
+        self._plant, self._size, self._links = plant, len(plant.link.lengths), len(chain.lengths)
         self._largest_step = chain.largest_step()
-        self._sliding = _Model(rig, chain, plant, locked=False)
-        self._locked = _Model(rig, chain, plant, locked=True)
+        self._sliding = ChainModel(rig, chain, plant, torques, locked=False)
+        self._locked = ChainModel(rig, chain, plant, torques, locked=True)
         self._time = 0.0
         self.reset(np.zeros(self._size))
 
@@ -183,7 +185,7 @@ class MujocoChain:
         """Angles of the segments, and of extra coordinates behind them, from those of the joints (..., n + 1)."""
         angles = np.array(joints)
         np.cumsum(joints[..., : self._links], axis=-1, out=angles[..., : self._links])
-        if self._plant.torsion_stiffness > 0:
+        if self._plant.link.torsion_stiffness > 0:
             angles[..., self._links] += joints[..., 0]
         return angles
 
@@ -191,7 +193,7 @@ class MujocoChain:
         """Joint angles (n + 1) from absolute ones."""
         joints = np.array(angles, dtype=float)
         joints[: self._links] = np.diff(angles[: self._links], prepend=0.0)
-        if self._plant.torsion_stiffness > 0:
+        if self._plant.link.torsion_stiffness > 0:
             joints[self._links] -= angles[0]
         return joints
 
@@ -215,15 +217,15 @@ class MujocoChain:
 
     def _delivered(self, time: float) -> float:
         """Torque of the motor [N m], `lag` behind the command."""
-        if self._plant.lag <= 0:
+        if self._plant.motor.lag <= 0:
             return self._u
-        return self._u + (self._u_before - self._u) * math.exp((self._since - time) / self._plant.lag)
+        return self._u + (self._u_before - self._u) * math.exp((self._since - time) / self._plant.motor.lag)
 
     def _advance(self, span: float, h_max: float) -> None:
         end = self._time + span
-        h_max = min(h_max, planar.largest_step(self._plant))
+        h_max = min(h_max, self._plant.largest_step)
         # A contact in a play is over within a few steps: every one is looked at.
-        unwatched = 0.0 if self._plant.gap > 0 else _UNWATCHED
+        unwatched = 0.0 if self._plant.motor.gap > 0 else _UNWATCHED
         while (left := end - self._time) > _NO_TIME:
             steps = max(1, math.ceil(left / h_max - 1e-9))
             if self._clamped:
@@ -310,9 +312,9 @@ class MujocoChain:
     def _static(self, theta: float, direction: float) -> float:
         """As `planar.static_level`, without the price of handing a whole plant to compiled code."""
         p = self._plant
-        level = p.static_positive if direction > 0 else p.static_negative
-        if p.friction_amplitude != 0:
-            level += p.friction_amplitude / 2 * (1 + math.sin(p.friction_order * theta + p.friction_phase))
+        level, _ = p.friction.levels(direction)
+        if p.friction.amplitude != 0:
+            level += p.friction.amplitude / 2 * (1 + math.sin(p.friction.order * theta + p.friction.phase))
         return level
 
     @contextmanager
@@ -332,9 +334,8 @@ class MujocoChain:
     def _extra_force(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
         """Returns a control callback that adds what varies within a step and the models do not have, if anything."""
         p, sliding, locked = self._plant, self._sliding, self._locked
-        varying = p.disturbance_amplitude != 0 or p.patch_on != 0
-        hub = varying or p.lag > 0 or p.stribeck_velocity > 0 or p.gap > 0
-        soft, drag, shaken = p.softening != 0, p.tip_drag_quadratic != 0, p.is_shaken
+        hub = bool(sliding.varying) or p.motor.lag > 0 or p.friction.stribeck_velocity > 0 or p.motor.gap > 0
+        soft, drag, shaken = p.link.softening != 0, p.link.drag_quadratic != 0, p.link.is_shaken
         if not (hub or soft or drag or shaken):
             return None
         joints = sliding.model.nv
@@ -351,141 +352,6 @@ class MujocoChain:
                 which.shake(data.time)
 
         return force
-
-
-class _Model:
-    """One of the two compiled models, its data and one saved state."""
-
-    def __init__(self, rig: Mapping[str, float], chain: Chain, plant: Plant, locked: bool) -> None:
-        spec = mjcf.dynamics_spec(chain, plant, rig, locked, compact=True)
-        if plant.tip_drag_quadratic != 0 and plant.tip_drag_linear == 0:
-            mjcf.add_tip_drag(spec, 0.0)
-        self._waves = plant.friction_amplitude != 0 and not locked
-        if self._waves:
-            mjcf.add_hub_wave(spec, "friction", 0.0, plant.friction_order, plant.friction_phase)
-        self.model = spec.compile()
-        self.model.opt.disableflags = _DISABLED
-        self.data, self._options = mujoco.MjData(self.model), self.model.opt
-        self.qpos, self.qvel, self._applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
-        self._saved = self.qpos.copy(), self.qvel.copy()
-        self._plant, self._curvature = plant, plant.curvature_per_angle
-        self._wave = self.model.actuator("friction").id if self._waves else -1
-        self._drag = self.model.actuator("drag_x").id if plant.tip_drag_quadratic != 0 else -1
-        self._gravity = complex(plant.gravity_x, plant.gravity_y)
-        self._held, self._drive, self._mode, self.needed = 0.0, 0.0, 0, 0.0
-        self._angle = 0.0  # of a locked hub
-        self._first = 0 if locked else 1
-
-    def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
-        """Sets joint angles [rad] and rates [rad/s]."""
-        self.qpos[:], self.qvel[:] = qpos, qvel
-
-    def turn(self, theta: float) -> None:
-        """Locks the hub at an angle [rad]: in the hub's frame, gravity turns the other way."""
-        self._angle = theta
-        seen = self._gravity * cmath.exp(-1j * theta)
-        self.model.opt.gravity[:2] = seen.real, seen.imag
-
-    def save(self) -> None:
-        """Remembers the state."""
-        self._saved[0][:], self._saved[1][:] = self.qpos, self.qvel
-
-    def restore(self) -> None:
-        """Returns to the remembered state."""
-        self.qpos[:], self.qvel[:] = self._saved
-
-    def step(self, time: float, h: float, steps: int = 1) -> None:
-        """Moves on from `time` by steps of `h` [s]."""
-        self._options.timestep, self.data.time = h, time
-        mujoco.mj_step(self.model, self.data, steps)
-
-    def push(self, torque: float, mode: int) -> None:
-        """Applies a torque [N m] and the friction of a hub that slides in direction `mode`; 0: none."""
-        p = self._plant
-        raised = p.friction_amplitude / 2
-        level = p.coulomb_positive if mode > 0 else p.coulomb_negative
-        self._held, self._drive, self._mode = -mode * (level + raised), torque, mode
-        self._apply(self._held, torque)
-        if self._waves:
-            self.model.actuator_biasprm[self._wave, 0] = -mode * raised
-
-    def _apply(self, on_hub: float, drive: float) -> None:
-        """Applies torques [N m] to the hub, if it can turn, and to what the motor turns."""
-        if self._plant.gap > 0:
-            self._applied[-1] = drive
-        else:
-            on_hub += drive
-        if self._first:
-            self._applied[0] = on_hub
-
-    def torque_to_hold(self, time: float) -> float:
-        """Torque against the hub [N m] that would take its acceleration away."""
-        self.data.time = time
-        mujoco.mj_forward(self.model, self.data)
-        # M = L^T D L with the hub first: (M^-1)_00 = 1 / D_0, one over the hub's articulated inertia.
-        self.needed = float(self.data.qacc[0] / self.data.qLDiagInv[0])
-        return self.needed
-
-    # Mechanisms that the models do not have, at the state of a stage
-
-    def vary_torque(self, time: float, lagging: float) -> None:
-        """Adds what the lag keeps back [N m], disturbance, patch, Stribeck's excess and the contact in a play."""
-        p, torque, drive = self._plant, self._held, self._drive + lagging
-        if p.disturbance_amplitude != 0:
-            angle = 2 * math.pi * p.disturbance_frequency * time + p.disturbance_phase
-            torque += p.disturbance_amplitude * math.sin(angle)
-        if p.patch_on != 0:
-            value = (*self._of_hub(), time)[p.patch_on - 1]
-            torque += float(np.interp(value, p.patch_x, p.patch_y))
-        if p.stribeck_velocity > 0 and self._mode != 0:
-            forward = self._mode > 0
-            excess = (
-                p.static_positive - p.coulomb_positive if forward else p.static_negative - p.coulomb_negative
-            )
-            torque -= self._mode * excess * math.exp(-((self.qvel[0] / p.stribeck_velocity) ** 2))
-        if p.gap > 0:
-            contact = self._contact()
-            torque, drive = torque + contact, drive - contact
-        self._apply(torque, drive)
-
-    def _contact(self) -> float:
-        """Torque [N m] from the motor to the hub, as `planar.contact_torque`."""
-        angle, rate = self._of_hub()
-        play = self.qpos[-1] - angle
-        beyond = abs(play) - self._plant.gap / 2
-        if beyond <= 0:
-            return 0.0
-        pressing = math.copysign(1.0, play) * (self.qvel[-1] - rate)
-        push = planar.CONTACT_STIFFNESS * beyond + planar.contact_damping(self._plant) * pressing
-        return math.copysign(max(push, 0.0), play)
-
-    def _of_hub(self) -> tuple[float, float]:
-        """Angle [rad] and rate [rad/s] of the hub."""
-        return (self.qpos[0], self.qvel[0]) if self._first else (self._angle, 0.0)
-
-    def shake(self, time: float) -> None:
-        """Pushes every mass back as the base is accelerated; a locked hub sees it turned the other way."""
-        p = self._plant
-        wave = math.sin(2 * math.pi * p.shake_frequency * time + p.shake_phase)
-        field = -wave * complex(p.shake_x, p.shake_y) * cmath.exp(-1j * self._angle)
-        self.data.xfrc_applied[:, 0] = field.real * self.model.body_mass
-        self.data.xfrc_applied[:, 1] = field.imag * self.model.body_mass
-
-    def soften(self) -> None:
-        """Takes away what a hinge's moment lacks: k q s kappa^2 / (kappa^2 + kappa_0^2)."""
-        p, bends = self._plant, len(self._plant.stiffness)
-        hinges = slice(self._first, self._first + bends)
-        angle = self.qpos[hinges]
-        squared = (self._curvature * angle) ** 2
-        share = p.softening * squared / (squared + p.softening_curvature**2)
-        self._applied[hinges] = p.stiffness * angle * share
-
-    def drag_tip(self) -> None:
-        """Force -c |v| v on the payload, v as the drag's transmission sees it."""
-        pair = slice(self._drag, self._drag + 2)
-        vx, vy = self.data.actuator_velocity[pair]
-        factor = -self._plant.tip_drag_quadratic * math.hypot(vx, vy)
-        self.data.ctrl[pair] = factor * vx, factor * vy
 
 
 def _from(start: float, instants: np.ndarray, torques: np.ndarray) -> tuple[list[float], list[float]]:

@@ -20,13 +20,12 @@ springs with a damper that push and never pull; their numbers are assumed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from twin.mechanics.chain import Chain
+from twin.mechanics import hub_law
+from twin.mechanics.plant import CONTACT_STEP, CONTACT_STIFFNESS, Plant
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
@@ -36,176 +35,18 @@ _inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always"
 TIME_TOLERANCE = 1e-7
 """Width of the interval in which a stick or slip is located [s]."""
 
-FIRM = 1e9
-"""Static level of a hub that no torque moves out of a rest [N m]."""
-
-CONTACT_STIFFNESS = 1000.0
-"""Of the flanks of a backlash [N m/rad]: the largest torque of a motor like this turns them by 0.01 degrees."""
-CONTACT_LOSS = 0.2
-"""Damping ratio of the motor's inertia on a flank: it comes back with half of its speed, as steel on steel."""
-CONTACT_STEP = 1e-4
-"""Largest step with which the motor is followed through a contact of some 2 ms [s]."""
-
-
-class Plant(NamedTuple):
-    """Everything the equations of motion read, SI units. Neutral values switch a mechanism off.
-
-    Arrays are for n hinges and n + 1 segments, and behind these the extra coordinates.
-    """
-
-    lengths: np.ndarray  # (n + 1) m
-    inertia: np.ndarray  # (n + 1, n + 1) kg m^2, c_ij
-    stiffness: np.ndarray  # (n) N m/rad
-    damping: np.ndarray  # (n, n) N m s/rad, on the hinge rates
-    first_moment: np.ndarray  # (n + 1) kg m, sum of mass times lever along segment i
-    flexibility: float  # 1/(N m^2), curvature of the link per bending moment
-    static_positive: float = 0.0
-    static_negative: float = 0.0
-    coulomb_positive: float = 0.0
-    coulomb_negative: float = 0.0
-    stribeck_velocity: float = 0.0
-    friction_amplitude: float = 0.0
-    friction_order: float = 1.0
-    friction_phase: float = 0.0
-    viscous: float = 0.0
-    cable_stiffness: float = 0.0
-    cable_rest_angle: float = 0.0
-    cogging_amplitude: float = 0.0
-    cogging_order: float = 1.0
-    cogging_phase: float = 0.0
-    bias: float = 0.0
-    disturbance_amplitude: float = 0.0
-    disturbance_frequency: float = 1.0
-    disturbance_phase: float = 0.0
-    lag: float = 0.0
-    tip_drag_linear: float = 0.0
-    tip_drag_quadratic: float = 0.0
-    softening: float = 0.0
-    softening_curvature: float = 1.0
-    gravity_x: float = 0.0
-    gravity_y: float = 0.0
-    shake_x: float = 0.0  # m/s^2, amplitude of an acceleration of the base
-    shake_y: float = 0.0
-    shake_frequency: float = 1.0
-    shake_phase: float = 0.0
-    torsion_stiffness: float = 0.0  # N m/rad, of an oscillator on the hub
-    torsion_damping: float = 0.0  # N m s/rad
-    gap: float = 0.0  # rad, whole play between motor and hub
-    motor_inertia: float = 0.0  # kg m^2, of a motor with play; `inertia` has it already
-    hub_inertia: float = 0.0  # kg m^2, as declared; `inertia` has it already
-    patch_on: int = 0  # variable of a looked-up torque on the hub: 1 its angle, 2 its rate, 3 time, 0 none
-    patch_x: np.ndarray = np.zeros(2)  # (k) values of the variable
-    patch_y: np.ndarray = np.zeros(2)  # (k) N m
-    contact_loss: float = CONTACT_LOSS  # damping ratio of a motor with play on its flanks
-
-    @property
-    def is_shaken(self) -> bool:
-        """Whether its base is accelerated."""
-        return self.shake_x != 0 or self.shake_y != 0
-
-    @property
-    def curvature_per_angle(self) -> np.ndarray:
-        """Curvature that a hinge angle stands for (n) [1/m per rad]: none at a clamp that gives, on the hub's axis."""
-        return np.where(self.lengths[: len(self.stiffness)] > 0, self.flexibility * self.stiffness, 0.0)
-
-
-def with_torsion(plant: Plant, inertia: float, stiffness: float, damping: float) -> Plant:
-    """A plant with an oscillator on the hub, whose inertia [kg m^2] is taken from the hub's."""
-    # It stands before the motor, which keeps the last place.
-    place = len(plant.lengths) - (1 if plant.gap > 0 else 0)
-    return _with_extra(plant, inertia, place)._replace(torsion_stiffness=stiffness, torsion_damping=damping)
-
-
-def with_backlash(plant: Plant, gap: float, motor_inertia: float, loss: float = CONTACT_LOSS) -> Plant:
-    """A plant whose motor has a play against the hub.
-
-    Args:
-      plant: the plant.
-      gap: the play in all [rad].
-      motor_inertia: the motor's part of the hub's inertia [kg m^2].
-      loss: damping ratio of the motor on the flanks [1].
-    """
-    behind = _with_extra(plant, motor_inertia, len(plant.lengths))
-    return behind._replace(gap=gap, motor_inertia=motor_inertia, contact_loss=loss)
-
-
-def without_motor(plant: Plant) -> Plant:
-    """What is behind the play: the same plant where it has none, else the hub without the motor."""
-    if plant.gap <= 0:
-        return plant
-    return plant._replace(
-        lengths=plant.lengths[:-1],
-        inertia=np.ascontiguousarray(plant.inertia[:-1, :-1]),
-        first_moment=plant.first_moment[:-1],
-        gap=0.0,
-        cogging_amplitude=0.0,
-    )
-
-
-def closed(plant: Plant) -> Plant:
-    """A plant whose motor stays on the flank that pushes: the same where it has no play."""
-    if plant.gap <= 0:
-        return plant
-    behind = without_motor(plant)
-    inertia = behind.inertia.copy()
-    inertia[0, 0] += plant.motor_inertia
-    return behind._replace(inertia=inertia, motor_inertia=0.0, cogging_amplitude=plant.cogging_amplitude)
-
-
-def _with_extra(plant: Plant, inertia: float, place: int) -> Plant:
-    """A plant with one more coordinate on the hub's axis, its inertia [kg m^2] taken from the hub's."""
-    matrix = np.insert(np.insert(plant.inertia, place, 0.0, axis=0), place, 0.0, axis=1)
-    matrix[0, 0] -= inertia
-    matrix[place, place] = inertia
-    return plant._replace(
-        lengths=np.insert(plant.lengths, place, 0.0),
-        inertia=np.ascontiguousarray(matrix),
-        first_moment=np.insert(plant.first_moment, place, 0.0),
-    )
-
-
-def largest_step(plant: Plant) -> float:
-    """Longest step [s] that the extra coordinates allow."""
-    return CONTACT_STEP if plant.gap > 0 else np.inf
-
-
-def extended(plant: Plant, state: np.ndarray) -> np.ndarray:
-    """A state (n + 1) of the link as one of the plant: extra coordinates move with the hub."""
-    return np.r_[state, np.full(len(plant.lengths) - len(state), state[0])]
-
-
-def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
-    """The plant of a rig with its declared friction and no other mechanism."""
-    coulomb = rig.get("coulomb_friction", 0.0)
-    static = max(rig.get("static_friction", 0.0), coulomb)
-    plant = Plant(
-        chain.lengths,
-        np.ascontiguousarray(chain.inertia),
-        chain.stiffness,
-        np.ascontiguousarray(chain.damping),
-        np.ascontiguousarray(chain.first_moment),
-        1 / float(rig["bending_stiffness"]),
-    )
-    return plant._replace(
-        static_positive=float(static),
-        static_negative=float(static),
-        coulomb_positive=float(coulomb),
-        coulomb_negative=float(coulomb),
-        hub_inertia=float(rig["hub_inertia"]),
-    )
-
 
 @_inlined
 def _friction_raise(plant, theta):
-    if plant.friction_amplitude == 0.0:
+    if plant.friction.amplitude == 0.0:
         return 0.0
-    return 0.5 * plant.friction_amplitude * (1 + np.sin(plant.friction_order * theta + plant.friction_phase))
+    return 0.5 * plant.friction.amplitude * (1 + np.sin(plant.friction.order * theta + plant.friction.phase))
 
 
 @compiled
 def static_level(plant, theta, direction):
     """Torque [N m] that a resting hub withstands in `direction` (+1 or -1)."""
-    level = plant.static_positive if direction > 0 else plant.static_negative
+    level = plant.friction.static_positive if direction > 0 else plant.friction.static_negative
     return level + _friction_raise(plant, theta)
 
 
@@ -213,62 +54,52 @@ def static_level(plant, theta, direction):
 def sliding_level(plant, theta, omega, direction):
     """Friction torque [N m] on a hub that slides in `direction` at rate `omega` [rad/s]."""
     if direction > 0:
-        coulomb, static = plant.coulomb_positive, plant.static_positive
+        coulomb, static = plant.friction.coulomb_positive, plant.friction.static_positive
     else:
-        coulomb, static = plant.coulomb_negative, plant.static_negative
-    if plant.stribeck_velocity > 0.0:
-        coulomb += (static - coulomb) * np.exp(-((omega / plant.stribeck_velocity) ** 2))
+        coulomb, static = plant.friction.coulomb_negative, plant.friction.static_negative
+    if plant.friction.stribeck_velocity > 0.0:
+        coulomb += (static - coulomb) * np.exp(-((omega / plant.friction.stribeck_velocity) ** 2))
     return coulomb + _friction_raise(plant, theta)
 
 
 @_inlined
-def cogging(plant, angle):
-    """Torque [N m] of the motor's magnets at its angle."""
-    return plant.cogging_amplitude * np.sin(plant.cogging_order * angle + plant.cogging_phase)
+def torque_of_laws(plant, t, theta, omega, on_motor):
+    """Torque [N m] of the laws that act on the motor, or of those that do not."""
+    torques, torque = plant.torques, 0.0
+    since = t - torques.since
+    for k in range(torques.addresses.size):
+        if torques.on_motor[k] == on_motor:
+            torque += hub_law.call(  # type: ignore[call-arg]
+                torques.addresses[k], since, theta, omega, torques.values, torques.first[k]
+            )
+    return torque
 
 
 @_inlined
 def contact_damping(plant):
     """Of a flank of the play [N m s/rad]."""
-    return 2 * plant.contact_loss * np.sqrt(CONTACT_STIFFNESS * plant.motor_inertia)
+    return 2 * plant.motor.contact_loss * np.sqrt(CONTACT_STIFFNESS * plant.motor.inertia)
 
 
 @_inlined
 def contact_torque(plant, play, rate):
     """Torque [N m] from the motor to the hub at their relative angle [rad] and rate [rad/s]."""
-    beyond = abs(play) - 0.5 * plant.gap
+    beyond = abs(play) - 0.5 * plant.motor.gap
     if beyond <= 0.0:
         return 0.0
     side = 1.0 if play > 0.0 else -1.0
     return side * max(CONTACT_STIFFNESS * beyond + contact_damping(plant) * side * rate, 0.0)
 
 
-@compiled
-def _looked_up(plant, value):
-    """Torque [N m] of the patch: linear between its points, constant beyond them."""
-    x, y = plant.patch_x, plant.patch_y
-    if value <= x[0]:
-        return y[0]
-    if value >= x[-1]:
-        return y[-1]
-    k = np.searchsorted(x, value)
-    return y[k - 1] + (y[k] - y[k - 1]) * (value - x[k - 1]) / (x[k] - x[k - 1])
-
-
 @_inlined
 def hub_torque(plant, t, theta, omega):
     """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link.
 
-    The magnets' is among them unless there is a play between motor and hub.
+    What acts on the motor is among it unless there is a play between motor and hub.
     """
-    torque = plant.bias - plant.viscous * omega - plant.cable_stiffness * (theta - plant.cable_rest_angle)
-    if plant.cogging_amplitude != 0.0 and plant.gap == 0.0:
-        torque += cogging(plant, theta)
-    if plant.disturbance_amplitude != 0.0:
-        angle = 2 * np.pi * plant.disturbance_frequency * t + plant.disturbance_phase
-        torque += plant.disturbance_amplitude * np.sin(angle)
-    if plant.patch_on != 0:
-        torque += _looked_up(plant, theta if plant.patch_on == 1 else omega if plant.patch_on == 2 else t)
+    torque = torque_of_laws(plant, t, theta, omega, False)
+    if plant.motor.gap == 0.0:
+        torque += torque_of_laws(plant, t, theta, omega, True)
     return torque
 
 
@@ -294,10 +125,13 @@ def _directions(phi, sin, cos):
 @_inlined
 def field(plant, t):
     """Acceleration field on every mass [m/s^2]: gravity, and what a base that is shaken takes away."""
-    if plant.shake_x == 0.0 and plant.shake_y == 0.0:
-        return plant.gravity_x, plant.gravity_y
-    shake = np.sin(2 * np.pi * plant.shake_frequency * t + plant.shake_phase)
-    return plant.gravity_x - plant.shake_x * shake, plant.gravity_y - plant.shake_y * shake
+    if plant.link.shake_x == 0.0 and plant.link.shake_y == 0.0:
+        return plant.link.gravity_x, plant.link.gravity_y
+    shake = np.sin(2 * np.pi * plant.link.shake_frequency * t + plant.link.shake_phase)
+    return (
+        plant.link.gravity_x - plant.link.shake_x * shake,
+        plant.link.gravity_y - plant.link.shake_y * shake,
+    )
 
 
 @_inlined
@@ -311,42 +145,42 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
         squared = omega[i] * omega[i]
         total = 0.0
         for j in range(i):
-            c = plant.inertia[i, j]
+            c = plant.link.inertia[i, j]
             mass[i, j] = c * (cos[i] * cos[j] + sin[i] * sin[j])
             s = c * (sin[i] * cos[j] - cos[i] * sin[j])
             total += s * omega[j] * omega[j]
             force[j] += s * squared
         force[i] -= total
-        mass[i, i] = plant.inertia[i, i]
+        mass[i, i] = plant.link.inertia[i, i]
     # Hinge moments: stiffness (softening with curvature) and modal damping.
-    links = plant.stiffness.size + 1
+    links = plant.link.stiffness.size + 1
     for i in range(1, links):
         angle = phi[i] - phi[i - 1]
-        moment = plant.stiffness[i - 1] * angle
-        if plant.softening != 0.0:
-            kappa2 = (plant.flexibility * moment) ** 2 if plant.lengths[i - 1] > 0 else 0.0
-            moment *= 1 - plant.softening * kappa2 / (kappa2 + plant.softening_curvature**2)
+        moment = plant.link.stiffness[i - 1] * angle
+        if plant.link.softening != 0.0:
+            kappa2 = (plant.link.flexibility * moment) ** 2 if plant.link.lengths[i - 1] > 0 else 0.0
+            moment *= 1 - plant.link.softening * kappa2 / (kappa2 + plant.link.softening_curvature**2)
         for j in range(1, links):
-            moment += plant.damping[i - 1, j - 1] * (omega[j] - omega[j - 1])
+            moment += plant.link.damping[i - 1, j - 1] * (omega[j] - omega[j - 1])
         force[i] -= moment
         force[i - 1] += moment
-    if plant.torsion_stiffness > 0.0:
-        moment = plant.torsion_stiffness * (phi[links] - phi[0])
-        moment += plant.torsion_damping * (omega[links] - omega[0])
+    if plant.link.torsion_stiffness > 0.0:
+        moment = plant.link.torsion_stiffness * (phi[links] - phi[0])
+        moment += plant.link.torsion_damping * (omega[links] - omega[0])
         force[links] -= moment
         force[0] += moment
-    if plant.gap > 0.0:
+    if plant.motor.gap > 0.0:
         moment = contact_torque(plant, phi[m - 1] - phi[0], omega[m - 1] - omega[0])
         force[m - 1] -= moment
         force[0] += moment
-    if plant.tip_drag_linear != 0.0 or plant.tip_drag_quadratic != 0.0:
+    if plant.link.drag_linear != 0.0 or plant.link.drag_quadratic != 0.0:
         vx = vy = 0.0
         for i in range(m):
-            vx -= plant.lengths[i] * sin[i] * omega[i]
-            vy += plant.lengths[i] * cos[i] * omega[i]
-        drag = plant.tip_drag_linear + plant.tip_drag_quadratic * np.sqrt(vx * vx + vy * vy)
+            vx -= plant.link.lengths[i] * sin[i] * omega[i]
+            vy += plant.link.lengths[i] * cos[i] * omega[i]
+        drag = plant.link.drag_linear + plant.link.drag_quadratic * np.sqrt(vx * vx + vy * vy)
         for i in range(m):
-            force[i] -= drag * plant.lengths[i] * (cos[i] * vy - sin[i] * vx)
+            force[i] -= drag * plant.link.lengths[i] * (cos[i] * vy - sin[i] * vx)
     field_x, field_y = field(plant, t)
     if field_x != 0.0 or field_y != 0.0:
         # In the hub's frame.
@@ -354,7 +188,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
         gx = c * field_x + s * field_y
         gy = c * field_y - s * field_x
         for i in range(m):
-            force[i] += plant.first_moment[i] * (gy * cos[i] - gx * sin[i])
+            force[i] += plant.link.first_moment[i] * (gy * cos[i] - gx * sin[i])
 
 
 @compiled
@@ -390,8 +224,8 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch)
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
-    if plant.gap > 0.0:
-        acc[m - 1] += drive + cogging(plant, phi[m - 1])
+    if plant.motor.gap > 0.0:
+        acc[m - 1] += drive + torque_of_laws(plant, t, phi[m - 1], omega[m - 1], True)
         drive = 0.0
     torque = drive + hub_torque(plant, t, phi[0], omega[0])
     if locked:
@@ -425,8 +259,10 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
     k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a = work
     for i in range(m):
         k1v[i] = omega[i]
-    _accelerations(plant, t, phi, omega, _drive(u, u_before, age, plant.lag), direction, locked, k1a, scratch)
-    half = _drive(u, u_before, age + h / 2, plant.lag)
+    _accelerations(
+        plant, t, phi, omega, _drive(u, u_before, age, plant.motor.lag), direction, locked, k1a, scratch
+    )
+    half = _drive(u, u_before, age + h / 2, plant.motor.lag)
     for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k1v[i]
         k2v[i] = omega[i] + 0.5 * h * k1a[i]
@@ -438,7 +274,7 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
     for i in range(m):
         phi1[i] = phi[i] + h * k3v[i]
         k4v[i] = omega[i] + h * k3a[i]
-    end = _drive(u, u_before, age + h, plant.lag)
+    end = _drive(u, u_before, age + h, plant.motor.lag)
     _accelerations(plant, t + h, phi1, k4v, end, direction, locked, k4a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
@@ -470,7 +306,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
     left = span
     while left > 1e-12:
         if not clamped:
-            drive = _drive(u, u_before, age, plant.lag)
+            drive = _drive(u, u_before, age, plant.motor.lag)
             if mode == 0:
                 needed = _needed(plant, t, phi, omega, drive, acc, scratch)
                 if not _holds(plant, phi[0], needed):
@@ -482,7 +318,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
             crossed = mode != 0 and omega1[0] * mode < 0.0
             slipped = False
             if mode == 0:
-                drive = _drive(u, u_before, age + h, plant.lag)
+                drive = _drive(u, u_before, age + h, plant.motor.lag)
                 needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
                 slipped = not _holds(plant, phi[0], needed)
             if crossed or slipped:
@@ -496,7 +332,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                     if crossed:
                         beyond = omega1[0] * mode < 0.0
                     else:
-                        drive = _drive(u, u_before, age + mid, plant.lag)
+                        drive = _drive(u, u_before, age + mid, plant.motor.lag)
                         needed = _needed(plant, t + mid, phi1, omega1, drive, acc, scratch)
                         beyond = not _holds(plant, phi[0], needed)
                     if beyond:
@@ -505,7 +341,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                         low = mid
                 h = high
                 _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, scratch)
-                drive = _drive(u, u_before, age + h, plant.lag)
+                drive = _drive(u, u_before, age + h, plant.motor.lag)
                 if crossed:
                     omega1[0] = 0.0
                 needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
@@ -598,7 +434,7 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
             t = end
             while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
                 pointer += 1
-                u_before = _drive(u, u_before, t - since, plant.lag)
+                u_before = _drive(u, u_before, t - since, plant.motor.lag)
                 u = command[pointer]
                 since = t
         if observed.size > 0 and not clamped:
@@ -793,11 +629,93 @@ def _mean_friction(plant, angle, rate, change):
 def _to_rate(plant, theta, omega):
     """Integral of the friction torque over the rate, from rest to `omega` [N m rad/s]."""
     if omega > 0:
-        coulomb, static = plant.coulomb_positive, plant.static_positive
+        coulomb, static = plant.friction.coulomb_positive, plant.friction.static_positive
     else:
-        coulomb, static = plant.coulomb_negative, plant.static_negative
+        coulomb, static = plant.friction.coulomb_negative, plant.friction.static_negative
     fallen = 0.0
-    if plant.stribeck_velocity > 0.0:
-        fallen = math.erf(abs(omega) / plant.stribeck_velocity) * plant.stribeck_velocity
+    if plant.friction.stribeck_velocity > 0.0:
+        fallen = math.erf(abs(omega) / plant.friction.stribeck_velocity) * plant.friction.stribeck_velocity
         fallen *= (static - coulomb) * 0.5 * math.sqrt(math.pi)
     return (coulomb + _friction_raise(plant, theta)) * abs(omega) + fallen
+
+
+def transmitted(
+    plant: Plant,
+    period: float,
+    acceleration: np.ndarray,
+    angle: np.ndarray,
+    drive: np.ndarray,
+    mobility: float = 0.0,
+    start: float = 0.0,
+) -> np.ndarray:
+    """Mean torque [N m] in each of some short cells (c) through the play on a hub that moves as prescribed.
+
+    The motor starts in the middle of the play, at rest against the hub.
+
+    Args:
+      plant: the `Plant`, with a play.
+      period: length of a cell [s].
+      acceleration, angle: (c) of the hub in the middle of each cell [rad/s^2], [rad].
+      drive: (c) delivered torque, its mean over each cell [N m].
+      mobility: acceleration of the hub per torque through the play, beside the one prescribed [1/(kg m^2)].
+      start: instant of the first cell [s].
+    """
+    acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
+    return _transmitted(plant, period, acceleration, angle, drive, mobility, start)
+
+
+@compiled
+def _transmitted(plant, period, acceleration, angle, drive, mobility, start):
+    half, inverse = 0.5 * plant.motor.gap, 1 / plant.motor.inertia + mobility
+    damping = contact_damping(plant)
+    # On a flank: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
+    square, delta = CONTACT_STIFFNESS * inverse, 0.5 * damping * inverse
+    omega = np.sqrt(max(square - delta * delta, 1e-12))
+    kept = np.exp(-delta * period)
+    cosine, sine = kept * np.cos(omega * period), kept * np.sin(omega * period) / omega
+    place = rate = 0.0
+    torque = np.zeros(drive.size)
+    for k in range(drive.size):
+        turning = (angle[min(k + 1, drive.size - 1)] - angle[max(k - 1, 0)]) / (2 * period) + rate
+        own = torque_of_laws(plant, start + k * period, angle[k] + place, turning, True)
+        pushed = (drive[k] + own) / plant.motor.inertia - acceleration[k]
+        if abs(place) < half:
+            ahead = place + period * (rate + 0.5 * period * pushed)
+            if abs(ahead) < half:
+                place, rate = ahead, rate + period * pushed
+                continue
+        elif contact_torque(plant, place, rate) != 0.0:
+            side = 1.0 if place > 0.0 else -1.0
+            rest = side * half + pushed / square
+            away = place - rest
+            ahead = rest + away * (cosine + delta * sine) + rate * sine
+            faster = rate * (cosine - delta * sine) - away * square * sine
+            if (
+                side * ahead > half
+                and CONTACT_STIFFNESS * (side * ahead - half) + damping * side * faster > 0.0
+            ):
+                torque[k] = (pushed - (faster - rate) / period) / inverse
+                place, rate = ahead, faster
+                continue
+        place, rate, torque[k] = _at_edge(plant, period, place, rate, pushed, inverse)
+    return torque
+
+
+@compiled
+def _at_edge(plant, period, place, rate, pushed, inverse):
+    """A cell in which a contact begins or ends: place and rate behind it, mean torque; by Runge-Kutta steps."""
+    count = int(np.ceil(period / CONTACT_STEP))
+    h, total = period / count, 0.0
+    for _ in range(count):
+        t1 = contact_torque(plant, place, rate)
+        v2 = rate + 0.5 * h * (pushed - inverse * t1)
+        t2 = contact_torque(plant, place + 0.5 * h * rate, v2)
+        v3 = rate + 0.5 * h * (pushed - inverse * t2)
+        t3 = contact_torque(plant, place + 0.5 * h * v2, v3)
+        v4 = rate + h * (pushed - inverse * t3)
+        t4 = contact_torque(plant, place + h * v3, v4)
+        place += h / 6 * (rate + 2 * v2 + 2 * v3 + v4)
+        mean = (t1 + 2 * t2 + 2 * t3 + t4) / 6
+        rate += h * (pushed - inverse * mean)
+        total += mean
+    return place, rate, total / count

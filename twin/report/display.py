@@ -3,42 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
+from twin import effects
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Prediction
 from twin.labels import _listed, angle_in_degrees, over_noise, ratio, unit, with_error, words
 
 MODELS = ("before", "calibrated", "after")
 """Names of the models in the order in which a diagnosis comes to them."""
-
-MEANINGS: Mapping[str, str] = {
-    "viscous-friction": "friction that grows with the speed of the hub",
-    "stribeck-friction": "friction that falls smoothly from break-away to Coulomb level",
-    "asymmetric-friction": "friction that differs between the two directions",
-    "position-dependent-friction": "friction that depends on where the hub stands",
-    "cable-torsion": "wires that pull the hub back like a spring",
-    "cogging": "a torque of the motor's magnets that repeats with the angle",
-    "torque-gain": "a drive that delivers another multiple of the commanded torque",
-    "torque-bias": "a constant torque on the hub",
-    "actuator-lag": "a drive that follows its command with a lag",
-    "actuator-delay": "a drive that follows its command after a dead time",
-    "backlash": "play between motor and hub",
-    "gravity-tilt": "gravity, because the plane is not level",
-    "periodic-disturbance": "a disturbance at one fixed frequency",
-    "payload-mass": "another payload than the declared one",
-    "stiffness-loss": "a link that is softer than declared all along, or stiffer",
-    "softening-stiffness": "a link that gets softer the more it bends",
-    "torsional-mode": "a lightly damped extra mode of the link",
-    "root-compliance": "a clamp between hub and link that gives",
-    "air-drag": "drag on the tip, growing with the square of its speed",
-    "air-pad-drag": "drag on the tip, proportional to its speed",
-    "hub-sensor-gain": "an angle sensor with another gain than declared",
-    "hub-sensor-nonlinearity": "an angle sensor that is not linear",
-    "strain-gain": "strain bridges with another gain than declared",
-    "strain-drift": "strain bridges that drift in time",
-    "sensor-delay": "channels that arrive late",
-}
-"""The vocabulary in plain words, to follow "The model lacks ..."."""
 
 NOISE_LIKE = 2.0
 """Up to this many noise levels a residual is called indistinguishable from noise (table, headline)."""
@@ -94,7 +66,7 @@ def headline(diagnosis: Diagnosis) -> str:
     """Returns the verdict in one plain sentence."""
     names = [words(e.name) for e in diagnosis.effects]
     if diagnosis.verdict == "explained":
-        meaning = MEANINGS.get(diagnosis.effects[0].name) if len(names) == 1 else None
+        meaning = effects.meaning(diagnosis.effects[0].name) if len(names) == 1 else ""
         if meaning:
             return f"The model lacks {names[0]}: {meaning}."
         return f"The model lacks {_listed(names)}." if names else "The deviation is explained."

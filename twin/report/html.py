@@ -12,6 +12,7 @@ import numpy as np
 
 from twin import labels
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
+from twin.effects import meaning
 from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures, pages
 from twin.report.figures import Figure
@@ -219,7 +220,7 @@ def _clearly_worse(error: ChannelError, model: str) -> bool:
 def _effect(effect: AdoptedEffect) -> dict[str, Any]:
     return {
         "name": labels.words(effect.name),
-        "meaning": display.MEANINGS.get(effect.name, ""),
+        "meaning": meaning(effect.name),
         "probability": labels.probability(effect.probability),
         "parameters": [
             (labels.words(name), value, unit, degrees)

@@ -53,7 +53,7 @@ def watch(
     model = plants.model_of(experiment.rig, experiment.effects)
     plant = ChainPlant(model)
     controller = experiment.law(plant.period)
-    compiled = mjcf.build_spec(model.rig, model.chain, model.plant, scene=True).compile()
+    compiled = mjcf.build_spec(model.rig, model.chain, model.plant, model.hub_torques, scene=True).compile()
     data = mujoco.MjData(compiled)
     window = open_window(compiled, data)
 

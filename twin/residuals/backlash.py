@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin.mechanics import planar
-from twin.mechanics.planar import CONTACT_STIFFNESS, Plant
+from twin.mechanics.planar import transmitted
+from twin.mechanics.plant import Plant
 from twin.residuals.cell_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
 from twin.residuals.filters import GRID, REACH, low_passed
 from twin.residuals.prepared import Prepared
@@ -44,7 +44,8 @@ class _Hub(NamedTuple):
     def push(self, part: slice = slice(None)) -> np.ndarray:
         """Mean torque (c) on the hub in each cell of a part [N m]."""
         motion = self.acceleration[part], self.angle[part]
-        return transmitted(self.plant, self.period, *motion, self.drive[part], self.mobility)
+        start = ((part.start or 0) - CELLS) * self.period
+        return transmitted(self.plant, self.period, *motion, self.drive[part], self.mobility, start)
 
 
 def passed_on(view: View, prepared: Prepared, model: Model) -> np.ndarray:
@@ -62,7 +63,7 @@ def doubtful(view: View, prepared: Prepared, model: Model, noise: float, slow: f
       noise: of the torque on the hub [N m].
       slow: rate of the hub that its noise may seem to be [rad/s].
     """
-    if model.plant.gap <= 0:
+    if model.plant.motor.gap <= 0:
         return np.zeros(len(view.time), dtype=bool)
     hub, pushed = _followed(view, prepared, model)
     found = _unsettled(view, hub, pushed, noise) | _between_impacts(view, hub, pushed, slow)
@@ -73,7 +74,7 @@ def _between_impacts(view: View, hub: _Hub, pushed: np.ndarray, slow: float) -> 
     """Instants (m) at which friction may hold the hub between two impacts: the filter hides how slow it was."""
     taken = of_cells(pushed) - _seen(view, pushed)
     rate = in_cells(view.rate + hub.mobility * GRID * np.cumsum(taken))
-    grip = FIRMER * max(hub.plant.static_positive, hub.plant.static_negative) * hub.mobility
+    grip = FIRMER * max(hub.plant.friction.static_positive, hub.plant.friction.static_negative) * hub.mobility
     held = (np.abs(rate) < slow) & (np.abs(hub.acceleration + hub.mobility * pushed) < grip)
     return held[CELLS:-CELLS].reshape(-1, CELLS).any(axis=1) & (view.direction != 0)
 
@@ -100,7 +101,7 @@ def _followed(view: View, prepared: Prepared, model: Model) -> tuple[_Hub, np.nd
     drive = torque_in_cells(model, prepared.recording, view.time)
     hub = _Hub(plant, cell(view.time), measured, in_cells(motion.angle), drive, 0.0)
     pushed = hub.push()
-    mobility = 1 / (plant.hub_inertia - plant.motor_inertia)
+    mobility = 1 / (plant.hub_inertia - plant.motor.inertia)
     for _ in range(_ROUNDS):
         slow = in_cells(_seen(view, pushed))
         hub = hub._replace(acceleration=measured - mobility * slow, mobility=mobility)
@@ -111,81 +112,3 @@ def _followed(view: View, prepared: Prepared, model: Model) -> tuple[_Hub, np.nd
 def _seen(view: View, pushed: np.ndarray) -> np.ndarray:
     """What the filter of the motion leaves of a torque (c), at the instants of the grid (m) [N m]."""
     return low_passed(at_instants(of_cells(pushed)), GRID, view.band)
-
-
-def transmitted(
-    plant: Plant,
-    period: float,
-    acceleration: np.ndarray,
-    angle: np.ndarray,
-    drive: np.ndarray,
-    mobility: float = 0.0,
-) -> np.ndarray:
-    """Mean torque [N m] in each of some short cells (c) through the play on a hub that moves as prescribed.
-
-    The motor starts in the middle of the play, at rest against the hub.
-
-    Args:
-      plant: the `Plant`, with a play.
-      period: length of a cell [s].
-      acceleration, angle: (c) of the hub in the middle of each cell [rad/s^2], [rad].
-      drive: (c) delivered torque, its mean over each cell [N m].
-      mobility: acceleration of the hub per torque through the play, beside the one prescribed [1/(kg m^2)].
-    """
-    acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
-    return _transmitted(plant, period, acceleration, angle, drive, mobility)
-
-
-@planar.compiled
-def _transmitted(plant, period, acceleration, angle, drive, mobility):
-    half, inverse = 0.5 * plant.gap, 1 / plant.motor_inertia + mobility
-    damping = planar.contact_damping(plant)
-    # On a flank: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
-    square, delta = CONTACT_STIFFNESS * inverse, 0.5 * damping * inverse
-    omega = np.sqrt(max(square - delta * delta, 1e-12))
-    kept = np.exp(-delta * period)
-    cosine, sine = kept * np.cos(omega * period), kept * np.sin(omega * period) / omega
-    place = rate = 0.0
-    torque = np.zeros(drive.size)
-    for k in range(drive.size):
-        pushed = (drive[k] + planar.cogging(plant, angle[k] + place)) / plant.motor_inertia - acceleration[k]
-        if abs(place) < half:
-            ahead = place + period * (rate + 0.5 * period * pushed)
-            if abs(ahead) < half:
-                place, rate = ahead, rate + period * pushed
-                continue
-        elif planar.contact_torque(plant, place, rate) != 0.0:
-            side = 1.0 if place > 0.0 else -1.0
-            rest = side * half + pushed / square
-            away = place - rest
-            ahead = rest + away * (cosine + delta * sine) + rate * sine
-            faster = rate * (cosine - delta * sine) - away * square * sine
-            if (
-                side * ahead > half
-                and CONTACT_STIFFNESS * (side * ahead - half) + damping * side * faster > 0.0
-            ):
-                torque[k] = (pushed - (faster - rate) / period) / inverse
-                place, rate = ahead, faster
-                continue
-        place, rate, torque[k] = _at_edge(plant, period, place, rate, pushed, inverse)
-    return torque
-
-
-@planar.compiled
-def _at_edge(plant, period, place, rate, pushed, inverse):
-    """A cell in which a contact begins or ends: place and rate behind it, mean torque; by Runge-Kutta steps."""
-    count = int(np.ceil(period / planar.CONTACT_STEP))
-    h, total = period / count, 0.0
-    for _ in range(count):
-        t1 = planar.contact_torque(plant, place, rate)
-        v2 = rate + 0.5 * h * (pushed - inverse * t1)
-        t2 = planar.contact_torque(plant, place + 0.5 * h * rate, v2)
-        v3 = rate + 0.5 * h * (pushed - inverse * t2)
-        t3 = planar.contact_torque(plant, place + 0.5 * h * v2, v3)
-        v4 = rate + h * (pushed - inverse * t3)
-        t4 = planar.contact_torque(plant, place + h * v3, v4)
-        place += h / 6 * (rate + 2 * v2 + 2 * v3 + v4)
-        mean = (t1 + 2 * t2 + 2 * t3 + t4) / 6
-        rate += h * (pushed - inverse * mean)
-        total += mean
-    return place, rate, total / count

@@ -13,6 +13,7 @@ import numpy as np
 
 from twin.campaigns.rests import BEFORE_ONSET
 from twin.mechanics import planar
+from twin.mechanics.plant import FIRM
 from twin.mechanics.state import Motion, Start
 from twin.residuals.prepared import Prepared, guided
 from twin.rigs.model import Model
@@ -56,7 +57,7 @@ def levels(events: Sequence[BreakAway]) -> dict[int, float]:
 def _held(model: Model, prepared: Prepared, start: Start) -> Motion:
     """A recording simulated with a hub that rests whenever the measured one does, whatever it takes to hold it."""
     # A friction that falls from the static level would hold it in motion too.
-    firm = model.with_plant(static_positive=planar.FIRM, static_negative=planar.FIRM, stribeck_velocity=0.0)
+    firm = model.with_friction(static_positive=FIRM, static_negative=FIRM, stribeck_velocity=0.0)
     return integrate(firm, prepared.recording, start, guided(firm, prepared, tight=True))
 
 
@@ -64,7 +65,7 @@ def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) ->
     motion = _held(model, prepared, start)
     time = prepared.recording.time
     drive = model.read_torque(prepared.recording)
-    needed = planar.holding_torque(model.plant, time, *motion.state(), drive)
+    needed = planar.holding_torque(model.plant_of(prepared.recording), time, *motion.state(), drive)
     period = prepared.recording.period
     lag = max(1, int(round(_SPAN / period)))
     found = []

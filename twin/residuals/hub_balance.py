@@ -48,7 +48,7 @@ def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
 
 def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
     """Torque (m) of sliding friction [N m], its mean over a grid step."""
-    if model.plant.stribeck_velocity > 0:
+    if model.plant.friction.stribeck_velocity > 0:
         return stribeck_reversals.along(view, model, motion)
     angle, rate = motion.angles[:, 0], motion.rates[:, 0]
     mean = planar.mean_friction(model.plant, angle, rate, np.gradient(rate))
@@ -57,7 +57,9 @@ def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
 
 def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
     """Torque (m) of all hub laws [N m], friction that of a hub that slides in a direction (m), 0 where that is 0."""
-    return planar.hub_laws(model.plant, view.time, motion.angles[:, 0], motion.rates[:, 0], direction)
+    return planar.hub_laws(
+        model.plant, view.time - view.time[0], motion.angles[:, 0], motion.rates[:, 0], direction
+    )
 
 
 def break_aways(
@@ -104,7 +106,7 @@ def delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
 
     It is what the drive delivers, or a play passes on.
     """
-    if model.plant.gap > 0:
+    if model.plant.motor.gap > 0:
         torque = backlash.passed_on(view, prepared, model)
     else:
         torque = mean_torque(model, prepared.recording, view.time)

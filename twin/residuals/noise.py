@@ -15,6 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from twin.recording import Recording
 from twin.residuals import ringing
 from twin.residuals.filters import BAND, GRID, low_passed, passed, smooth
+from twin.residuals.link_moves import LinkMoves
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import residual
 from twin.residuals.ringing import Ringing, Swing
@@ -76,7 +77,7 @@ def _shaken(view: View, prepared: Prepared, generator: np.random.Generator, wher
     spline = smooth(view.time, shaken)
     return replace(
         view,
-        moves={},
+        moves=LinkMoves(1),
         reading=view.reading + shaken,
         rate=view.rate + spline(view.time, 1),
         acceleration=view.acceleration + spline(view.time, 2),

@@ -14,6 +14,7 @@ import numpy as np
 from twin.campaigns.rests import BEFORE_ONSET
 from twin.mechanics import planar
 from twin.mechanics.planar import STUCK
+from twin.mechanics.plant import FIRM, Plant
 from twin.mechanics.state import Motion
 from twin.recording import Recording
 from twin.residuals.prepared import Prepared
@@ -51,7 +52,7 @@ class RestRun:
 
     model: Model
     prepared: Prepared
-    plant: planar.Plant
+    plant: Plant
     time: np.ndarray
     reading: np.ndarray
     state: tuple[np.ndarray, np.ndarray]
@@ -76,8 +77,8 @@ class RestRun:
         rows = rows[rows < again[0]] if len(again) else rows
         if (rows > last).sum() < _FEWEST:
             return None
-        plant = planar.closed(model.plant)
-        angles, rates = (planar.extended(plant, values[row]) for values in motion.state())
+        plant = model.plant_of(recording).closed()
+        angles, rates = (plant.extended(values[row]) for values in motion.state())
         resting = model.hub_angle_of(hub.reading, time)[rows[0]]
         return RestRun(
             model,
@@ -99,19 +100,18 @@ class RestRun:
     @property
     def raised(self) -> float:
         """By which the level there exceeds the plant's own [N m]."""
-        own = self.plant.static_positive if self.direction > 0 else self.plant.static_negative
-        return self.level - own
+        return self.level - self.plant.friction.levels(self.direction)[0]
 
     @property
     def coulomb(self) -> float:
         """The plant's own Coulomb level in the direction of the break-away [N m]."""
-        return self.plant.coulomb_positive if self.direction > 0 else self.plant.coulomb_negative
+        return self.plant.friction.levels(self.direction)[1]
 
     @functools.cached_property
     def borne(self) -> tuple[float, float]:
         """Torque that friction bore at the end of the rest [N m], and how fast it grew [N m/s]."""
         rest = self.time[: self.end + 1]
-        firm = self.plant._replace(static_positive=planar.FIRM, static_negative=planar.FIRM)
+        firm = self.plant.with_friction(static_positive=FIRM, static_negative=FIRM)
         angles, rates, _ = self._moved(firm, rest)
         drive = self.model.drive(self.prepared.recording).at(rest)
         torque = self.direction * planar.holding_torque(firm, rest, angles, rates, drive)
@@ -130,22 +130,22 @@ class RestRun:
     def readings(self, level: float, time: np.ndarray) -> np.ndarray:
         """The hub (n) as its sensor reports it under a static level [N m], at instants from the first on (n) [s]."""
         # Below the Coulomb level a hub that has come free would rest and go on without end.
-        own = self.plant
+        own = self.plant.friction
         ahead, back = (level, own.static_negative) if self.direction > 0 else (own.static_positive, level)
-        plant = own._replace(
+        plant = self.plant.with_friction(
             static_positive=max(ahead, _ABOVE * own.coulomb_positive),
             static_negative=max(back, _ABOVE * own.coulomb_negative),
         )
         motion = Motion.of(time, *self._moved(plant, time), len(self.model.chain.lengths))
         return reported(self.model, Recording("", time, {"hub_angle": time}), motion)["hub_angle"]
 
-    def _moved(self, plant: planar.Plant, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _moved(self, plant: Plant, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angles, rates and modes of a plant at some instants."""
         lagging, times, torques = self._drive
-        plant = plant._replace(lag=lagging.lag)
+        plant = plant.with_motor(lag=lagging.motor.lag)
         return planar.simulate(plant, times, torques, time, *self.state, 0, False, self.model.link_step)
 
     @functools.cached_property
-    def _drive(self) -> tuple[planar.Plant, np.ndarray, np.ndarray]:
+    def _drive(self) -> tuple[Plant, np.ndarray, np.ndarray]:
         """What all levels have in common: see `delivered`."""
         return delivered(self.model, self.prepared.recording)

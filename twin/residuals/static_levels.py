@@ -122,7 +122,7 @@ def _level(run: RestRun, pull: float) -> Level | None:
         return None
     # Commands rise by stairs: between two of them all levels are alike.
     error = max(float(np.ptp(likely)) / np.sqrt(12), 2 * half / (_STEPS - 1))
-    slips = _SLIPS * centre if run.model.plant.gap > 0 else 0.0
+    slips = _SLIPS * centre if run.model.plant.motor.gap > 0 else 0.0
     return Level(centre, float(np.linalg.norm([error, slope * INSTANT, slips, pull])))
 
 

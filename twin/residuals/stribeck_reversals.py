@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from twin.mechanics import planar
-from twin.mechanics.planar import Plant
+from twin.mechanics.plant import Plant
 from twin.mechanics.state import Motion
 from twin.residuals.cell_means import at_cells, at_instants, cell, in_cells, of_cells
 from twin.residuals.filters import GRID, REACH, low_passed

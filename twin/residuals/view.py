@@ -15,6 +15,7 @@ from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
 from twin.residuals import creep
 from twin.residuals.filters import GRID, MOTION_BANDS, smooth
+from twin.residuals.link_moves import LinkMoves, Moved
 from twin.residuals.prepared import Prepared
 from twin.residuals.ringing import Ringing
 from twin.rigs.model import Model
@@ -50,7 +51,7 @@ class View:
       swell: name -> (m) size of the noise in that of the quiet stretches; empty where the hub is clamped.
       pull: (m) standard deviation of the torque with which the link pulls at the hub, by the noise of the hub's angle
         in the motion before [N m].
-      moves: what the link did in the last simulations, by what it depends on.
+      moves: what the link did in the last simulations.
     """
 
     time: np.ndarray
@@ -71,7 +72,7 @@ class View:
     departures: tuple[creep.Event, ...] = ()
     departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     pull: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
-    moves: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
+    moves: LinkMoves = field(default_factory=lambda: LinkMoves(_KEPT), repr=False)
 
 
 def whitened(values: np.ndarray, view: View, channel: str) -> np.ndarray:
@@ -103,21 +104,18 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
     hub = hub_motion(view, model)
     phi, omega = initial_state(model, prepared.recording, start)
     # What a motor with play does is for `delivered` to say.
-    plant = planar.without_motor(model.plant)
-    key = (*link_of(plant), hub.angle.tobytes(), phi.tobytes(), omega.tobytes())
-    name = hash((key, model.step))
-    if (known := view.moves.get(name)) is None:
+    plant = model.plant.without_motor()
+
+    def simulated() -> Moved:
+        first = plant.extended(phi), plant.extended(omega)
         if prepared.recording.start == "unknown":
-            omega = omega - omega[0] + hub.rate[0]
-        step = model.link_step
-        first = planar.extended(plant, phi), planar.extended(plant, omega)
+            first = first[0], first[1] - omega[0] + hub.rate[0]
         parts = max(1, round(GRID / model.step))
-        fine = planar.driven(plant, *_between(view.time, hub, parts), *first, step)
-        known = fine[0][::parts].copy(), fine[1][::parts].copy(), fine[2][::parts].copy()
-        for old in list(view.moves)[: max(0, len(view.moves) - _KEPT + 1)]:
-            view.moves.pop(old, None)
-        view.moves[name] = known
-    angles, rates, required = known
+        fine = planar.driven(plant, *_between(view.time, hub, parts), *first, model.link_step)
+        return fine[0][::parts].copy(), fine[1][::parts].copy(), fine[2][::parts].copy()
+
+    on = (*plant.link, model.step, hub.angle, phi, omega)
+    angles, rates, required = view.moves.get(on, simulated)
     return Motion.of(view.time, angles, rates, hub.direction, len(phi)), required
 
 
@@ -164,24 +162,3 @@ def _between(time: np.ndarray, hub: Hub, parts: int) -> tuple[np.ndarray, np.nda
     finer = np.interp(np.arange(parts * (len(time) - 1) + 1) / parts, np.arange(len(time)), time)
     spline = smooth(time, hub.angle)
     return finer, spline(finer), spline(finer, 1), spline(finer, 2)
-
-
-_ON_HUB = (
-    *("static_positive", "static_negative", "coulomb_positive", "coulomb_negative", "stribeck_velocity"),
-    *("friction_amplitude", "friction_order", "friction_phase", "viscous", "lag", "bias"),
-    *("cable_stiffness", "cable_rest_angle", "cogging_amplitude", "cogging_order", "cogging_phase"),
-    *("disturbance_amplitude", "disturbance_frequency", "disturbance_phase"),
-)
-
-
-def on_link(plant: planar.Plant) -> dict[str, float]:
-    """What acts on the link beyond its own inertia, stiffness and damping: fields of the plant."""
-    shaken = ("shake_x", "shake_y", "shake_frequency", "shake_phase")
-    own = ("flexibility", "hub_inertia", *_ON_HUB, *shaken)
-    return {n: v for n, v in plant._asdict().items() if n not in own and not isinstance(v, np.ndarray)}
-
-
-def link_of(plant: planar.Plant) -> tuple:
-    """What the link's motion under a given hub depends on: the plant without the torques on the hub, to be compared."""
-    values = [value for name, value in plant._asdict().items() if name not in _ON_HUB]
-    return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)

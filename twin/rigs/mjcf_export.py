@@ -13,13 +13,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
-import numpy as np
 
-from twin.effects import REGISTRY, Drive
 from twin.mechanics import chain, mjcf
 from twin.parameters import Rig
 from twin.recording import Sensor
 from twin.rigs import mjcf_sensors
+from twin.rigs.drive_law import DriveLaw, drive_law, not_linear
 from twin.rigs.model import Effects, Model
 
 
@@ -48,45 +47,26 @@ def to_mjcf(
       comment: lines at the head of the file, before what it leaves out.
     """
     model = Model(rig, sensors, chain.fit_shape(rig), effects)
-    drive = _DriveLaw.of(effects)
-    plant = model.plant._replace(lag=drive.lag)
+    drive = drive_law(effects)
+    plant = model.plant.with_motor(lag=drive.lag)
     readings = mjcf_sensors.readings(effects)
     gauges = [_with_gain(s, readings[s.channel].gain) for s in sensors.values() if s.half_thickness > 0]
-    spec = mjcf.build_spec(model.rig, model.chain, plant, gauges=gauges)
+    spec = mjcf.build_spec(model.rig, model.chain, plant, model.hub_torques, gauges=gauges)
     spec.modelname = _plain(rig.name)
     _write_drive(spec, drive)
     mjcf_sensors.write(spec, readings)
-    left_out = (*mjcf.not_native(plant), *(name for name in effects if _misreads(name)))
+    left_out = (
+        *mjcf.not_native(plant, model.hub_torques),
+        *not_linear(effects),
+        *mjcf_sensors.left_out(effects),
+    )
     if model.curvature_rate_rows:
         left_out += ("lag of strains behind a clamp that gives",)
     xml = f"{_comment(comment, left_out)}\n{spec.to_xml().rstrip()}\n"
     return AugmentedMjcf(xml, left_out)
 
 
-@dataclass(frozen=True)
-class _DriveLaw:
-    """delivered(t) = gain * commanded(t - delay) + bias, behind a first-order lag."""
-
-    gain: float
-    bias: float
-    delay: float
-    lag: float
-
-    @classmethod
-    def of(cls, effects: Effects) -> _DriveLaw:
-        none, one = (_delivered(effects, torque) for torque in (0.0, 1.0))
-        bias = float(none.torque[0])
-        return cls(float(one.torque[0]) - bias, bias, float(one.time[0]), one.lag)
-
-
-def _delivered(effects: Effects, torque: float) -> Drive:
-    drive = Drive(np.zeros(1), np.array([torque]))
-    for name, p in effects.items():
-        drive = REGISTRY[name].drive(drive, p)
-    return drive
-
-
-def _write_drive(spec: mujoco.MjSpec, drive: _DriveLaw) -> None:
+def _write_drive(spec: mujoco.MjSpec, drive: DriveLaw) -> None:
     motor = spec.actuator("motor")
     # The command saturates, and what is delivered is a multiple of that and the bias.
     motor.gainprm[0] = drive.gain
@@ -101,11 +81,6 @@ def _write_drive(spec: mujoco.MjSpec, drive: _DriveLaw) -> None:
 def _with_gain(gauge: Sensor, gain: float) -> Sensor:
     """A gauge whose strain is `gain` times as large."""
     return replace(gauge, half_thickness=gain * gauge.half_thickness)
-
-
-def _misreads(name: str) -> bool:
-    """Whether an effect shapes what sensors report in a way that is not written."""
-    return REGISTRY[name].misreads and not mjcf_sensors.says(name)
 
 
 def _comment(comment: Sequence[str], left_out: tuple[str, ...]) -> str:

@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 
 from twin.mechanics.chain import build
-from twin.mechanics.mjcf import build_spec, scene_xml
+from twin.mechanics.mjcf import build_spec
+from twin.mechanics.mjcf_looks import scene_xml
 from twin.rigs import preset
 
 

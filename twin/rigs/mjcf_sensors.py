@@ -12,17 +12,13 @@ tendon, which MuJoCo adds up over the actuators that pull at it, at a gear so sm
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import mujoco
 
-from twin.effects.hub_sensor_gain import HubSensorGain
-from twin.effects.hub_sensor_nonlinearity import HubSensorNonlinearity
-from twin.effects.sensor_delay import SensorDelay
-from twin.effects.strain_drift import RATES, StrainDrift
-from twin.effects.strain_gain import GAINS, StrainGain
-from twin.effects.torsional_mode import SEEN, TorsionalMode
+from twin.effects import REGISTRY
+from twin.effects.reading import Reading
 from twin.mechanics import mjcf
 from twin.rigs.model import Effects
 
@@ -40,40 +36,6 @@ _GEAR = 1e-9  # of actuators that only read: 1 rad on the hub is a torque of 1e-
 _CUBIC = 2  # `interp` of a history
 
 
-@dataclass(frozen=True)
-class Reading:
-    """r + rate t + offset + amplitude sin(order r + phase), all of it `delay` late.
-
-    Attributes:
-      gain, twist: r = gain * truth + twist * angle of a torsional mode [rad].
-      rate: [1/s].
-      offset: in the unit of the channel.
-      amplitude, order, phase: of a wave over r.
-      delay: [s].
-    """
-
-    gain: float = 1.0
-    rate: float = 0.0
-    offset: float = 0.0
-    amplitude: float = 0.0
-    order: float = 1.0
-    phase: float = 0.0
-    twist: float = 0.0
-    delay: float = 0.0
-
-    @property
-    def is_sum(self) -> bool:
-        """Whether there is more to it than r."""
-        return self.rate != 0 or self.amplitude != 0
-
-    def scaled(self, factor: float) -> Reading:
-        """The reading times a factor."""
-        scaled = {
-            name: factor * getattr(self, name) for name in ("gain", "rate", "offset", "amplitude", "twist")
-        }
-        return replace(self, **scaled, order=self.order / factor)
-
-
 Readings = Mapping[str, Reading]
 """Channel -> what is reported of it."""
 
@@ -86,14 +48,17 @@ def readings(effects: Effects) -> Readings:
 def _reading(channel: str, effects: Effects) -> Reading:
     reading = Reading()
     for name, p in effects.items():
-        if name in _SAID:
-            reading = _SAID[name](reading, channel, p)
+        reading = REGISTRY[name].reading(reading, channel, p) or reading
     return reading
 
 
-def says(name: str) -> bool:
-    """Whether an effect on what sensors report can be written."""
-    return name in _SAID
+def left_out(effects: Effects) -> tuple[str, ...]:
+    """Names of the effects whose readings MJCF cannot say."""
+    return tuple(
+        name
+        for name, p in effects.items()
+        if any(REGISTRY[name].reading(Reading(), channel, p) is None for channel in SENSORS)
+    )
 
 
 def write(spec: mujoco.MjSpec, found: Readings) -> None:
@@ -115,50 +80,6 @@ def write(spec: mujoco.MjSpec, found: Readings) -> None:
             _read_sum(spec, sensor, reading)
         if reading.delay > 0:
             _delay(spec, sensor, reading.delay)
-
-
-# What each effect does to the reading of a channel
-
-
-def _hub_gain(reading: Reading, channel: str, p: Mapping[str, float]) -> Reading:
-    return reading.scaled(p["gain"]) if channel == "hub_angle" else reading
-
-
-def _hub_wave(reading: Reading, channel: str, p: Mapping[str, float]) -> Reading:
-    if channel != "hub_angle":
-        return reading
-    return replace(reading, amplitude=p["amplitude"], order=p["order"], phase=p["phase"])
-
-
-def _strain_gain(reading: Reading, channel: str, p: Mapping[str, float]) -> Reading:
-    return reading.scaled(p[GAINS[channel]]) if channel in GAINS else reading
-
-
-def _strain_drift(reading: Reading, channel: str, p: Mapping[str, float]) -> Reading:
-    if channel not in RATES:
-        return reading
-    rate = p[RATES[channel]]
-    # What drifts behind a delay is not late itself, and the sensor's delay holds all of it back.
-    return replace(reading, rate=rate, offset=rate * reading.delay)
-
-
-def _twist(reading: Reading, channel: str, p: Mapping[str, float]) -> Reading:
-    return replace(reading, twist=p[SEEN[channel]]) if channel in SEEN and p["inertia_share"] > 0 else reading
-
-
-def _late(reading: Reading, channel: str, p: Mapping[str, float]) -> Reading:
-    choice = channel if channel in ("hub_angle", "motor_torque") else "strain"
-    return replace(reading, delay=p[choice] * p["delay"])
-
-
-_SAID: Mapping[str, Callable[[Reading, str, Mapping[str, float]], Reading]] = {
-    HubSensorGain.name: _hub_gain,
-    HubSensorNonlinearity.name: _hub_wave,
-    StrainGain.name: _strain_gain,
-    StrainDrift.name: _strain_drift,
-    TorsionalMode.name: _twist,
-    SensorDelay.name: _late,
-}
 
 
 # Elements

@@ -5,15 +5,17 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from twin.effects import REGISTRY, Drive
-from twin.mechanics import chain, planar
+from twin.mechanics import chain
 from twin.mechanics.chain import Chain, ChainShape
+from twin.mechanics.hub_law import HubTorque, as_arrays
+from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.recording import Recording, Sensor
+from twin.rigs.drive_law import through
 from twin.rigs.patch import Patch
 
 Effects = Mapping[str, Mapping[str, float]]
@@ -32,6 +34,8 @@ class Model:
       step: largest integration step [s].
       late: how much later than stamped a card puts its commands out [s].
       patch: a correction without a cause, looked up; None for none.
+      friction: fields of `Friction` that are set, whatever rig and effects say.
+      break_away: factor on the static levels.
     """
 
     declared: Rig
@@ -41,6 +45,8 @@ class Model:
     step: float = 1e-3
     late: float = 0.0
     patch: Patch | None = None
+    friction: Mapping[str, float] = field(default_factory=dict)
+    break_away: float = 1.0
 
     def replace(self, **changes) -> Model:
         """Returns a model with some attributes changed."""
@@ -85,16 +91,26 @@ class Model:
         return {name: row for name, row in rows.items() if row is not None}
 
     @functools.cached_property
-    def plant(self) -> planar.Plant:
+    def plant(self) -> Plant:
         """What the equations of motion read."""
-        plant = planar.declared_plant(self.rig, self.chain)
+        plant = declared_plant(self.rig, self.chain)
         for name, p in self.effects.items():
             plant = REGISTRY[name].plant(plant, p)
-        if self.patch is not None and self.patch.place:
-            plant = plant._replace(
-                patch_on=self.patch.place, patch_x=self.patch.x.copy(), patch_y=self.patch.y.copy()
-            )
-        return plant
+        friction = plant.friction._replace(**self.friction)
+        if self.break_away != 1:
+            friction = friction.scaled(self.break_away)
+        return plant._replace(friction=friction, torques=as_arrays(self.hub_torques))
+
+    @functools.cached_property
+    def hub_torques(self) -> tuple[HubTorque, ...]:
+        """Torques on the hub that effects and patch add."""
+        found = [REGISTRY[name].hub_torque(p) for name, p in self.effects.items()]
+        found += [self.patch.hub_torque()] if self.patch is not None else []
+        return tuple(torque for torque in found if torque is not None)
+
+    def plant_of(self, recording: Recording) -> Plant:
+        """The plant, time of its torques counted from the first sample of a recording."""
+        return self.plant._replace(torques=self.plant.torques._replace(since=float(recording.time[0])))
 
     @property
     def link_step(self) -> float:
@@ -104,30 +120,21 @@ class Model:
     @property
     def stable_step(self) -> float:
         """Integration step [s]: `link_step`, or less where what stands behind the chain asks for less."""
-        return min(self.link_step, planar.largest_step(self.plant))
+        return min(self.link_step, self.plant.largest_step)
 
-    def with_plant(self, **changes: Any) -> Model:
-        """A model whose plant has some fields changed, whatever the rig and the effects say."""
-        changed = self.replace()
-        changed.__dict__["plant"] = self.plant._replace(**changes)
-        return changed
+    def with_friction(self, **levels: float) -> Model:
+        """A model with some fields of its `Friction` set, whatever rig and effects say; they stay set."""
+        return self.replace(friction={**self.friction, **levels})
 
     def with_break_away(self, share: float) -> Model:
-        """A model whose static levels are so many times as large: at least the Coulomb ones.
-
-        A hub that came free below what it slides against would stop at once, and come free again, without end.
-        """
-        p = self.plant
-        return self.with_plant(
-            static_positive=max(share * p.static_positive, p.coulomb_positive),
-            static_negative=max(share * p.static_negative, p.coulomb_negative),
-        )
+        """A model whose static levels are so many times as large, see `Friction.scaled`; they stay so."""
+        return self.replace(break_away=share * self.break_away)
 
     def drive(self, recording: Recording) -> Drive:
         """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
         limit = self.declared["torque_limit"]
         put_out = recording.commanded_at + self.late
-        command = self._through_effects(Drive(put_out, np.clip(recording["torque_command"], -limit, limit)))
+        command = through(self.effects, Drive(put_out, np.clip(recording["torque_command"], -limit, limit)))
         if self.patch is not None:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
@@ -135,13 +142,8 @@ class Model:
     @property
     def torque_gain(self) -> float:
         """Torque that is delivered for one that is commanded [1], whatever else is added to it."""
-        steps = self._through_effects(Drive(np.arange(2.0), np.arange(2.0)))
+        steps = through(self.effects, Drive(np.arange(2.0), np.arange(2.0)))
         return float(np.diff(steps.torque)[0])
-
-    def _through_effects(self, drive: Drive) -> Drive:
-        for name, p in self.effects.items():
-            drive = REGISTRY[name].drive(drive, p)
-        return drive
 
     def read_torque(self, recording: Recording) -> np.ndarray:
         """Delivered torque at the samples of a recording: a card reads it as it puts its commands out."""

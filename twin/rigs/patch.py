@@ -15,14 +15,38 @@ from scipy.interpolate import make_smoothing_spline
 
 from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table
+from twin.mechanics.hub_law import HubLaw, HubTorque
 from twin.recording import HUB, MEASURED
 
-_ON_HUB = {"hub_angle": 1, "hub_rate": 2, "time": 3}
+_ON_HUB = {"hub_angle": 1.0, "hub_rate": 2.0, "time": 3.0}
 _ADDED, _SAMPLES = "added_to_", "samples"  # columns of its table
 _BINS = 40
 _FEW = 15  # samples below which a bin says nothing
 _LEAST = 6  # points of a curve
 _REPEATED = 2  # recordings in which a value of the variable must have been seen
+
+
+@HubLaw
+def looked_up(t, theta, omega, values):
+    """Torque [N m] of a lookup: linear between its points, constant beyond them.
+
+    Values are the variable (1 angle, 2 rate, 3 time), the number k of points, k values of the variable, k torques.
+    """
+    count = int(values[1])
+    value = theta if values[0] == 1.0 else omega if values[0] == 2.0 else t
+    if value <= values[2]:
+        return values[2 + count]
+    if value >= values[1 + count]:
+        return values[1 + 2 * count]
+    low, high = 0, count - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if values[2 + middle] <= value:
+            low = middle
+        else:
+            high = middle
+    share = (value - values[2 + low]) / (values[2 + high] - values[2 + low])
+    return values[2 + count + low] + share * (values[2 + count + high] - values[2 + count + low])
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +71,12 @@ class Patch:
         """What is added at values (m) of the variable."""
         return np.interp(values, self.x, self.y)
 
-    @property
-    def place(self) -> int:
-        """Which variable the equations of motion look it up by: 0 none, 1 angle, 2 rate, 3 time."""
-        return _ON_HUB.get(self.variable, 0) if self.channel == HUB else 0
+    def hub_torque(self) -> HubTorque | None:
+        """The lookup as a torque on the hub; None where it is none, or goes by the command."""
+        if self.channel != HUB or self.variable not in _ON_HUB:
+            return None
+        values = (_ON_HUB[self.variable], len(self.x), *self.x.tolist(), *self.y.tolist())
+        return HubTorque("patch", looked_up, tuple(map(float, values)))
 
     @property
     def on_sensor(self) -> bool:

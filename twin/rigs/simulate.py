@@ -9,6 +9,7 @@ from scipy.optimize import root
 from twin.effects import TORSION
 from twin.mechanics import planar
 from twin.mechanics.chain import Chain
+from twin.mechanics.plant import Plant
 from twin.mechanics.state import Guide, Motion, Start
 from twin.recording import MEASURED, Recording
 from twin.rigs.model import Model
@@ -26,21 +27,19 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
     phi, omega = initial_state(model, recording, start)
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
-    phi, omega = planar.extended(plant, phi), planar.extended(plant, omega)
+    phi, omega = plant.extended(phi), plant.extended(omega)
     motion = planar.simulate(
         plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.stable_step, *flags
     )
     return Motion.of(recording.time, *motion, len(model.chain.lengths))
 
 
-def delivered(model: Model, recording: Recording) -> tuple[planar.Plant, np.ndarray, np.ndarray]:
+def delivered(model: Model, recording: Recording) -> tuple[Plant, np.ndarray, np.ndarray]:
     """The plant, its motor as slow as the drive makes it, and what the drive delivers: instants [s], torques [N m]."""
     drive = model.drive(recording)
     # A command before the first sample stands for what the drive delivered until then.
     times = np.r_[drive.time[0] - 1e3, drive.time]
-    plant = model.plant._replace(lag=float(drive.lag))
-    if model.patch is not None and model.patch.variable == "time":
-        plant = plant._replace(patch_x=plant.patch_x + recording.time[0])
+    plant = model.plant_of(recording).with_motor(lag=float(drive.lag))
     return plant, times, np.r_[drive.before, drive.torque]
 
 
@@ -71,13 +70,13 @@ def hanging(model: Model, hub_angle: float) -> np.ndarray:
     """Hinge angles (n) of a link at rest under what gravity acts in the plane."""
     plant, size = model.plant, len(model.chain.stiffness)
     bends = np.zeros(size)
-    if plant.gravity_x == 0 and plant.gravity_y == 0:
+    if plant.link.gravity_x == 0 and plant.link.gravity_y == 0:
         return bends
-    moments = plant.first_moment[: size + 1]
+    moments = plant.link.first_moment[: size + 1]
     for _ in range(30):
         phi = hub_angle + np.r_[0.0, np.cumsum(bends)]
-        pull = moments * (plant.gravity_y * np.cos(phi) - plant.gravity_x * np.sin(phi))
-        bends = np.cumsum(pull[::-1])[::-1][1:] / plant.stiffness
+        pull = moments * (plant.link.gravity_y * np.cos(phi) - plant.link.gravity_x * np.sin(phi))
+        bends = np.cumsum(pull[::-1])[::-1][1:] / plant.link.stiffness
     return bends
 
 
@@ -105,7 +104,7 @@ def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
     """What the sensors report of a motion, at the samples and in the channels of the recording."""
     with np.errstate(invalid="ignore"):  # a simulation that ran away
         true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
-    if model.plant.torsion_stiffness > 0:
+    if model.plant.link.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
     since = motion.time - motion.time[0]
     channels = {name: v for name, v in model.report(since, true).items() if name != TORSION}

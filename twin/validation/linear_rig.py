@@ -7,19 +7,19 @@ held over a sample; gain, delay and lag of the drive, and gains and delays of th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm
 
 from twin.control.plants.base import READINGS
-from twin.effects import REGISTRY, TORSION, Drive
+from twin.effects import REGISTRY, TORSION
+from twin.mechanics.hub_law import LinearTorque
 from twin.mechanics.modal import state_space
 from twin.recording import GAUGES
+from twin.rigs.drive_law import drive_law
 from twin.rigs.model import Model
-
-NOT_LINEAR = ("backlash", "cogging")
-"""Effects whose slope at one place says nothing: they are left out."""
 
 _MEASURED = READINGS[:-1]
 _SMALL = 1e-6
@@ -46,8 +46,9 @@ def sampled_modes(model: Model, period: float, modes: int) -> Sampled:
     A, B, C = (np.array(m, dtype=float) for m in (system.A, system.B, system.C))
     size = modes + 1
     hub, push = C[0, :size], B[size:, 0]
-    A[size:, :size] -= model.plant.cable_stiffness * np.outer(push, hub)
-    A[size:, size:] -= model.plant.viscous * np.outer(push, hub)
+    for slope in _hub_slopes(model):
+        A[size:, :size] -= slope.stiffness * np.outer(push, hub)
+        A[size:, size:] -= slope.damping * np.outer(push, hub)
     # No torsion: it is not a bending mode.
     return _sensed(model, _held(A, B, np.vstack([C, 0 * C[:1]]), _drive(model), period), period)
 
@@ -59,9 +60,8 @@ def sampled_chain(model: Model, period: float) -> tuple[Sampled, tuple[str, ...]
       model: rig and effects.
       period: sample period [s].
     """
-    left_out = tuple(name for name in model.effects if name in NOT_LINEAR)
-    kept = {name: p for name, p in model.effects.items() if name not in NOT_LINEAR}
-    model = model.replace(effects=kept)
+    left_out = tuple(name for name, p in model.effects.items() if not _has_slope(name, p))
+    model = model.replace(effects={name: p for name, p in model.effects.items() if name not in left_out})
     M, D, K, rows, rate_rows = _chain(model)
     n = len(M)
     inverse = np.linalg.inv(M)
@@ -71,24 +71,39 @@ def sampled_chain(model: Model, period: float) -> tuple[Sampled, tuple[str, ...]
     return _sensed(model, rig, period), left_out
 
 
+def _has_slope(name: str, p: Mapping[str, float]) -> bool:
+    """Whether the slope of an effect at one place stands for it."""
+    effect = REGISTRY[name]
+    torque = effect.hub_torque(p)
+    return (
+        effect.linearisable and drive_law({name: p}).linear and (torque is None or torque.slope is not None)
+    )
+
+
+def _hub_slopes(model: Model) -> list[LinearTorque]:
+    """What torques on the hub change with angle and rate, of those that are linear in them."""
+    return [torque.slope for torque in model.hub_torques if torque.slope is not None]
+
+
 def _chain(model: Model) -> tuple[np.ndarray, ...]:
     """M, D, K (n, n) about the straight link along x, and rows (5, n) of readings and torsion on angles and rates."""
     plant, links = model.plant, len(model.chain.lengths)
-    n = len(plant.lengths)
+    n = len(plant.link.lengths)
     hinge = np.diff(np.eye(n)[:links], axis=0)
-    K = hinge.T @ (plant.stiffness[:, None] * hinge)
-    D = hinge.T @ plant.damping @ hinge
+    K = hinge.T @ (plant.link.stiffness[:, None] * hinge)
+    D = hinge.T @ plant.link.damping @ hinge
     twist = np.zeros(n)
-    if plant.torsion_stiffness > 0:
+    if plant.link.torsion_stiffness > 0:
         twist[[0, links]] = -1.0, 1.0
-        K += plant.torsion_stiffness * np.outer(twist, twist)
-        D += plant.torsion_damping * np.outer(twist, twist)
-    K[0, 0] += plant.cable_stiffness
-    D[0, 0] += plant.viscous
-    D += plant.tip_drag_linear * np.outer(plant.lengths, plant.lengths)
-    K += plant.gravity_x * np.diag(plant.first_moment)
+        K += plant.link.torsion_stiffness * np.outer(twist, twist)
+        D += plant.link.torsion_damping * np.outer(twist, twist)
+    for slope in _hub_slopes(model):
+        K[0, 0] += slope.stiffness
+        D[0, 0] += slope.damping
+    D += plant.link.drag_linear * np.outer(plant.link.lengths, plant.link.lengths)
+    K += plant.link.gravity_x * np.diag(plant.link.first_moment)
     hub = np.eye(n)[0]
-    tip = plant.lengths - plant.lengths.sum() * hub
+    tip = plant.link.lengths - plant.link.lengths.sum() * hub
     rows, rate_rows = np.zeros((2, len(_MEASURED) + 1, n))
     rows[0], rows[1], rows[-1] = hub, tip, twist
     for place, name in enumerate(_MEASURED[2:], 2):
@@ -96,7 +111,7 @@ def _chain(model: Model) -> tuple[np.ndarray, ...]:
         rows[place] = thickness * model.curvature_rows[name] @ hinge
         if name in model.curvature_rate_rows:
             rate_rows[place] = thickness * model.curvature_rate_rows[name] @ hinge
-    return plant.inertia, D, K, rows, rate_rows
+    return plant.link.inertia, D, K, rows, rate_rows
 
 
 def _sensed(model: Model, rig: Sampled, period: float) -> Sampled:
@@ -181,11 +196,5 @@ def _held(
 
 def _drive(model: Model) -> tuple[float, float, float]:
     """Gain [1], delay [s] and lag [s] that the effects give the drive."""
-    answers = []
-    for torque in (0.0, 1.0):
-        drive = Drive(np.zeros(1), np.array([torque]))
-        for name, p in model.effects.items():
-            drive = REGISTRY[name].drive(drive, p)
-        answers.append(drive)
-    rest, one = answers
-    return float(one.torque[0] - rest.torque[0]), float(one.time[0]), max(model.plant.lag, one.lag)
+    law = drive_law(model.effects)
+    return law.gain, law.delay, max(model.plant.motor.lag, law.lag)

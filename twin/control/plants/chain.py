@@ -47,7 +47,7 @@ class _Links(abc.ABC):
     @property
     def twist(self) -> float:
         """Angle of a torsional mode against the hub [rad]."""
-        if self._model.plant.torsion_stiffness <= 0:
+        if self._model.plant.link.torsion_stiffness <= 0:
             return 0.0
         angles = self.configuration
         return float(angles[self._count] - angles[0])
@@ -60,7 +60,7 @@ class _Links(abc.ABC):
 
     def _at_rest(self, hub_angle: float) -> np.ndarray:
         bends = hanging(self._model, hub_angle)
-        return planar.extended(self._model.plant, hub_angle + np.r_[0.0, np.cumsum(bends)])
+        return self._model.plant.extended(hub_angle + np.r_[0.0, np.cumsum(bends)])
 
 
 class ChainPlant(_Links):
@@ -71,7 +71,7 @@ class ChainPlant(_Links):
     def __init__(self, model: Model, period: float = PERIOD) -> None:
         """Compiles the chain of a model, its effects included; `period` [s]."""
         super().__init__(model, period)
-        self._engine = MujocoChain(model.rig, model.chain, model.plant)
+        self._engine = MujocoChain(model.rig, model.chain, model.plant, model.hub_torques)
         self._step = min(model.step, model.chain.largest_step())
         self.reset()
 
@@ -119,7 +119,7 @@ class CompiledPlant(_Links):
         super().__init__(model, period)
         self._plant = model.plant
         self._step = model.stable_step
-        size = len(self._plant.lengths)
+        size = len(self._plant.link.lengths)
         self._work, self._scratch = np.empty((8, size)), np.empty((size + 3, size))
         self.reset()
 
@@ -150,7 +150,7 @@ class CompiledPlant(_Links):
                 self._scratch,
             )
             self._time += span
-            lag = self._plant.lag
+            lag = self._plant.motor.lag
             self._torque = piece + (self._torque - piece) * np.exp(-span / lag) if lag > 0 else piece
 
     def time(self) -> float:

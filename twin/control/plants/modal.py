@@ -28,7 +28,6 @@ from twin.control.plants.drive import DriveLine
 from twin.control.plants.modal_forces import Forces
 from twin.control.plants.modal_rig import ModalRig, modal_rig
 from twin.errors import InputError
-from twin.mechanics import planar
 from twin.rigs.model import Model
 
 DEFAULT_MODES = 3
@@ -54,16 +53,14 @@ class ModalPlant:
         """
         _check_effects(model, self.name)
         self.period, self.torque_limit = period, float(model.declared["torque_limit"])
-        self._drive, self._lags = DriveLine(model), model.plant.lag > 0
+        self._drive, self._lags = DriveLine(model), model.plant.motor.lag > 0
         rig = modal_rig(model, modes)
         self._forces = Forces(model, rig)
         self._outputs, self._hub, self._twist = rig.outputs, rig.hub, rig.twist
         self._size = size = len(rig.mass)
         self._delivered, self._command, self._other = 2 * size, 2 * size + 1, 2 * size + 2
         self._push = np.linalg.solve(rig.mass, rig.hub)
-        self._sliding, self._resting, self._needed = _systems(
-            rig, self._push, model.plant, self._forces.loads
-        )
+        self._sliding, self._resting, self._needed = _systems(rig, self._push, model, self._forces.loads)
         self._steps: dict[tuple[bool, float], np.ndarray] = {}
         self._look = min(_LOOK, model.step)
         self._along = np.linspace(0.0, model.rig["length"], 25)
@@ -215,14 +212,18 @@ class ModalPlant:
 
 
 def _systems(
-    rig: ModalRig, push: np.ndarray, plant: planar.Plant, loads: int
+    rig: ModalRig, push: np.ndarray, model: Model, loads: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A of the sliding and of the resting hub, and the row that gives the torque to hold it (2n + 3 + loads)."""
     n, hub = len(rig.mass), rig.hub
     q, rate, delivered, command, other = slice(0, n), slice(n, 2 * n), 2 * n, 2 * n + 1, 2 * n + 2
     torque = np.zeros(2 * n + 3 + loads)
-    torque[q], torque[rate] = -plant.cable_stiffness * hub, -plant.viscous * hub
-    torque[delivered if plant.lag > 0 else command] = 1.0
+    for part in (law.linear for law in model.hub_torques):
+        if part is not None:
+            torque[q] -= part.stiffness * hub
+            torque[rate] -= part.damping * hub
+    lag = model.plant.motor.lag
+    torque[delivered if lag > 0 else command] = 1.0
     torque[other] = 1.0
     inner = np.zeros((n, len(torque)))
     inner[:, : 2 * n] = np.linalg.solve(rig.mass, -np.hstack([rig.stiffness, rig.damping]))
@@ -230,13 +231,13 @@ def _systems(
     sliding, resting = np.zeros((2, len(torque), len(torque)))
     for A in (sliding, resting):
         A[q, rate] = np.eye(n)
-        if plant.lag > 0:
-            A[delivered, delivered], A[delivered, command] = -1 / plant.lag, 1 / plant.lag
+        if lag > 0:
+            A[delivered, delivered], A[delivered, command] = -1 / lag, 1 / lag
     sliding[rate] = inner + np.outer(push, torque)
     resting[rate] = inner - np.outer(push, hub @ inner) / (hub @ push)
     return sliding, resting, torque + hub @ inner / (hub @ push)
 
 
 def _check_effects(model: Model, plant: str) -> None:
-    if model.plant.gap > 0:
+    if model.plant.motor.gap > 0:
         raise InputError(f"effect backlash has no place in the {plant} plant; expected --plant chain for it")

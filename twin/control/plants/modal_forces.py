@@ -30,28 +30,30 @@ class Forces:
     """
 
     def __init__(self, model: Model, rig: ModalRig) -> None:
-        """Takes what a model adds to a linear rig: all of its plant but viscous friction and a cable's stiffness."""
-        plant = model.plant
-        pull = plant.bias + plant.cable_stiffness * plant.cable_rest_angle
-        self._plant = plant._replace(viscous=0.0, cable_stiffness=0.0, bias=pull)
+        """Takes what a model adds to a linear rig: all of its plant but torques on the hub that are linear."""
+        plant, linear = model.plant, [torque.linear for torque in model.hub_torques]
+        others = np.array([part is None for part in linear], dtype=bool)
+        self._plant = plant._replace(torques=plant.torques.only(others))
+        self._pull = sum(part.constant for part in linear if part is not None)
         self._rig, self._hub, self._tip = rig, rig.hub, rig.tip
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
         length = model.rig["length"]
         x, weights = 0.5 * length * (nodes + 1), 0.5 * length * weights
         self._slopes, self._curvatures = rig.link(x, 1), rig.link(x, 2)
         self._outboard = weights * (model.rig["linear_density"] * (length - x) + model.rig["tip_mass"])
-        self._softened = weights * model.rig["bending_stiffness"] * plant.softening
-        loaded = plant.gravity_x or plant.gravity_y or plant.softening or plant.tip_drag_quadratic
-        self.loads = len(rig.mass) if loaded or plant.is_shaken else 0
-        on_hub = plant.cogging_amplitude or plant.disturbance_amplitude or plant.patch_on
-        friction = plant.stribeck_velocity or plant.friction_amplitude
-        self.vary = bool(self.loads or on_hub or friction)
+        self._softened = weights * model.rig["bending_stiffness"] * plant.link.softening
+        loaded = (
+            plant.link.gravity_x or plant.link.gravity_y or plant.link.softening or plant.link.drag_quadratic
+        )
+        self.loads = len(rig.mass) if loaded or plant.link.is_shaken else 0
+        friction = plant.friction.stribeck_velocity or plant.friction.amplitude
+        self.vary = bool(self.loads or others.any() or friction)
 
     def static(self, q: np.ndarray, direction: int) -> float:
         """Torque [N m] that a hub at rest withstands in a direction, at coordinates q (n)."""
         if self.vary:
             return planar.static_level(self._plant, float(self._hub @ q), direction)
-        return self._plant.static_positive if direction > 0 else self._plant.static_negative
+        return self._plant.friction.static_positive if direction > 0 else self._plant.friction.static_negative
 
     def sliding(self, q: np.ndarray, direction: int) -> float:
         """Friction [N m] of a hub that begins to slide in a direction, at coordinates q (n)."""
@@ -60,7 +62,7 @@ class Forces:
     def on_hub(self, time: float, q: np.ndarray, rates: np.ndarray, direction: int) -> float:
         """Torque [N m] on a hub that slides in a direction (0: that rests), friction included."""
         angle, rate = float(self._hub @ q), float(self._hub @ rates)
-        torque = planar.hub_torque(self._plant, time, angle, rate)
+        torque = self._pull + planar.hub_torque(self._plant, time, angle, rate)
         if direction != 0:
             torque -= direction * planar.sliding_level(self._plant, angle, rate, direction)
         return torque
@@ -68,14 +70,14 @@ class Forces:
     def along_link(self, time: float, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Loads (n)."""
         speed = float(self._tip @ rates)
-        air = self._plant.tip_drag_quadratic * abs(speed) * speed * self._tip
+        air = self._plant.link.drag_quadratic * abs(speed) * speed * self._tip
         return self._of_field(planar.field(self._plant, time), q) + self._of_softening(q) - air
 
     def hanging(self, hub_angle: float) -> np.ndarray:
         """Coordinates (n) at which the link hangs still, the hub held at an angle [rad]."""
         n, hub = len(self._hub), self._hub[:, None]
         held = np.block([[self._rig.stiffness, hub], [hub.T, np.zeros((1, 1))]])
-        gravity = self._plant.gravity_x, self._plant.gravity_y
+        gravity = self._plant.link.gravity_x, self._plant.link.gravity_y
         q = np.zeros(n)
         q[0] = hub_angle
         if self.loads:
@@ -94,5 +96,5 @@ class Forces:
         """Loads (n) that stand for the moment which a link of full stiffness has too much."""
         curvature = q @ self._curvatures
         square = curvature**2
-        part = square / (square + self._plant.softening_curvature**2)
+        part = square / (square + self._plant.link.softening_curvature**2)
         return self._curvatures @ (self._softened * part * curvature)

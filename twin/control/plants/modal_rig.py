@@ -79,12 +79,12 @@ def modal_rig(model: Model, count: int) -> ModalRig:
         np.zeros(size),
     )
     rig = _with_torsion(_with_root(rig, model), model)
-    return replace(rig, damping=rig.damping + model.plant.tip_drag_linear * np.outer(rig.tip, rig.tip))
+    return replace(rig, damping=rig.damping + model.plant.link.drag_linear * np.outer(rig.tip, rig.tip))
 
 
 def _with_root(rig: ModalRig, model: Model) -> ModalRig:
     """A rig whose clamp gives."""
-    stiffness = model.effects.get("root-compliance", {}).get("stiffness", math.inf)
+    stiffness = model.chain.root_stiffness
     if stiffness == math.inf:
         return rig
     return _with_angle(
@@ -95,9 +95,11 @@ def _with_root(rig: ModalRig, model: Model) -> ModalRig:
 def _with_torsion(rig: ModalRig, model: Model) -> ModalRig:
     """A rig with an oscillator on its hub."""
     plant, place = model.plant, len(model.chain.lengths)
-    if plant.torsion_stiffness <= 0:
+    if plant.link.torsion_stiffness <= 0:
         return rig
-    more = _with_angle(rig, plant.inertia[place, place], plant.torsion_stiffness, plant.torsion_damping)
+    more = _with_angle(
+        rig, plant.link.inertia[place, place], plant.link.torsion_stiffness, plant.link.torsion_damping
+    )
     return replace(more, twist=np.eye(len(more.mass))[-1])
 
 
