@@ -25,11 +25,11 @@ from machine import describe
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis import dependence
 from twin.diagnosis.answer import Diagnosis
-from twin.diagnosis.conclude import errors_of, said, stated, variables
-from twin.diagnosis.diagnose import diagnose, find
-from twin.diagnosis.remainder import sizes_left
+from twin.diagnosis.conclude import dependence_of, effect_probabilities, errors_of, verdict_of
+from twin.diagnosis.diagnose import diagnose, search
+from twin.diagnosis.remainder import residual_sizes
 from twin.diagnosis.rules import alternatives
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
 from twin.estimation.static_friction import polish
 from twin.virtual_rig import make_campaign
@@ -76,27 +76,32 @@ def _whole(result: Diagnosis) -> dict:
 
 def _searched(campaign: Campaign) -> dict:
     with ThreadPoolExecutor(1) as pool:
-        found = find(campaign, pool)
+        found = search(campaign, pool)
         last = polish(
-            found.data, found.base, found.best, found.start.declared, pool, said(found) != "outside-library"
+            found.data,
+            found.base,
+            found.best,
+            found.start.declared,
+            pool,
+            verdict_of(found) != "outside-library",
         )
-    fit, outside = last.augmented, said(found) == "outside-library"
-    left = dependence.unexplained(found.bench, found.data, found.best) if outside else {}
+    fit, outside = last.augmented, verdict_of(found) == "outside-library"
+    left = dependence.unexplained_residuals(found.bench, found.data, found.best) if outside else {}
     return {
-        "verdict": said(found),
+        "verdict": verdict_of(found),
         "adopted": [c.effects[-1] for c in found.adopted],
         "ranking": [c.effects[-1] for c in found.rounds[0][:5]],
-        "probabilities": stated(found),
+        "probabilities": effect_probabilities(found),
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: errors_of(fit, name) for name in fit.model.effects},
         "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
-        "depends": list(variables(found, left)),
+        "depends": list(dependence_of(found, left)),
         "rounds": _rounds(found),
-        "size": max(sizes_left(found.benches[0], found.base).values()),
+        "size": max(residual_sizes(found.benches[0], found.base).values()),
     }
 
 
-def _rounds(found: Found) -> list[dict]:
+def _rounds(found: SearchState) -> list[dict]:
     """What was decided on in each round: the best scores, and the misfit that there was to explain."""
     fits = [found.base, *(c.fit for c in found.adopted)]
     return [

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from twin.diagnosis.contest import simplest_first
+from twin.diagnosis.contest import prefer_simpler
 
 
 def candidate(score, unknowns):
@@ -17,9 +17,9 @@ def candidate(score, unknowns):
 )
 def test_every_parameter_more_has_to_gain_two_percent(fewer, behind, simple):
     best, other = candidate(1000.0, 13), candidate(1000.0 - behind, 13 - fewer)
-    assert simplest_first([other, best])[0] is (other if simple else best)
+    assert prefer_simpler([other, best])[0] is (other if simple else best)
 
 
 def test_among_equals_the_better_one_is_first():
     ranked = [candidate(s, 12) for s in (300.0, 299.0, 298.0)]
-    assert [c.score for c in simplest_first(ranked[::-1])] == [300.0, 299.0, 298.0]
+    assert [c.score for c in prefer_simpler(ranked[::-1])] == [300.0, 299.0, 298.0]

@@ -163,7 +163,7 @@ def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(data, pool)
         ranked = [Candidate(("asymmetric-friction",), badly_known, score) for score in (100.0, 99.0)]
-        assert contest.freely_decided(bench, ranked) == ranked
+        assert contest.prefer_closer_free_runs(bench, ranked) == ranked
     assert len(tried) == 2
     for free in tried:
         level = free.effects["asymmetric-friction"]["static_positive"]

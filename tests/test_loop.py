@@ -10,11 +10,17 @@ from test_effects import PLANTED
 
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis import dependence, spectrum
-from twin.diagnosis.candidates import Candidate, at_peaks, explore, gain, tried
-from twin.diagnosis.conclude import said, variables
-from twin.diagnosis.contest import calibrated_as_well, confirmed, freely_decided, seen_anew, settled
-from twin.diagnosis.diagnose import diagnose, find
-from twin.diagnosis.fit_patch import of_worst
+from twin.diagnosis.candidates import Candidate, at_peaks, explore, score_gain, try_effect
+from twin.diagnosis.conclude import dependence_of, verdict_of
+from twin.diagnosis.contest import (
+    better_calibration,
+    confirm_in_fine_limit,
+    fit_to_convergence,
+    prefer_closer_free_runs,
+    refit_with_own_noise,
+)
+from twin.diagnosis.diagnose import diagnose, search
+from twin.diagnosis.fit_patch import patch_of_worst_channel
 from twin.effects import REGISTRY
 from twin.estimation.calibrate import calibrate
 from twin.estimation.minimise import minimise
@@ -51,7 +57,7 @@ ON_THE_RAMP = "asymmetric-friction"
 def searched(folder, effects, seed, ramp=True):
     """The search on a campaign with these undeclared effects."""
     with ThreadPoolExecutor(2) as pool:
-        return find(recorded(folder, effects, seed, ramp), pool)
+        return search(recorded(folder, effects, seed, ramp), pool)
 
 
 def recorded(folder, effects, seed, ramp=True):
@@ -75,7 +81,7 @@ def recorded(folder, effects, seed, ramp=True):
 def test_what_is_missing_is_named_and_recovered(tmp_path, name):
     seed = SEED + list(REGISTRY).index(name)
     found = searched(tmp_path / "rig", {name: PLANTED[name]}, seed, ramp=name == ON_THE_RAMP)
-    assert said(found) == "explained"
+    assert verdict_of(found) == "explained"
     assert [c.effects[-1] for c in found.adopted] == [name]
     assert found.rounds[0][0].effects == (name,)
     fit = found.best
@@ -99,8 +105,8 @@ def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(tmp_pat
     campaign = recorded(tmp_path / "rig", planted, 4153, False)
     declared = {"cable-torsion": {"stiffness": 0.008, "rest_angle": 0.1}}
     with ThreadPoolExecutor(2) as pool:
-        found = find(replace(campaign, effects=declared), pool)
-    assert said(found) == "explained"
+        found = search(replace(campaign, effects=declared), pool)
+    assert verdict_of(found) == "explained"
     assert (found.known, found.names) == (["cable-torsion"], ["actuator-delay"])
     values = found.best.model.effects
     assert values["cable-torsion"]["stiffness"] == pytest.approx(0.012, rel=0.03)
@@ -128,8 +134,8 @@ def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(tmp_path):
     shaken = {"shaking-base": {"amplitude": 0.2, "frequency": 9.0, "phase": 0.7}}
     with ThreadPoolExecutor(2) as pool:
         start = calibrate(recorded(tmp_path / "rig", shaken, 4152, False), pool)
-        quickly = tried(start.bench, start.base, "periodic-disturbance")
-        [found] = settled(start.bench, start.base, [quickly])
+        quickly = try_effect(start.bench, start.base, "periodic-disturbance")
+        [found] = fit_to_convergence(start.bench, start.base, [quickly])
     # The link shows it, the hub hardly does.
     assert found.score > 200
     values = found.fit.model.effects["periodic-disturbance"]
@@ -144,14 +150,14 @@ def test_which_sensors_are_late_is_told_where_it_is_known_how_late(tmp_path):
     campaign = recorded(tmp_path / "rig", {"sensor-delay": {"delay": 0.04}}, 4151, False)
     with ThreadPoolExecutor(2) as pool:
         start = calibrate(campaign, pool)
-        late = tried(start.bench, start.base, "sensor-delay").fit.model.effects["sensor-delay"]
+        late = try_effect(start.bench, start.base, "sensor-delay").fit.model.effects["sensor-delay"]
     assert late.pop("delay") == pytest.approx(0.04, rel=0.01)
     assert late == {"hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0}
 
 
 def test_nothing_is_named_where_nothing_is_missing(tmp_path):
     found = searched(tmp_path / "rig", {}, 4200)
-    assert said(found) == "no-missing-effect"
+    assert verdict_of(found) == "no-missing-effect"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
 
@@ -160,13 +166,13 @@ def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(tmp_p
     found = searched(
         tmp_path / "rig", {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250, False
     )
-    assert said(found) == "outside-library"
+    assert verdict_of(found) == "outside-library"
     assert not found.adopted
-    left = dependence.unexplained(found.bench, found.data, found.best)
-    assert variables(found, left)[0] == "strain_base"
+    left = dependence.unexplained_residuals(found.bench, found.data, found.best)
+    assert dependence_of(found, left)[0] == "strain_base"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
-    lookup = of_worst(found, left)
+    lookup = patch_of_worst_channel(found, left)
     assert (lookup.channel, lookup.variable) == ("strain_base", "strain_base")
     # A clipped reading stays where it was: beyond 100 microstrain all that is more is taken away.
     at = np.array([-3e-4, -2e-4, 2e-4, 3e-4])
@@ -214,20 +220,20 @@ def viscous(tmp_path_factory):
     make_campaign(folder, {"viscous-friction": {"viscous": 0.004}}, 4400, experiments=slews)
     with ThreadPoolExecutor(2) as pool:
         start = calibrate(read_campaign(folder), pool)
-        yield start, tried(start.bench, start.base, "viscous-friction")
+        yield start, try_effect(start.bench, start.base, "viscous-friction")
 
 
 def test_of_equal_explanations_the_one_with_closer_free_runs_comes_first(viscous):
     start, right = viscous
     # As if the local view had found nothing to choose between the right effect and none.
     wrong = Candidate(("strain-drift",), start.base, right.score + 1.0)
-    ranked = freely_decided(start.bench, [wrong, right])
+    ranked = prefer_closer_free_runs(start.bench, [wrong, right])
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]
     assert ranked[0].score == right.score > ranked[1].score
     alone = [right, replace(wrong, score=0.5 * right.score)]
-    assert freely_decided(start.bench, alone) is alone
+    assert prefer_closer_free_runs(start.bench, alone) is alone
     same = [right, replace(right, effects=("air-drag",))]
-    assert freely_decided(start.bench, same) is same
+    assert prefer_closer_free_runs(start.bench, same) is same
 
 
 def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
@@ -236,11 +242,11 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     # As if the search's chain had answered to an effect by explaining everything.
     flattered = replace(start.base, residual=0.1 * start.base.residual, cost=0.0)
     wrong = Candidate(("strain-drift",), flattered, right.score + 10.0)
-    ranked, choice, _ = confirmed(start.bench, start.base, [wrong], 0.0)
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong], 0.0)
     assert choice is None
     assert ranked[0].score < 1
     assert start.bench.defect is defect
-    ranked, choice, _ = confirmed(start.bench, start.base, [wrong, right], 0.0)
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong, right], 0.0)
     assert choice is not None
     assert choice.effects == right.effects
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]
@@ -253,20 +259,20 @@ def test_what_a_calibration_that_stopped_short_would_gain_is_no_gain_of_an_effec
     values[[u.name for u in unknowns].index("hub_inertia")] *= 1.02
     short = minimise(start.bench, start.base.model, start.base.starts, unknowns, values, iterations=0)
     assert short.cost > start.base.cost + 20
-    better = calibrated_as_well(start.bench, short, right)
+    better = better_calibration(start.bench, short, right)
     assert better is not None
     assert better.cost == pytest.approx(start.base.cost, abs=0.5)
-    assert calibrated_as_well(start.bench, start.base, right) is None
+    assert better_calibration(start.bench, start.base, right) is None
 
 
 def test_noise_is_that_of_the_link_that_stands(viscous):
     start, right = viscous
-    same, found = seen_anew(start.bench, start.base, right.fit)
+    same, found = refit_with_own_noise(start.bench, start.base, right.fit)
     assert same is start.bench
     assert found is right.fit
     softer = start.base.model.declared["bending_stiffness"] * 0.8
     changed = start.base.model.replace(effects={"stiffness-loss": {"bending_stiffness": softer}})
-    bench, found = seen_anew(start.bench, start.base, replace(start.base, model=changed))
+    bench, found = refit_with_own_noise(start.bench, start.base, replace(start.base, model=changed))
     assert bench is not start.bench
     assert bench.groups == start.bench.groups
     # It rings lower: the noise of its strains is filtered at other frequencies.
@@ -293,7 +299,7 @@ def test_a_gain_within_what_gauges_are_sold_with_gains_nothing(viscous):
     for off, gains in ((0.002, False), (0.008, True)):
         model = start.base.model.replace(effects={"strain-gain": {"gain_base": 1.0, "gain_mid": 1 - off}})
         better = replace(start.base, model=model, cost=start.base.cost - 50.0)
-        assert (gain(start.bench, start.base, better) > 40) == gains
+        assert (score_gain(start.bench, start.base, better) > 40) == gains
 
 
 @pytest.mark.parametrize("name", ["sensor-delay", "actuator-delay"])
@@ -303,7 +309,7 @@ def test_a_delay_within_what_a_card_leaves_open_gains_nothing(viscous, name):
     for delay, worth in ((1e-5, False), (3e-4, True)):
         late = start.base.model.replace(effects={name: {**neutral, "delay": delay}})
         better = replace(start.base, model=late, cost=start.base.cost - 100)
-        assert gain(start.bench, start.base, better) == pytest.approx(100.0 if worth else 0.0)
+        assert score_gain(start.bench, start.base, better) == pytest.approx(100.0 if worth else 0.0)
 
 
 def test_when_commands_act_is_not_bent_to_what_is_missing(viscous):

@@ -42,7 +42,7 @@ def test_they_are_followed_to_their_noise(campaign, first):
     """With the link taken for straight up to 37 noise levels were left."""
     _, steps, bang = campaign.fit
     found = calibrated(campaign, [from_sample(steps, first), bang])
-    sizes = remainder.sizes_left(found.bench, found.base)
+    sizes = remainder.residual_sizes(found.bench, found.base)
     assert max(sizes.values()) < 1.3, sizes
     assert abs(found.base.starts[0].bend_rate[0]) > 0.05
 
@@ -50,7 +50,7 @@ def test_they_are_followed_to_their_noise(campaign, first):
 def test_a_clamped_link_that_swings(campaign):
     clamped, _, bang = campaign.fit
     found = calibrated(campaign, [from_sample(clamped, 700), bang])
-    assert max(remainder.sizes_left(found.bench, found.base).values()) < 1.3
+    assert max(remainder.residual_sizes(found.bench, found.base).values()) < 1.3
 
 
 def test_without_strains_the_torque_that_the_motion_takes_tells_the_bend(campaign):
@@ -60,7 +60,7 @@ def test_without_strains_the_torque_that_the_motion_takes_tells_the_bend(campaig
         for r in (steps, bang)
     ]
     found = calibrated(campaign, [from_sample(blind[0], 2000), blind[1]])
-    assert max(remainder.sizes_left(found.bench, found.base).values()) < 1.5
+    assert max(remainder.residual_sizes(found.bench, found.base).values()) < 1.5
 
 
 def test_few_readings_in_its_first_moments(campaign):
@@ -102,7 +102,7 @@ def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     with ThreadPoolExecutor(2) as pool:
         bench = copy(with_cable.bench)
         bench.pool = pool
-        quick = candidates.tried(bench, with_cable.base, "cable-torsion").fit
+        quick = candidates.try_effect(bench, with_cable.base, "cable-torsion").fit
         full = minimise(bench, quick.model, quick.starts, quick.unknowns, quick.values)
     assert full.model.effects["cable-torsion"]["stiffness"] == pytest.approx(CABLE["stiffness"], rel=0.02)
     assert quick.cost - full.cost < 0.03 * (with_cable.base.cost - full.cost)

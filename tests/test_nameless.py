@@ -58,7 +58,7 @@ def asked(folder, effects, torque_sensor=False):
 def asked_of(campaign):
     with ThreadPoolExecutor(2) as pool:
         start = calibrate(campaign, pool)
-        return unnamed.sought(start.bench, start.base, 0.01)
+        return unnamed.find_functions(start.bench, start.base, 0.01)
 
 
 def test_a_dead_zone_is_a_function_of_the_command(tmp_path):
@@ -74,8 +74,8 @@ def test_a_dead_zone_is_a_function_of_the_command(tmp_path):
 
 def test_a_sensor_of_the_torque_reads_a_dead_zone_too(tmp_path):
     best, *others = asked(tmp_path / "rig", {"dead-zone": {"width": 0.02}}, torque_sensor=True)
-    on_hub = next(n for n in others if n.law == state.Law("torque_command"))
-    assert best.law == state.Law("torque_command", drive=True)
+    on_hub = next(n for n in others if n.law == state.FunctionOf("torque_command"))
+    assert best.law == state.FunctionOf("torque_command", drive=True)
     assert best.evidence > max(5.0, best.by_chance, 2 * on_hub.evidence)
     lookup = best.lookup
     assert lookup.at(np.array([0.012])) < -5e-4

@@ -67,7 +67,7 @@ def test_a_held_out_recording_that_is_missed_is_told(monkeypatch, role, after, r
     monkeypatch.setattr(notes.verdict, "unexplained", lambda _: ())
     error = ChannelError(90.0, 80.0, after, 1.0, "rad", reach)
     predictions = {"slew.csv": SimpleNamespace(role=role, errors={"hub_angle": error})}
-    said = notes.astray(SimpleNamespace(), predictions)
+    said = notes.missed_held_out(SimpleNamespace(), predictions)
     assert len(said) == told
     assert all("slew.csv was held out, and the hub angle is missed by 78 noise levels" in s for s in said)
 
@@ -77,7 +77,7 @@ def test_an_effect_at_the_end_of_its_range_is_told(value, told):
     share = Unknown("torsional-mode", "inertia_share", 0.1, 0.01, False, (0.0, 0.85))
     other = Unknown("rig", "damping_ratio", 0.02, 0.01, True, (0.0, 0.04))
     best = SimpleNamespace(unknowns=(share, other), values=np.array([value, 0.04]))
-    said = notes.at_the_end(best, ["torsional-mode"])
+    said = notes.at_range_end(best, ["torsional-mode"])
     assert len(said) == told
     assert all("torsional-mode came to the end of its range (inertia_share 0.85)" in s for s in said)
 
@@ -86,4 +86,4 @@ def test_what_is_outside_the_library_says_itself_that_it_is_missed(monkeypatch):
     monkeypatch.setattr(notes.verdict, "unexplained", lambda _: ("hub_torque",))
     error = ChannelError(90.0, 80.0, 78.0, 1.0, "rad", 0.0)
     predictions = {"slew.csv": SimpleNamespace(role="holdout", errors={"hub_angle": error})}
-    assert notes.astray(SimpleNamespace(), predictions) == []
+    assert notes.missed_held_out(SimpleNamespace(), predictions) == []

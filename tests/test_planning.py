@@ -52,7 +52,7 @@ def declared_within(effects, share):
 def test_nothing_separates_a_model_from_itself():
     plans = planned({}, {}, ["slews", "ramp", "large-decay"])
     assert [p.separation for p in plans] == [0.0, 0.0, 0.0]
-    assert "No experiment" in experiments.said(plans, ("one", "other"))
+    assert "No experiment" in experiments.recommendation(plans, ("one", "other"))
 
 
 def test_what_acts_on_the_link_alone_is_seen_with_the_hub_locked():

@@ -6,7 +6,7 @@ import pytest
 
 from twin.diagnosis import notes, rather_named
 from twin.diagnosis.candidates import Candidate
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 
 BY_CHANCE, PRICE = 12.0, 9.0
 
@@ -29,12 +29,12 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     monkeypatch.setattr(rather_named.search, "price", lambda count, bench: PRICE * count / 2)
     rounds = ((candidate,),) if adopted == 0 else ((candidate,),) * adopted
     start = SimpleNamespace(base=base, declared=SimpleNamespace(effects={}))
-    return Found(start, (candidate,) * adopted, rounds, (30.0,), (bench,) * (adopted + 1), (BY_CHANCE,))
+    return SearchState(start, (candidate,) * adopted, rounds, (30.0,), (bench,) * (adopted + 1), (BY_CHANCE,))
 
 
 @pytest.mark.parametrize(("score", "evidence"), [(17.4, 21.7), (25.7, 31.1), (28.0, 8.0), (12.5, 5.1)])
 def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch, score, evidence):
-    found = rather_named.instead(explored(monkeypatch, score, evidence))
+    found = rather_named.named_instead(explored(monkeypatch, score, evidence))
     assert found.names == ["cogging"]
     assert found.thresholds == (max(evidence - PRICE, BY_CHANCE),)
     assert len(found.benches) == 2
@@ -65,5 +65,5 @@ def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch
 )
 def test_else_the_function_stays_without_a_name(monkeypatch, case):
     found = explored(monkeypatch, **case)
-    assert rather_named.instead(found) is None
+    assert rather_named.named_instead(found) is None
     assert notes._instead(found) == []

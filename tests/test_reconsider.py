@@ -8,8 +8,8 @@ import pytest
 
 from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates
-from twin.diagnosis.revise import reconsidered
-from twin.diagnosis.state import Found
+from twin.diagnosis.revise import revise
+from twin.diagnosis.state import SearchState
 from twin.estimation.calibrate import calibrate
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -32,10 +32,10 @@ def picked(start, *names):
     """What a search would have come to that adopted these effects, one after the other."""
     before, adopted = start.base, []
     for name in names:
-        adopted.append(candidates.tried(start.bench, before, name))
+        adopted.append(candidates.try_effect(start.bench, before, name))
         before = adopted[-1].fit
     rounds = tuple((c,) for c in adopted)
-    return Found(start, tuple(adopted), rounds, (30.0,) * len(names), (start.bench,) * (len(names) + 1))
+    return SearchState(start, tuple(adopted), rounds, (30.0,) * len(names), (start.bench,) * (len(names) + 1))
 
 
 def names(found):
@@ -43,7 +43,7 @@ def names(found):
 
 
 def test_a_first_pick_that_a_later_one_makes_needless_is_dropped(start):
-    found = reconsidered(picked(start, "air-pad-drag", "viscous-friction"))
+    found = revise(picked(start, "air-pad-drag", "viscous-friction"))
     assert names(found) == ["viscous-friction"]
     assert list(found.best.model.effects) == ["viscous-friction"]
     assert found.best.model.effects["viscous-friction"]["viscous"] == pytest.approx(0.003, rel=0.05)
@@ -54,18 +54,18 @@ def test_a_first_pick_that_a_later_one_makes_needless_is_dropped(start):
 
 def test_two_that_are_both_missing_stay(start):
     found = picked(start, "viscous-friction", "torque-bias")
-    assert reconsidered(found) is found
+    assert revise(found) is found
 
 
 def test_a_close_loser_that_explains_more_beside_the_second_takes_its_place(start):
     found = picked(start, "air-pad-drag", "torque-bias")
-    loser = candidates.tried(start.bench, start.base, "viscous-friction")
+    loser = candidates.try_effect(start.bench, start.base, "viscous-friction")
     close = replace(loser, score=found.adopted[0].score - 1)
-    found = reconsidered(replace(found, rounds=((found.adopted[0], close), found.rounds[1])))
+    found = revise(replace(found, rounds=((found.adopted[0], close), found.rounds[1])))
     assert sorted(names(found)) == ["torque-bias", "viscous-friction"]
     assert found.best.cost < picked(start, "air-pad-drag", "torque-bias").best.cost - 30
 
 
 def test_one_effect_is_not_looked_back_at(start):
     found = picked(start, "viscous-friction")
-    assert reconsidered(found) is found
+    assert revise(found) is found

@@ -7,10 +7,10 @@ import pytest
 
 from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates, stand_ins, whole_orders
-from twin.diagnosis.conclude import said, variables
-from twin.diagnosis.dependence import unexplained
-from twin.diagnosis.diagnose import asked, with_errors, with_whole_orders
-from twin.diagnosis.state import Found
+from twin.diagnosis.conclude import dependence_of, verdict_of
+from twin.diagnosis.dependence import unexplained_residuals
+from twin.diagnosis.diagnose import with_errors, with_unnamed, with_whole_orders
+from twin.diagnosis.state import SearchState
 from twin.estimation.calibrate import calibrate
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -30,11 +30,13 @@ def picked(tmp_path_factory):
         folder = tmp_path_factory.mktemp("rig") / "rig"
         make_campaign(folder, effects, 12, experiments=slews)
         start = calibrate(read_campaign(folder), pool)
-        cable = candidates.tried(start.bench, start.base, "cable-torsion")
-        both = candidates.tried(start.bench, cable.fit, "cogging")
+        cable = candidates.try_effect(start.bench, start.base, "cable-torsion")
+        both = candidates.try_effect(start.bench, cable.fit, "cogging")
         adopted = (cable, both)
         draws = (np.zeros(400),) * 2
-        found = Found(start, adopted, ((cable,), (both,)), (30.0,) * 2, (start.bench,) * 3, (0.0,) * 2, draws)
+        found = SearchState(
+            start, adopted, ((cable,), (both,)), (30.0,) * 2, (start.bench,) * 3, (0.0,) * 2, draws
+        )
         return with_errors(found, start.bench)
 
     yield of
@@ -43,19 +45,19 @@ def picked(tmp_path_factory):
 
 def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
     found = picked({"hardening-cable": {"stiffness": 0.1}})
-    assert said(found) == "explained"
-    other = stand_ins.without(found)
+    assert verdict_of(found) == "explained"
+    other = stand_ins.without_stand_ins(found)
     assert other is not None
     assert not other.adopted
     assert other.taken_back == ("cable-torsion", "cogging")
-    other = asked(other, other.bench, 0.01)
-    assert said(other) == "outside-library"
-    assert variables(other, unexplained(other.bench, other.data, other.best))[0] == "hub_angle"
+    other = with_unnamed(other, other.bench, 0.01)
+    assert verdict_of(other) == "outside-library"
+    assert dependence_of(other, unexplained_residuals(other.bench, other.data, other.best))[0] == "hub_angle"
 
 
 def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
     found = picked(SPRING | COGGING)
-    assert stand_ins.without(found) is None
+    assert stand_ins.without_stand_ins(found) is None
     whole = with_whole_orders(found, found.bench)
     assert whole.best.model.effects["cogging"]["order"] == 5.0
     assert not any(u.name == "order" for u in whole.best.unknowns)
@@ -67,5 +69,5 @@ def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
 
 def test_an_order_between_two_whole_numbers_stays(picked):
     found = picked(SPRING | {"cogging": {"amplitude": 0.03, "order": 5.4, "phase": 0.9}})
-    assert whole_orders.taken(found.bench, found.best) is found.best
+    assert whole_orders.with_whole_orders(found.bench, found.best) is found.best
     assert found.best.model.effects["cogging"]["order"] == pytest.approx(5.4, abs=0.15)

@@ -111,7 +111,7 @@ def test_the_clock_is_asked_again_with_what_the_model_lacked(tmp_path, first):
     with ThreadPoolExecutor(2) as pool:
         start = calibrate(read_campaign(tmp_path), pool, clock=first)
         assert start.clock == first
-        found = candidates.tried(start.bench, start.base, "position-dependent-friction")
+        found = candidates.try_effect(start.bench, start.base, "position-dependent-friction")
         assert likeliest_clock(start, found.fit) == "stamped"
 
 

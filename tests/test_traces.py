@@ -5,9 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.diagnosis.dependence import DEPENDS, TRAVEL, Unexplained, dependence, drift, strongest
-from twin.diagnosis.fit_patch import why_none
-from twin.diagnosis.notes import drifts
+from twin.diagnosis.dependence import (
+    DEPENDS,
+    TRAVEL,
+    Unexplained,
+    parameter_drift,
+    strongest_variables,
+    variance_shares,
+)
+from twin.diagnosis.fit_patch import why_no_patch
+from twin.diagnosis.notes import drifting_parameter
 from twin.diagnosis.traces import remaining
 from twin.recording import HUB
 
@@ -37,25 +44,25 @@ def recordings(shows):
 
 @pytest.mark.parametrize("shows", [(True, True), (True, False)])
 def test_a_narrow_fault_is_seen_in_all_recordings_or_in_one(shows):
-    (first, share), (_, next_share), *_ = dependence(recordings(shows))
+    (first, share), (_, next_share), *_ = variance_shares(recordings(shows))
     assert first == "torque_command"
     assert share > 3 * DEPENDS
     assert next_share < DEPENDS
 
 
 def test_noise_depends_on_nothing():
-    assert max(share for _, share in dependence(recordings((False, False)))) < DEPENDS
+    assert max(share for _, share in variance_shares(recordings((False, False)))) < DEPENDS
 
 
 def test_where_nothing_is_left_nothing_depends():
     found = recordings((False,))
-    assert dependence(replace(found, values=np.zeros(COUNT))) == []
+    assert variance_shares(replace(found, values=np.zeros(COUNT))) == []
 
 
 def test_an_oscillation_of_another_phase_in_each_recording_depends_on_time():
     found = recordings((False, False))
     shaken = 0.5 * np.sin(2 * np.pi * 4.53 * found.time + 2.0 * found.recording)
-    assert dependence(replace(found, white=found.white + shaken))[0] == (
+    assert variance_shares(replace(found, white=found.white + shaken))[0] == (
         "time",
         pytest.approx(0.11, abs=0.02),
     )
@@ -67,7 +74,7 @@ def test_a_fault_of_two_variables_names_both():
     rate = generator.normal(0, 1, len(found.time))
     wanes = -np.sign(rate) * (np.exp(-found.variables["time"] / 2) - 0.3) * 2 * NOISE
     fault = replace(found, values=found.values + wanes, variables={**found.variables, "hub_rate": rate})
-    (first, share), (second, _), (_, rest), *_ = dependence(fault)
+    (first, share), (second, _), (_, rest), *_ = variance_shares(fault)
     assert {first, second} == {"time", "hub_rate"}
     assert share > 3 * DEPENDS > rest
 
@@ -79,8 +86,8 @@ def test_knocks_at_instants_that_nothing_tells_depend_on_time(instants):
     for at in instants:
         white[at : at + 8] += 30.0
     fault = replace(found, white=white, values=NOISE * white)
-    assert max(share for _, share in dependence(fault)) < DEPENDS
-    assert strongest([found, fault]) == ("time",)
+    assert max(share for _, share in variance_shares(fault)) < DEPENDS
+    assert strongest_variables([found, fault]) == ("time",)
 
 
 def test_a_stop_that_makes_the_link_ring_depends_on_the_angle():
@@ -92,14 +99,14 @@ def test_a_stop_that_makes_the_link_ring_depends_on_the_angle():
         ringing[at : at + 8] += 30.0
     stop = replace(found, values=found.values + pushed, variables={**found.variables, "hub_angle": angle})
     link = replace(stop, white=ringing, values=NOISE * ringing)
-    assert strongest([link]) != ()
-    assert strongest([link, stop])[0] == "hub_angle"
+    assert strongest_variables([link]) != ()
+    assert strongest_variables([link, stop])[0] == "hub_angle"
 
 
 def test_what_is_loud_in_most_of_a_recording_is_no_knock():
     found = recordings((False, False))
     loud = found.white * np.where(found.time % 1.0 < 0.4, 8.0, 1.0)
-    assert strongest([replace(found, white=loud, values=NOISE * loud)]) == ()
+    assert strongest_variables([replace(found, white=loud, values=NOISE * loud)]) == ()
 
 
 def test_bristles_depend_on_how_far_the_hub_has_turned_since_it_turned_round():
@@ -113,7 +120,7 @@ def test_bristles_depend_on_how_far_the_hub_has_turned_since_it_turned_round():
     held = np.where(np.abs(travel) < 0.02, 3 * NOISE * np.sign(travel), 0.0)
     known = np.sign(rate) * np.abs(np.random.default_rng(7).normal(0, 1, len(rate)))
     variables = found.variables | {"hub_angle": angle, "hub_rate": known}
-    (first, share), *_ = dependence(replace(found, values=found.values + held, variables=variables))
+    (first, share), *_ = variance_shares(replace(found, values=found.values + held, variables=variables))
     assert first == "hub_travel"
     assert share > DEPENDS
 
@@ -135,15 +142,15 @@ def test_what_remains_is_shown_against_what_it_depends_on_the_unexplained_first(
 
 def test_why_there_is_no_lookup_is_said():
     dead_zone = recordings((True, True))
-    assert "none of the variables" in why_none({"hub_torque": dead_zone}, ())
-    assert "how far the hub has turned" in why_none({"hub_torque": dead_zone}, (TRAVEL, "hub_rate"))
-    assert "at the same instant of another recording" in why_none({"hub_torque": dead_zone}, ("time",))
-    assert "no variable alone" in why_none({"hub_torque": dead_zone}, ("hub_angle",))
-    assert "too little of the range of the commanded torque" in why_none(
+    assert "none of the variables" in why_no_patch({"hub_torque": dead_zone}, ())
+    assert "how far the hub has turned" in why_no_patch({"hub_torque": dead_zone}, (TRAVEL, "hub_rate"))
+    assert "at the same instant of another recording" in why_no_patch({"hub_torque": dead_zone}, ("time",))
+    assert "no variable alone" in why_no_patch({"hub_torque": dead_zone}, ("hub_angle",))
+    assert "too little of the range of the commanded torque" in why_no_patch(
         {"hub_torque": dead_zone}, ("torque_command",)
     )
     by_rate = replace(dead_zone, variables={"hub_rate": dead_zone.variables["torque_command"]})
-    assert "depends on the hub rate: no function" in why_none({"strain_base": by_rate}, ("hub_rate",))
+    assert "depends on the hub rate: no function" in why_no_patch({"strain_base": by_rate}, ("hub_rate",))
 
 
 def test_what_swings_beside_a_mode_of_the_link_is_no_oscillation():
@@ -155,7 +162,7 @@ def test_what_swings_beside_a_mode_of_the_link_is_no_oscillation():
     rung = np.convolve(kicks, ring)[: len(kicks)]
     left = replace(found, white=found.white + rung, rings=(1.24,))
     assert np.std(rung) > 1
-    assert dict(dependence(left))["time"] < DEPENDS
+    assert dict(variance_shares(left))["time"] < DEPENDS
 
 
 def drifting(share):
@@ -167,16 +174,16 @@ def drifting(share):
 
 
 def test_a_parameter_that_changes_as_a_recording_goes_on_depends_on_time():
-    (first, share), *_ = dependence(drifting(0.05))
+    (first, share), *_ = variance_shares(drifting(0.05))
     assert first == "time"
     assert share > 0.5
-    assert dict(dependence(drifting(0.0)))["time"] < DEPENDS
-    assert drift(drifting(0.05)) == ("bending_stiffness", pytest.approx(share))
-    assert drift(recordings((True, True))) == ("", 0.0)
+    assert dict(variance_shares(drifting(0.0)))["time"] < DEPENDS
+    assert parameter_drift(drifting(0.05)) == ("bending_stiffness", pytest.approx(share))
+    assert parameter_drift(recordings((True, True))) == ("", 0.0)
 
 
 def test_the_parameter_that_changes_is_named():
-    [note] = drifts({HUB: drifting(0.05)}, ("time", "hub_rate"))
+    [note] = drifting_parameter({HUB: drifting(0.05)}, ("time", "hub_rate"))
     assert "as if bending_stiffness changed while a recording goes on" in note
-    assert drifts({HUB: drifting(0.05)}, ("hub_rate", "time")) == []
-    assert drifts({HUB: drifting(0.0)}, ("time",)) == []
+    assert drifting_parameter({HUB: drifting(0.05)}, ("hub_rate", "time")) == []
+    assert drifting_parameter({HUB: drifting(0.0)}, ("time",)) == []

@@ -55,32 +55,34 @@ def seen(sizes, before=None, independent=INDEPENDENT):
     ],
 )
 def test_what_stays_above_the_noise_in_several_recordings_is_not_explained(sizes, left):
-    assert remainder.unexplained(seen(sizes)) == left
+    assert remainder.unexplained_channels(seen(sizes)) == left
 
 
 def test_one_recording_is_enough_where_there_is_no_other():
-    assert remainder.unexplained(seen({"strain_base": [3.0]})) == ("strain_base",)
+    assert remainder.unexplained_channels(seen({"strain_base": [3.0]})) == ("strain_base",)
 
 
 def test_a_right_effect_may_leave_a_small_part_of_what_it_explains():
     left = {"hub_torque": [3.0, 2.5]}
-    assert remainder.unexplained(seen(left, before={"hub_torque": [100.0, 80.0]})) == ()
-    assert remainder.unexplained(seen(left, before={"hub_torque": [10.0, 8.0]})) == ("hub_torque",)
+    assert remainder.unexplained_channels(seen(left, before={"hub_torque": [100.0, 80.0]})) == ()
+    assert remainder.unexplained_channels(seen(left, before={"hub_torque": [10.0, 8.0]})) == ("hub_torque",)
 
 
 def test_the_size_of_little_noise_is_not_known_well():
-    assert remainder.unexplained(seen({"hub_torque": [2.4, 2.4]}, independent=5.0)) == ()
-    assert remainder.unexplained(seen({"hub_torque": [2.4, 2.4]}, independent=500.0)) == ("hub_torque",)
+    assert remainder.unexplained_channels(seen({"hub_torque": [2.4, 2.4]}, independent=5.0)) == ()
+    assert remainder.unexplained_channels(seen({"hub_torque": [2.4, 2.4]}, independent=500.0)) == (
+        "hub_torque",
+    )
 
 
 def test_a_lone_recording_is_named_though_it_is_no_verdict():
     found = seen({"strain_base": [30.0, 1.1, 1.0], "hub_torque": [3.0, 3.0, 1.0]})
-    [(recording, channel, size)] = remainder.alone(found)
+    [(recording, channel, size)] = remainder.in_one_recording(found)
     assert (recording, channel) == (0, "strain_base")
     assert size == pytest.approx(30.0, rel=0.2)
-    assert remainder.unexplained(found) == ("hub_torque",)
+    assert remainder.unexplained_channels(found) == ("hub_torque",)
 
 
 def test_a_channel_that_is_quieter_than_declared_is_told():
     found = seen({"strain_base": [0.1, 0.12, 1.0], "strain_mid": [0.8, 0.9, 0.7], "departure": [0.1]})
-    assert remainder.too_quiet(found) == {"strain_base": pytest.approx(0.12, rel=0.01)}
+    assert remainder.overstated_noise(found) == {"strain_base": pytest.approx(0.12, rel=0.01)}

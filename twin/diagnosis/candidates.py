@@ -83,18 +83,20 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
         if REGISTRY[name].wave is not None
     }
     slopes = {name: slopes_of(bench, base, name, tops.get(name, ())) for name in names}
-    promise = {name: promised(bench, base, slopes[name]) for name in names}
+    promise = {name: score_test(bench, base, slopes[name]) for name in names}
     best_first = sorted(names, key=lambda name: -promise[name])
     count = int(np.clip(sum(score > 0 for score in promise.values()), _ANYWAY, _FITTED))
-    chosen = [n for k, n in enumerate(best_first) if k < count or strained(base, REGISTRY[n].replaces)]
+    chosen = [
+        n for k, n in enumerate(best_first) if k < count or strained_parameters(base, REGISTRY[n].replaces)
+    ]
     found = []
     for name in chosen:
         progress(f"trying {name}")
-        found.append(quick(bench, base, name, slopes[name], tops.get(name, ())))
+        found.append(fit_quickly(bench, base, name, slopes[name], tops.get(name, ())))
     for name, values in _far_off(bench, base, [n for n in names if n not in chosen], found).items():
         progress(f"trying {name}")
         chosen.append(name)
-        found.append(fitted(bench, base, name, [values]))
+        found.append(fit_from_best(bench, base, name, [values]))
     # A slope promises no more than what a fit delivers.
     least = min((c.score for c in found[:count]), default=0.0)
     for name in names:
@@ -113,12 +115,12 @@ def _far_off(
     best, left = max((c.score for c in found), default=0.0), bench.misfit(base.residual)
     if best > _MUCH * left or left < _OFF * bench.count.sum():
         return {}
-    reached = {name: outwards(bench, base, name) for name in names if REGISTRY[name].wave is None}
+    reached = {name: best_on_rays(bench, base, name) for name in names if REGISTRY[name].wave is None}
     at_base = bench.cost(base.residual)
     return {name: values for name, (values, cost) in reached.items() if at_base - cost > _PROMISING * best}
 
 
-def strained(base: Fit, names: Sequence[str]) -> bool:
+def strained_parameters(base: Fit, names: Sequence[str]) -> bool:
     """Whether one of these declared parameters is far from what was declared: freeing it may do more than slopes say.
 
     Others bend with it to the ends of their ranges, from where the way to the truth is no straight line.
@@ -129,7 +131,7 @@ def strained(base: Fit, names: Sequence[str]) -> bool:
     )
 
 
-def promised(bench: Workbench, base: Fit, slopes: Slopes) -> float:
+def score_test(bench: Workbench, base: Fit, slopes: Slopes) -> float:
     """Gain that the slopes of an effect at neutral promise: a score test, less the price of its parameters.
 
     The effect's columns compete with the declared parameters: what these can do as well is no gain.
@@ -152,7 +154,7 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
     neutral = effect.neutral(base.model.declared)
     changes, coefficients = [], []
     for ray in rays(bench, effect, neutral, base.model):
-        length, change = visible(bench, base, name, neutral, ray, _STRAIGHT)
+        length, change = visible_length(bench, base, name, neutral, ray, _STRAIGHT)
         if change is not None:
             size = max(float(np.std(change)), 1e-12)
             changes.append(change / size)
@@ -163,10 +165,12 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
     return Slopes(columns, tuple(effect.replaces), paid, coefficients=linear)
 
 
-def quick(bench: Workbench, base: Fit, name: str, slopes: Slopes, tops: Sequence[Peak] = ()) -> Candidate:
+def fit_quickly(
+    bench: Workbench, base: Fit, name: str, slopes: Slopes, tops: Sequence[Peak] = ()
+) -> Candidate:
     """Follows an effect out of its neutral value, or to the peaks of its wave, and fits it."""
     points = at_peaks(bench, base, name, tops) if tops else [_outside(bench, base, name, slopes)]
-    return fitted(bench, base, name, points)
+    return fit_from_best(bench, base, name, points)
 
 
 def _outside(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str, float]:
@@ -183,17 +187,17 @@ def _outside(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str
             [residual] = bench.residuals([(with_effect(base.model, name, led), base.starts, None)])
             if bench.cost(residual) < bench.cost(base.residual):
                 return led
-    return outwards(bench, base, name)[0]
+    return best_on_rays(bench, base, name)[0]
 
 
-def fitted(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str, float]]) -> Candidate:
+def fit_from_best(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str, float]]) -> Candidate:
     """Fits an effect from the best of these points, with the declared parameters' slopes kept."""
     result = min((_quickly(bench, base, name, values) for values in points), key=lambda f: f.cost)
     # Which channels are late can be told only where it is known how late they are.
     chosen = _best_choice(bench, result, name)
     if chosen != result.model.effects[name]:
         result = min(result, _quickly(bench, base, name, chosen), key=lambda f: f.cost)
-    return Candidate((*base.model.effects, name), result, gain(bench, base, result))
+    return Candidate((*base.model.effects, name), result, score_gain(bench, base, result))
 
 
 def _quickly(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
@@ -215,14 +219,14 @@ def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
     return (dict(values), *ways)[int(np.argmin(costs))]
 
 
-def tried(bench: Workbench, base: Fit, name: str) -> Candidate:
+def try_effect(bench: Workbench, base: Fit, name: str) -> Candidate:
     """One effect added to a fitted model, followed out of its neutral value or from its spectrum, and fitted."""
     effect = REGISTRY[name]
     tops = spectrum.spectral_peaks(bench, base, effect) if effect.wave is not None else ()
-    return quick(bench, base, name, slopes_of(bench, base, name, tops), tops)
+    return fit_quickly(bench, base, name, slopes_of(bench, base, name, tops), tops)
 
 
-def gain(bench: Workbench, base: Fit, result: Fit) -> float:
+def score_gain(bench: Workbench, base: Fit, result: Fit) -> float:
     """Cost gained, less the price of the parameters added; at neutral nothing is lost but that.
 
     What is less than good sensors and cards leave open, a delay or a gain, is no discovery, and gains nothing.
@@ -263,13 +267,13 @@ def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.nd
     return np.array(first)
 
 
-def outwards(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, float], float]:
+def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, float], float]:
     """The best point on rays from neutral, and its cost: each parameter of the effect alone, and its own starts."""
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
     best, best_cost = neutral, np.inf
     for ray in rays(bench, effect, neutral, base.model):
-        step, _ = visible(bench, base, name, neutral, ray)
+        step, _ = visible_length(bench, base, name, neutral, ray)
         points = [
             _on_ray(effect, neutral, ray, sign * step * multiple)
             for multiple in effect.multiples
@@ -311,7 +315,7 @@ def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -
     return own + single
 
 
-def visible(
+def visible_length(
     bench: Workbench,
     base: Fit,
     name: str,

@@ -48,7 +48,7 @@ class Slopes:
     coefficients: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
-def scores(
+def permutation_scores(
     bench: Workbench, base: Fit, slopes: Mapping[str, Slopes], draws: int = DRAWS, seed: int = 0
 ) -> np.ndarray:
     """Largest score over all candidates in each draw (draws), ascending.
@@ -83,7 +83,7 @@ def threshold(ascending: Sequence[float] | np.ndarray, rate: float) -> float:
     return float(values[min(len(values) - 1, int(np.ceil((1 - rate) * len(values))))])
 
 
-def exceeded(ascending: np.ndarray, score: float) -> float:
+def p_value(ascending: np.ndarray, score: float) -> float:
     """Probability that chance gives a score as large: beyond the upper tenth of the draws it falls exponentially.
 
     By as much as the draws there do, but no faster than the log likelihood ratio of one more parameter.
@@ -96,7 +96,7 @@ def exceeded(ascending: np.ndarray, score: float) -> float:
     return len(tail) / len(ascending) * float(np.exp(-(score - tail[0]) / scale))
 
 
-def real(p: float) -> float:
+def posterior_bound(p: float) -> float:
     """Largest probability that what chance exceeds with probability p is not chance, at even odds before.
 
     1/(1 - e p log p) below 1/e; T. Sellke, M. J. Bayarri, J. O. Berger, The American Statistician 55 (2001).

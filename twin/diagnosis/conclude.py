@@ -22,7 +22,7 @@ from twin.diagnosis.answer import (
 )
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.experiments import Plan
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
@@ -49,7 +49,7 @@ _BESIDE_UNKNOWN = 0.5
 
 def conclude(
     campaign: Campaign,
-    found: Found,
+    found: SearchState,
     behind: Mapping[str, Unexplained],
     polished: Polished,
     predictions: Mapping[str, Prediction],
@@ -57,12 +57,12 @@ def conclude(
     patched: Patched | None,
 ) -> Diagnosis:
     """Puts the answer together; `behind` is what the model leaves unexplained that stands at the end."""
-    left = remainder.unexplained(found)
-    answer = said(found)
+    left = remainder.unexplained_channels(found)
+    answer = verdict_of(found)
     effects = _effects(found, polished)
     first = found.rounds[0] if found.rounds else ()
     alike = rules.alternatives(found.rounds[: len(found.adopted)])
-    depends = variables(found, behind)
+    depends = dependence_of(found, behind)
     return Diagnosis(
         campaign=campaign.name,
         verdict=answer,
@@ -77,29 +77,31 @@ def conclude(
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
         traces=traces.remaining(behind, left, depends) if left else traces.traces_of(found, behind),
-        notes=notes.of(campaign, found, behind, polished, predictions, depends),
+        notes=notes.all_notes(campaign, found, behind, polished, predictions, depends),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         threshold=found.thresholds[0] if found.thresholds else None,
         by_chance=found.by_chance[0] if found.by_chance else None,
         least_score=rules.LEAST_SCORE,
         patched=patched,
-        no_patch=fit_patch.why_none({c: behind[c] for c in left}, depends, remainder.nameless(found))
+        no_patch=fit_patch.why_no_patch(
+            {c: behind[c] for c in left}, depends, remainder.significant_function(found)
+        )
         if left and patched is None
         else None,
         correlations=_correlations(polished.augmented),
     )
 
 
-def said(found: Found) -> Verdict:
+def verdict_of(found: SearchState) -> Verdict:
     """The verdict of a search."""
-    if remainder.unexplained(found):
+    if remainder.unexplained_channels(found):
         return "outside-library"
     return "explained" if found.adopted else "no-missing-effect"
 
 
-def _effects(found: Found, polished: Polished) -> tuple[AdoptedEffect, ...]:
-    shares = stated(found)
+def _effects(found: SearchState, polished: Polished) -> tuple[AdoptedEffect, ...]:
+    shares = effect_probabilities(found)
     return tuple(
         AdoptedEffect(**_told(polished.augmented, name), probability=shares[name]) for name in found.names
     )
@@ -117,9 +119,9 @@ def _told(fit: Fit, name: str) -> dict[str, Any]:
     }
 
 
-def stated(found: Found) -> dict[str, float]:
+def effect_probabilities(found: SearchState) -> dict[str, float]:
     """Probability of each adopted effect that it is missing indeed."""
-    beside = _BESIDE_UNKNOWN if said(found) == "outside-library" else 1.0
+    beside = _BESIDE_UNKNOWN if verdict_of(found) == "outside-library" else 1.0
     return {
         name: beside * rules.probabilities(ranked, draws).get(name, 0.0)
         for name, ranked, draws in zip(found.names, found.rounds, found.draws, strict=False)
@@ -159,11 +161,13 @@ def _correlations(fit: Fit) -> Correlations:
     )
 
 
-def variables(found: Found, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:
+def dependence_of(found: SearchState, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:
     """Variables on which what is left unexplained depends, the first most; none where nothing is."""
-    told = [behind[channel] for channel in remainder.too_large(found) if len(behind[channel].values) > 50]
-    depends = dependence.strongest(told)
-    smooth = remainder.nameless(found)
+    told = [
+        behind[channel] for channel in remainder.large_residuals(found) if len(behind[channel].values) > 50
+    ]
+    depends = dependence.strongest_variables(told)
+    smooth = remainder.significant_function(found)
     if smooth is None:
         return depends
     # Where a function of the same variables was asked for, its evidence tells best which one it is.
@@ -219,7 +223,7 @@ def _next(
     answer: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str], plans: Sequence[Plan]
 ) -> str | None:
     if alike and plans:
-        return experiments.said(plans, alike[0][:2])
+        return experiments.recommendation(plans, alike[0][:2])
     if answer == "outside-library":
         return _TELLING[depends[0]] if depends else _AGAIN
     return None

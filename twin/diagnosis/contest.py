@@ -25,10 +25,10 @@ _CLOSE = 0.3  # share of the best score that they need
 _CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
 _ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
 _SAME = 2e-3  # relative change of a clamped frequency that changes nothing: part of its resonance's width
-LONG = 12  # iterations of a fit that is to arrive
+FULL_ITERATIONS = 12  # iterations of a fit that is to arrive
 
 
-def settled(
+def fit_to_convergence(
     bench: Workbench, base: Fit, ranked: Sequence[Candidate], progress: Progress = silent
 ) -> list[Candidate]:
     """The candidates, those that may be best fitted to the end."""
@@ -36,19 +36,19 @@ def settled(
     contenders = [c for c in ranked[:CONTENDERS] if c.score > _CLOSE * best]
     progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
-    refined = [fitted(bench, base, c, c.fit.values) for c in contenders]
+    refined = [fit_fully(bench, base, c, c.fit.values) for c in contenders]
     left = min(bench.misfit(c.fit.residual) for c in refined)
     if left > rules.LEAST_SHARE * bench.misfit(base.residual):
         # A group that fits badly weighs little, so that a fit can settle with it: the other way is gone to the end too.
         goals = [c.fit.cost for c in refined]
         others = [
-            fitted(bench, base, c, _anew(c.fit), goal) for c, goal in zip(contenders, goals, strict=True)
+            fit_fully(bench, base, c, _anew(c.fit), goal) for c, goal in zip(contenders, goals, strict=True)
         ]
         refined = [min(pair, key=lambda c: c.fit.cost) for pair in zip(refined, others, strict=True)]
-    return simplest_first(refined + rest)
+    return prefer_simpler(refined + rest)
 
 
-def simplest_first(fitted_ones: Sequence[Candidate]) -> list[Candidate]:
+def prefer_simpler(fitted_ones: Sequence[Candidate]) -> list[Candidate]:
     """The candidates by score, but of those that are about as good as the best the one of fewest parameters first.
 
     What a model gets wrong itself grows with what there is to explain, and every parameter more can follow it.
@@ -61,13 +61,17 @@ def simplest_first(fitted_ones: Sequence[Candidate]) -> list[Candidate]:
     return [simplest, *(c for c in ranked if c is not simplest)]
 
 
-def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
+def prefer_closer_free_runs(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
     """The candidates; of those that explain about as much, one whose free runs stay much closer first.
 
     Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides. The
     static friction, on which free runs hang and which the search knows badly, is read where rests end first.
     """
-    alike = [c for c in ranked[:CONTENDERS] if c.score > ranked[0].score - rules.decisive(ranked[0].score)]
+    alike = [
+        c
+        for c in ranked[:CONTENDERS]
+        if c.score > ranked[0].score - rules.decisive_difference(ranked[0].score)
+    ]
     if len(alike) < 2:
         return ranked
     assert isinstance(bench.data, DrivenData)
@@ -77,29 +81,31 @@ def freely_decided(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]
     closest = alike[int(np.argmin(cost))]
     if cost[0] - min(cost) <= _CLEARLY * free.count.sum():
         return ranked
-    most = closest.score - 0.5 * rules.decisive(ranked[0].score)
+    most = closest.score - 0.5 * rules.decisive_difference(ranked[0].score)
     rest = [replace(c, score=min(c.score, most)) for c in ranked if c is not closest]
     return [closest, *sorted(rest, key=lambda c: -c.score)]
 
 
-def fitted(
+def fit_fully(
     bench: Workbench, base: Fit, candidate: Candidate, first: np.ndarray, goal: float = np.inf
 ) -> Candidate:
     """The candidate fitted with everything free, from these values (p); given up where it stays dearer than `goal`."""
     before = candidate.fit
-    result = minimise(bench, before.model, before.starts, before.unknowns, first, None, LONG, goal=goal)
-    return Candidate(candidate.effects, result, candidates.gain(bench, base, result))
+    result = minimise(
+        bench, before.model, before.starts, before.unknowns, first, None, FULL_ITERATIONS, goal=goal
+    )
+    return Candidate(candidate.effects, result, candidates.score_gain(bench, base, result))
 
 
-def calibrated_as_well(bench: Workbench, base: Fit, best: Candidate) -> Fit | None:
+def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | None:
     """The base fitted from where a candidate came to, if that takes away enough of its gain to matter; else None.
 
     A calibration may have stopped short, of a recording that began in motion, say. Whatever is added to it goes on
     from there, and gains what calibration alone would have.
     """
     first = candidates.first_values(base.unknowns, base.model, base, best.fit)
-    goal = base.cost - rules.decisive(best.score)
-    again = minimise(bench, base.model, base.starts, base.unknowns, first, None, LONG, goal=goal)
+    goal = base.cost - rules.decisive_difference(best.score)
+    again = minimise(bench, base.model, base.starts, base.unknowns, first, None, FULL_ITERATIONS, goal=goal)
     return again if again.cost < goal else None
 
 
@@ -110,7 +116,7 @@ def _anew(before: Fit) -> np.ndarray:
     )
 
 
-def confirmed(
+def confirm_in_fine_limit(
     bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float
 ) -> tuple[list[Candidate], Candidate | None, Workbench]:
     """The candidates, and the one to adopt, if any, with the chain's own error taken out where it stands.
@@ -127,21 +133,21 @@ def confirmed(
         if choice in checked:
             return ranked, choice, checked[choice]
         own = copy(bench)
-        fine = on_fine_chain(own, choice.fit)
-        found = replace(choice, fit=fine, score=candidates.gain(own, base, fine))
+        fine = refit_in_fine_limit(own, choice.fit)
+        found = replace(choice, fit=fine, score=candidates.score_gain(own, base, fine))
         checked[found] = own
         ranked[0] = found
         if found.score < choice.score - _close(choice.score):
-            ranked = simplest_first(ranked)
+            ranked = prefer_simpler(ranked)
     return ranked, None, bench
 
 
-def seen_anew(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
+def refit_with_own_noise(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
     """The data as an adopted model sees them, and its fit to them: another link rings otherwise with noise."""
     if not _rings_otherwise(found.model, base.model):
         return bench, found
     bench = seen_by(bench, found.model)
-    return bench, on_fine_chain(bench, found)
+    return bench, refit_in_fine_limit(bench, found)
 
 
 def _rings_otherwise(model: Model, before: Model) -> bool:
@@ -152,7 +158,7 @@ def _rings_otherwise(model: Model, before: Model) -> bool:
     return acts != acted or bool(np.any(np.abs(now / then - 1) > _SAME))
 
 
-def on_fine_chain(bench: Workbench, found: Fit) -> Fit:
+def refit_in_fine_limit(bench: Workbench, found: Fit) -> Fit:
     """The fit with the chain's own error taken out where it now stands: an effect may bend the link as never before."""
     chain_limit.move(bench, found.model, found.starts, chain_limit.QUICK)
     return minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)

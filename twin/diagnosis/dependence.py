@@ -61,7 +61,7 @@ class Unexplained:
     slopes: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def unexplained(bench: Workbench, data: DrivenData, fit: Fit) -> dict[str, Unexplained]:
+def unexplained_residuals(bench: Workbench, data: DrivenData, fit: Fit) -> dict[str, Unexplained]:
     """Channel -> its residuals under a fit, with the variables on which they may depend.
 
     On a fine chain: what a short one gets wrong is nothing that is missing.
@@ -115,7 +115,7 @@ def _slopes(fit: Fit, rows: np.ndarray) -> dict[str, np.ndarray]:
     return {u.full_name: fit.jacobian[rows, j] for j, u in enumerate(fit.unknowns) if u.of_rig}
 
 
-def dependence(found: Unexplained) -> list[tuple[str, float]]:
+def variance_shares(found: Unexplained) -> list[tuple[str, float]]:
     """Share of the variance (0 to 1) that a step function of each variable explains, best first.
 
     A variable that explains the residual does so in every recording: the bins' means come from the other ones. Two
@@ -127,7 +127,7 @@ def dependence(found: Unexplained) -> list[tuple[str, float]]:
     """
     if not np.any(found.values) or not found.variables:
         return []
-    shares = steps(found)
+    shares = step_shares(found)
     pair, together = _best_pair(found)
     if together > DEPENDS + _TOGETHER * max(shares.values()):
         alone = _seldom(found, shares)
@@ -135,11 +135,11 @@ def dependence(found: Unexplained) -> list[tuple[str, float]]:
     if max(shares.values()) < DEPENDS:
         shares = _seldom(found, shares)
     if "time" in shares:
-        shares["time"] = max(shares["time"], _share_of_line(found), drift(found)[1])
+        shares["time"] = max(shares["time"], _share_of_line(found), parameter_drift(found)[1])
     return sorted(shares.items(), key=lambda pair: -pair[1])
 
 
-def steps(found: Unexplained) -> dict[str, float]:
+def step_shares(found: Unexplained) -> dict[str, float]:
     """Share of the variance that a step function of each variable alone explains in all recordings."""
     return _shares(found, found.recording)
 
@@ -213,7 +213,7 @@ def _share_of_line(found: Unexplained) -> float:
     return float(gained / np.sum(np.clip(found.white, -most, most) ** 2))
 
 
-def drift(found: Unexplained) -> tuple[str, float]:
+def parameter_drift(found: Unexplained) -> tuple[str, float]:
     """The parameter that explains most if it changes with the time since a recording began, and of what variance.
 
     What such a parameter leaves swings as the link does: its mean over a piece of time is next to nothing. No name and
@@ -286,14 +286,14 @@ def _share_in_cells(
     return max(0.0, 1 - float(left / np.sum(values**2)))
 
 
-def strongest(left: Sequence[Unexplained]) -> tuple[str, ...]:
+def strongest_variables(left: Sequence[Unexplained]) -> tuple[str, ...]:
     """Variables that explain most of some channels, best first, those that explain next to nothing left out.
 
     Where none explains anything, knocks at instants that nothing tells depend on time.
     """
     best: dict[str, float] = {}
     for found in left:
-        for name, share in dependence(found):
+        for name, share in variance_shares(found):
             best[name] = max(best.get(name, 0.0), share)
     told = tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)
     return told or (("time",) if any(map(_is_knocks, left)) else ())

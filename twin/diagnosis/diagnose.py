@@ -29,7 +29,7 @@ from twin.diagnosis import (
 from twin.diagnosis.answer import Diagnosis
 from twin.diagnosis.conclude import conclude
 from twin.diagnosis.plan import planned
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
 from twin.estimation import jackknife, refine, static_friction
@@ -67,8 +67,8 @@ def diagnose(
         raise InputError(f"false-alarm rate is {false_alarm_rate:g}; expected {least:g} to 0.5")
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        found = find(campaign, pool, progress, false_alarm_rate)
-        followed = not remainder.unexplained(found)
+        found = search(campaign, pool, progress, false_alarm_rate)
+        followed = not remainder.unexplained_channels(found)
         if followed:
             progress("reading the static friction")
         polished = static_friction.polish(
@@ -76,91 +76,93 @@ def diagnose(
         )
         progress("simulating every recording")
         predicted = predict.predict(campaign, found, polished, pool)
-        pair = rules.closest(found.rounds[: len(found.adopted)])
+        pair = rules.closest_pair(found.rounds[: len(found.adopted)])
         plans = planned(campaign, pair, pool) if pair else []
-        left = dependence.unexplained(found.bench, found.data, found.best)
-        patched = None if followed else fit_patch.patched(campaign, found, left, polished, predicted, pool)
+        left = dependence.unexplained_residuals(found.bench, found.data, found.best)
+        patched = None if followed else fit_patch.fit_patch(campaign, found, left, polished, predicted, pool)
     answer = conclude(campaign, found, left, polished, predicted, plans, patched)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
 
 
 # Recordings are simulated side by side: threads of linear algebra beside them double the time.
 @threadpool_limits.wrap(limits=1)
-def find(
+def search(
     campaign: Campaign,
     pool: ThreadPoolExecutor,
     progress: Progress = silent,
     false_alarm_rate: float = FALSE_ALARM_RATE,
-) -> Found:
+) -> SearchState:
     """Searches the fit recordings for effects that the model lacks."""
-    found, more = first_one(campaign, pool, progress, false_alarm_rate)
+    found, more = first_round(campaign, pool, progress, false_alarm_rate)
     for _ in range(MOST_ROUNDS - 1):
         if not more or len(found.adopted) == MOST_EFFECTS:
             break
-        found, more = one_more(found, progress, false_alarm_rate)
+        found, more = next_round(found, progress, false_alarm_rate)
     progress("telling how sure it is")
     found, sound = on_sound_channels(found)
     found = with_errors(found, sound)
     progress("asking what has no name")
-    other = stand_ins.without(found)
+    other = stand_ins.without_stand_ins(found)
     if other is not None:
-        other = asked(with_errors(other, other.bench), other.bench, false_alarm_rate)
-        if remainder.unexplained(other):
+        other = with_unnamed(with_errors(other, other.bench), other.bench, false_alarm_rate)
+        if remainder.unexplained_channels(other):
             return other
-    found = asked(with_whole_orders(found, sound), sound, false_alarm_rate)
-    named = rather_named.instead(found)
+    found = with_unnamed(with_whole_orders(found, sound), sound, false_alarm_rate)
+    named = rather_named.named_instead(found)
     if named is None:
         return found
     named = with_whole_orders(with_errors(named, named.bench), named.bench)
-    named = asked(named, named.bench, false_alarm_rate)
-    return found if remainder.unexplained(named) else named
+    named = with_unnamed(named, named.bench, false_alarm_rate)
+    return found if remainder.unexplained_channels(named) else named
 
 
-def asked(found: Found, sound: Workbench, false_alarm_rate: float) -> Found:
+def with_unnamed(found: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
     """The same with what has no name, on these data."""
-    return replace(found, nameless=unnamed.sought(sound, found.best, false_alarm_rate))
+    return replace(found, nameless=unnamed.find_functions(sound, found.best, false_alarm_rate))
 
 
-def with_whole_orders(found: Found, sound: Workbench) -> Found:
+def with_whole_orders(found: SearchState, sound: Workbench) -> SearchState:
     """The same with orders at whole numbers where these data do not say otherwise."""
-    best = whole_orders.taken(sound, found.best)
-    return found if best is found.best else with_best(found, _sure(sound, best))
+    best = whole_orders.with_whole_orders(sound, found.best)
+    return found if best is found.best else with_last_fit(found, _sure(sound, best))
 
 
-def first_one(
+def first_round(
     campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, false_alarm_rate: float
-) -> tuple[Found, bool]:
-    """The first round of the search, as by `one_more`: on the clock that what it adopts asks for."""
+) -> tuple[SearchState, bool]:
+    """The first round of the search, as by `next_round`: on the clock that what it adopts asks for."""
     start = calibrate(campaign, pool, progress)
-    found, more = one_more(Found(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
+    found, more = next_round(SearchState(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
     if found.adopted:
         progress("asking when commands act")
         clock = likeliest_clock(start, found.best)
         if clock != start.clock:
             start = calibrate(campaign, pool, progress, clock=clock)
-            return one_more(Found(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
+            return next_round(SearchState(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
     return found, more
 
 
-def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple[Found, bool]:
+def next_round(found: SearchState, progress: Progress, false_alarm_rate: float) -> tuple[SearchState, bool]:
     """One round of the search: what was found with the effect that it adopts, if any, and whether there is one."""
     bench, current = found.bench, found.best
     explored = candidates.explore(
         bench, current, candidates.candidates(current.model, bench.channels()), progress
     )
     progress("scoring what chance gives")
-    draws = chance.scores(bench, current, explored.slopes)
+    draws = chance.permutation_scores(bench, current, explored.slopes)
     by_chance = chance.threshold(draws, false_alarm_rate)
     least = max(by_chance, remainder.OWN_ERROR * sum(c.score for c in found.adopted))
     ranked = explored.ranked
     # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
     if ranked and ranked[0].score > rules.LEAST_SCORE:
-        ranked = contest.freely_decided(bench, contest.settled(bench, current, ranked, progress))
-        better = contest.calibrated_as_well(bench, current, ranked[0])
+        ranked = contest.prefer_closer_free_runs(
+            bench, contest.fit_to_convergence(bench, current, ranked, progress)
+        )
+        better = contest.better_calibration(bench, current, ranked[0])
         if better is not None:
             progress("looking again beside a better calibration")
-            return one_more(with_best(found, better), progress, false_alarm_rate)
-    ranked, choice, confirmed = contest.confirmed(bench, current, ranked, least)
+            return next_round(with_last_fit(found, better), progress, false_alarm_rate)
+    ranked, choice, confirmed = contest.confirm_in_fine_limit(bench, current, ranked, least)
     found = replace(
         found,
         rounds=(*found.rounds, tuple(ranked)),
@@ -171,13 +173,13 @@ def one_more(found: Found, progress: Progress, false_alarm_rate: float) -> tuple
     if choice is None:
         return found, False
     progress(f"adopting {choice.effects[-1]}")
-    bench, current = contest.seen_anew(confirmed, current, choice.fit)
+    bench, current = contest.refit_with_own_noise(confirmed, current, choice.fit)
     adopted = replace(choice, fit=current)
     found = replace(found, adopted=(*found.adopted, adopted), benches=(*found.benches, bench))
-    return revise.reconsidered(found, progress), True
+    return revise.revise(found, progress), True
 
 
-def on_sound_channels(found: Found) -> tuple[Found, Workbench]:
+def on_sound_channels(found: SearchState) -> tuple[SearchState, Workbench]:
     """The same, but its last fit made without the sensors of the link that nothing explains while others agree.
 
     With it the data that it was made on.
@@ -188,30 +190,32 @@ def on_sound_channels(found: Found) -> tuple[Found, Workbench]:
     """
     bench, best = found.bench, found.best
     link = bench.channels() - {"hub_angle", "motor_torque"}
-    faulty = link & set(remainder.unexplained(found))
+    faulty = link & set(remainder.unexplained_channels(found))
     if found.adopted and _read_by(found.adopted[-1].effects[-1]) & faulty:
         return on_sound_channels(replace(found, adopted=found.adopted[:-1], rounds=found.rounds[:-1]))
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return found, bench
     sound = bench.without(faulty)
-    fit_again = minimise(sound, best.model, best.starts, best.unknowns, best.values, iterations=contest.LONG)
-    return with_best(found, fit_again), sound
+    fit_again = minimise(
+        sound, best.model, best.starts, best.unknowns, best.values, iterations=contest.FULL_ITERATIONS
+    )
+    return with_last_fit(found, fit_again), sound
 
 
-def with_best(found: Found, best: Fit) -> Found:
+def with_last_fit(found: SearchState, best: Fit) -> SearchState:
     """The same with another fit of the model that stands at its end."""
     if not found.adopted:
         return replace(found, start=replace(found.start, base=best))
     return replace(found, adopted=(*found.adopted[:-1], replace(found.adopted[-1], fit=best)))
 
 
-def with_errors(found: Found, sound: Workbench) -> Found:
+def with_errors(found: SearchState, sound: Workbench) -> SearchState:
     """The same with honest errors of what was fitted last, on these data, and of the calibration."""
     best = _sure(sound, found.best)
     if found.adopted:
         calibrated = jackknife.sure(found.start.bench, found.base)
         found = replace(found, start=replace(found.start, base=calibrated))
-    return with_best(found, best)
+    return with_last_fit(found, best)
 
 
 def _sure(bench: Workbench, best: Fit) -> Fit:

@@ -188,7 +188,7 @@ def _samples(duration: float, period: float) -> int:
     return int(round(duration / period))
 
 
-def said(plans: Sequence[Plan], names: Sequence[str]) -> str:
+def recommendation(plans: Sequence[Plan], names: Sequence[str]) -> str:
     """Returns what to record, with the numbers, as a sentence or two."""
     best = plans[0]
     pair = " and ".join(names)

@@ -12,7 +12,7 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis import dependence, remainder
 from twin.diagnosis.answer import Patched, Prediction
 from twin.diagnosis.dependence import Unexplained
-from twin.diagnosis.state import Found, Nameless
+from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import first_state
 from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.static_friction import Polished
@@ -27,9 +27,9 @@ from twin.rigs.simulate import simulate
 _LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
 
 
-def patched(
+def fit_patch(
     campaign: Campaign,
-    found: Found,
+    found: SearchState,
     left: Mapping[str, Unexplained],
     polished: Polished,
     predictions: Mapping[str, Prediction],
@@ -41,7 +41,7 @@ def patched(
       The lookup with its held-out errors; None where what is left is no function of one variable that a simulation
       knows.
     """
-    lookup = of_worst(found, left)
+    lookup = patch_of_worst_channel(found, left)
     if lookup is None:
         return None
     model = fine(polished.augmented.model.replace(patch=lookup))
@@ -59,21 +59,23 @@ def patched(
     return Patched(lookup, unit, gains)
 
 
-def of_worst(found: Found, left: Mapping[str, Unexplained]) -> Patch | None:
+def patch_of_worst_channel(found: SearchState, left: Mapping[str, Unexplained]) -> Patch | None:
     """The lookup of the first unexplained channel that is a function of one variable."""
-    for channel in remainder.too_large(found):
+    for channel in remainder.large_residuals(found):
         odd = left[channel]
-        for variable, share in sorted(dependence.steps(odd).items(), key=lambda pair: -pair[1]):
+        for variable, share in sorted(dependence.step_shares(odd).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
                 break
             lookup = patch.smooth(odd.values, odd.variables[variable], odd.recording, channel, variable)
             if lookup is not None and lookup.acts:
                 return lookup
-    smooth = remainder.nameless(found)
+    smooth = remainder.significant_function(found)
     return None if smooth is None else smooth.lookup
 
 
-def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Nameless | None = None) -> str:
+def why_no_patch(
+    left: Mapping[str, Unexplained], depends: Sequence[str], smooth: UnnamedFunction | None = None
+) -> str:
     """Why there is no lookup, in one sentence.
 
     Args:
@@ -95,7 +97,11 @@ def why_none(left: Mapping[str, Unexplained], depends: Sequence[str], smooth: Na
             f"There is no lookup, because what is left depends on the {name} and turns its sign with the direction of "
             "the hub: no function that a simulation knows."
         )
-    told = [channel for channel, odd in left.items() if dependence.steps(odd).get(first, 0.0) >= _LEAST_SHARE]
+    told = [
+        channel
+        for channel, odd in left.items()
+        if dependence.step_shares(odd).get(first, 0.0) >= _LEAST_SHARE
+    ]
     if not told and first == "time":
         return "There is no lookup, because what is left is another at the same instant of another recording."
     if not told:

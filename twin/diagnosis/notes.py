@@ -10,7 +10,7 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis import dependence, remainder, rules
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
@@ -31,9 +31,9 @@ _BESIDE = 0.03  # s between two readings of the instant of one break-away
 _ASTRAY = 10.0  # times what can be predicted that a held-out recording may be off
 
 
-def of(
+def all_notes(
     campaign: Campaign,
-    found: Found,
+    found: SearchState,
     behind: Mapping[str, Unexplained],
     polished: Polished,
     predictions: Mapping[str, Prediction],
@@ -51,20 +51,20 @@ def of(
         *_quiet(found),
         *_nameless(found),
         *_instead(found),
-        *drifts(behind, depends),
+        *drifting_parameter(behind, depends),
         *_taken_back(found),
-        *at_the_end(polished.augmented, found.names),
+        *at_range_end(polished.augmented, found.names),
         *break_aways(found),
         *_unpredictable(predictions),
-        *astray(found, predictions),
+        *missed_held_out(found, predictions),
     )
 
 
-def drifts(behind: Mapping[str, Unexplained], depends: Sequence[str]) -> list[str]:
+def drifting_parameter(behind: Mapping[str, Unexplained], depends: Sequence[str]) -> list[str]:
     """The parameter whose change with time is what a model leaves, if that says much of it."""
     if HUB not in behind or depends[:1] != ("time",):
         return []
-    name, share = dependence.drift(behind[HUB])
+    name, share = dependence.parameter_drift(behind[HUB])
     if share < _MUCH:
         return []
     return [
@@ -84,7 +84,7 @@ def _assumptions(campaign: Campaign) -> list[str]:
     return [f"No uncertainty was declared for some parameters; assumed: {listed}."]
 
 
-def _known(found: Found) -> list[str]:
+def _known(found: SearchState) -> list[str]:
     if not found.known:
         return []
     return [
@@ -92,19 +92,19 @@ def _known(found: Found) -> list[str]:
     ]
 
 
-def _alone(found: Found) -> list[str]:
+def _alone(found: SearchState) -> list[str]:
     """What one recording says against the model, and no other."""
     files = [prepared.recording.name for prepared in found.bench.prepared]
     return [
         f"{files[i]} alone leaves {size:.2g} noise levels of {named(channel)} unexplained, no other recording "
         "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
-        for i, channel, size in remainder.alone(found)
+        for i, channel, size in remainder.in_one_recording(found)
     ]
 
 
-def _quiet(found: Found) -> list[str]:
+def _quiet(found: SearchState) -> list[str]:
     """Channels whose declared noise hides what is smaller."""
-    told = {("hub_angle" if c == HUB else c): size for c, size in remainder.too_quiet(found).items()}
+    told = {("hub_angle" if c == HUB else c): size for c, size in remainder.overstated_noise(found).items()}
     return [
         f"{named(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: what is smaller "
         "than that was not looked for. Declare the noise that the sensor has, or none: it is estimated then."
@@ -112,9 +112,9 @@ def _quiet(found: Found) -> list[str]:
     ]
 
 
-def _nameless(found: Found) -> list[str]:
+def _nameless(found: SearchState) -> list[str]:
     """How sure a function is that no effect explains."""
-    smooth = remainder.nameless(found)
+    smooth = remainder.significant_function(found)
     if smooth is None:
         return []
     sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
@@ -126,7 +126,7 @@ def _nameless(found: Found) -> list[str]:
     ]
 
 
-def _instead(found: Found) -> list[str]:
+def _instead(found: SearchState) -> list[str]:
     """Why an effect was adopted that is small by its score."""
     if found.instead is None:
         return []
@@ -137,7 +137,7 @@ def _instead(found: Found) -> list[str]:
     ]
 
 
-def _taken_back(found: Found) -> list[str]:
+def _taken_back(found: SearchState) -> list[str]:
     if not found.taken_back:
         return []
     *first, last = found.taken_back
@@ -147,7 +147,7 @@ def _taken_back(found: Found) -> list[str]:
     ]
 
 
-def at_the_end(best: Fit, names: Sequence[str]) -> list[str]:
+def at_range_end(best: Fit, names: Sequence[str]) -> list[str]:
     """Effects of which a number would go on beyond what it may be, were it let: these stand for something else."""
     told: dict[str, list[str]] = {}
     for u, value in zip(best.unknowns, best.values, strict=True):
@@ -162,7 +162,7 @@ def at_the_end(best: Fit, names: Sequence[str]) -> list[str]:
     ]
 
 
-def break_aways(found: Found) -> list[str]:
+def break_aways(found: SearchState) -> list[str]:
     """Directions in which the hub breaks away at another torque than the model's: all else may be explained yet."""
     best = found.best
     # Out of a long rest, under a torque that grows slowly: elsewhere the hub may only have been slow.
@@ -202,9 +202,9 @@ def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:
     return notes
 
 
-def astray(found: Found, predictions: Mapping[str, Prediction]) -> list[str]:
+def missed_held_out(found: SearchState, predictions: Mapping[str, Prediction]) -> list[str]:
     """Held-out recordings that the model misses, though it follows those that it was fitted to."""
-    if remainder.unexplained(found):
+    if remainder.unexplained_channels(found):
         return []
     notes = []
     for file, prediction in predictions.items():

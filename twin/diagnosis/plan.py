@@ -42,7 +42,7 @@ class Planned:
 
     def said(self) -> str:
         """Returns what to record, and whether these recordings speak for either effect at all."""
-        text = experiments.said(self.plans, self.names)
+        text = experiments.recommendation(self.plans, self.names)
         if self.score >= rules.LEAST_SCORE:
             return text
         return (
@@ -91,7 +91,7 @@ def _best_two(start: Calibration, progress: Progress) -> tuple[Candidate, Candid
 
 def _fitted(start: Calibration, names: tuple[str, str], progress: Progress) -> tuple[Candidate, Candidate]:
     progress(f"fitting {names[0]} and {names[1]}")
-    first, second = (candidates.tried(start.bench, start.base, name) for name in names)
+    first, second = (candidates.try_effect(start.bench, start.base, name) for name in names)
     return first, second
 
 

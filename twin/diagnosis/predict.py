@@ -10,7 +10,7 @@ import numpy as np
 
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis.answer import ChannelError, Prediction
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 from twin.estimation import first_state
 from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.static_friction import Polished
@@ -23,7 +23,7 @@ _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction
 
 
 def predict(
-    campaign: Campaign, found: Found, polished: Polished, pool: ThreadPoolExecutor
+    campaign: Campaign, found: SearchState, polished: Polished, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
     """Every recording beside the declared, the calibrated and the augmented model, free-running."""
     noise = noise_levels(campaign)

@@ -12,32 +12,32 @@ from copy import copy
 from dataclasses import replace
 
 from twin.diagnosis import candidates, contest, remainder, rules
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 
 _FITTED = 2  # numbers that a function was fitted by: its size and its smoothness
 
 
-def instead(found: Found) -> Found | None:
+def named_instead(found: SearchState) -> SearchState | None:
     """What was found with the effect that explains as much as the function that has no name; None without one.
 
     Args:
       found: all of whose recordings are explained but for such a function, if any.
     """
-    smooth = remainder.nameless(found)
-    if smooth is None or remainder.too_large(found) or not _left(found):
+    smooth = remainder.significant_function(found)
+    if smooth is None or remainder.large_residuals(found) or not _left(found):
         return None
     least = max(smooth.evidence - candidates.price(_FITTED, found.bench), found.by_chance[-1])
     # What was not worth adopting was only fitted quickly.
-    ranked = contest.settled(found.bench, found.best, found.rounds[-1])
+    ranked = contest.fit_to_convergence(found.bench, found.best, found.rounds[-1])
     choice = ranked[0]
-    if choice.score < least or rules.elsewhere(found.bench, found.best, choice) <= 0:
+    if choice.score < least or rules.gain_without_best_recording(found.bench, found.best, choice) <= 0:
         return None
     bench = copy(found.bench)
-    fine = contest.on_fine_chain(bench, choice.fit)
-    choice = replace(choice, fit=fine, score=candidates.gain(bench, found.best, fine))
+    fine = contest.refit_in_fine_limit(bench, choice.fit)
+    choice = replace(choice, fit=fine, score=candidates.score_gain(bench, found.best, fine))
     if choice.score < least:
         return None
-    bench, seen = contest.seen_anew(bench, found.best, fine)
+    bench, seen = contest.refit_with_own_noise(bench, found.best, fine)
     return replace(
         found,
         adopted=(*found.adopted, replace(choice, fit=seen)),
@@ -48,7 +48,7 @@ def instead(found: Found) -> Found | None:
     )
 
 
-def _left(found: Found) -> bool:
+def _left(found: SearchState) -> bool:
     """Whether the last round has candidates that were fitted and not adopted."""
     if len(found.rounds) == len(found.adopted) or not found.rounds[-1]:
         return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.diagnosis.state import Found, Nameless
+from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import loss
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
@@ -28,13 +28,13 @@ FAR_FROM_CHANCE = 5.0  # the same, of the worst
 REPEATED = 2  # recordings in which a channel must not be sound
 
 
-def unexplained(found: Found) -> tuple[str, ...]:
-    """Channels that are not explained: those that are `too_large`, and the hub where something is `nameless`."""
-    large = too_large(found)
-    return large if HUB in large or nameless(found) is None else (*large, HUB)
+def unexplained_channels(found: SearchState) -> tuple[str, ...]:
+    """Channels that are not explained: those that are `large_residuals`, and the hub where something is `significant_function`."""
+    large = large_residuals(found)
+    return large if HUB in large or significant_function(found) is None else (*large, HUB)
 
 
-def nameless(found: Found) -> Nameless | None:
+def significant_function(found: SearchState) -> UnnamedFunction | None:
     """The torque on the hub that is surely a function of one variable, though no effect explains it, if there is one.
 
     Its evidence has to exceed what chance gives, and what a model gets wrong itself.
@@ -45,7 +45,7 @@ def nameless(found: Found) -> Nameless | None:
     return best if best.evidence > max(LEAST_EVIDENCE, own_error, best.by_chance) else None
 
 
-def too_large(found: Found) -> tuple[str, ...]:
+def large_residuals(found: SearchState) -> tuple[str, ...]:
     """Channels whose residual exceeds what noise and a right model leave, in several recordings; the worst first."""
     odd = _odd(found)
     needed = min(REPEATED, len(found.bench.prepared))
@@ -57,19 +57,19 @@ def too_large(found: Found) -> tuple[str, ...]:
     return tuple(sorted(worst, key=lambda c: -worst[c]))
 
 
-def alone(found: Found) -> list[tuple[int, str, float]]:
+def in_one_recording(found: SearchState) -> list[tuple[int, str, float]]:
     """Recordings that leave such a residual in a channel that no other recording finds odd, with its size."""
-    repeated = too_large(found)
+    repeated = large_residuals(found)
     return [(i, c, s) for c, sizes in _odd(found).items() if c not in repeated for i, s in sizes.items()]
 
 
-def _odd(found: Found) -> dict[str, dict[int, float]]:
+def _odd(found: SearchState) -> dict[str, dict[int, float]]:
     """Channel -> recording -> size of a residual that is not sound, of channels whose worst is not explained."""
-    before = sizes_left(found.benches[0], found.base)
+    before = residual_sizes(found.benches[0], found.base)
     samples = _independent(found.bench)
     odd: dict[str, dict[int, float]] = {}
     worst: set[str] = set()
-    for (recording, channel), size in sizes_left(found.bench, found.best).items():
+    for (recording, channel), size in residual_sizes(found.bench, found.best).items():
         if channel in SINGLE:
             continue
         may_be_left = LEFT * before.get((recording, channel), 0.0)
@@ -82,9 +82,9 @@ def _odd(found: Found) -> dict[str, dict[int, float]]:
     return {channel: sizes for channel, sizes in odd.items() if channel in worst}
 
 
-def too_quiet(found: Found) -> dict[str, float]:
+def overstated_noise(found: SearchState) -> dict[str, float]:
     """Channel -> size of its residual in declared noise levels, of those that are much quieter than declared."""
-    sizes = sizes_left(found.bench, found.best)
+    sizes = residual_sizes(found.bench, found.best)
     usual = {
         channel: float(np.median([s for (_, c), s in sizes.items() if c == channel and s > 0] or [1.0]))
         for channel in {c for _, c in sizes} - set(SINGLE)
@@ -92,7 +92,7 @@ def too_quiet(found: Found) -> dict[str, float]:
     return {channel: size for channel, size in sorted(usual.items()) if size < QUIET}
 
 
-def sizes_left(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
+def residual_sizes(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> size of the residual in noise levels."""
     sizes = loss.group_sizes(fit.residual, bench.data.groups, bench.weight * known_weights(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}

@@ -38,12 +38,12 @@ def worth_adopting(
     left = bench.misfit(base.residual)
     if best.score < max(LEAST_SCORE, by_chance) or best.score < LEAST_SHARE * left:
         return None
-    if len(bench.prepared) > 1 and elsewhere(bench, base, best) < LEAST_ELSEWHERE:
+    if len(bench.prepared) > 1 and gain_without_best_recording(bench, base, best) < LEAST_ELSEWHERE:
         return None
     return best
 
 
-def elsewhere(bench: Workbench, base: Fit, best: Candidate) -> float:
+def gain_without_best_recording(bench: Workbench, base: Fit, best: Candidate) -> float:
     """Gain in cost without the recording that gains most, each predicted by the others; see
     `twin.estimation.cross_validation`.
 
@@ -71,21 +71,21 @@ def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]
     sets = []
     for ranked in rounds:
         best = ranked[0]
-        alike = [c.effects[-1] for c in ranked if c.score > best.score - decisive(best.score)]
+        alike = [c.effects[-1] for c in ranked if c.score > best.score - decisive_difference(best.score)]
         if len(alike) > 1:
             sets.append(tuple(alike))
     return sets
 
 
-def closest(rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, Candidate] | None:
+def closest_pair(rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, Candidate] | None:
     """The adopted and the next best candidate of the first round in which they explain about as much."""
     for ranked in rounds:
-        if len(ranked) > 1 and ranked[1].score > ranked[0].score - decisive(ranked[0].score):
+        if len(ranked) > 1 and ranked[1].score > ranked[0].score - decisive_difference(ranked[0].score):
             return ranked[0], ranked[1]
     return None
 
 
-def decisive(score: float) -> float:
+def decisive_difference(score: float) -> float:
     """Difference in score that decides: what the model gets wrong itself grows with what there is to explain."""
     return max(5.0, (1 - ALIKE) * 0.25 * score)
 
@@ -98,5 +98,5 @@ def probabilities(ranked: Sequence[Candidate], draws: np.ndarray) -> dict[str, f
     scores = np.array([c.score for c in ranked])
     scale = max(1.0, 0.02 * max(scores.max(), 0.0))
     weights = np.exp((scores - scores.max()) / scale)
-    weights *= chance.real(chance.exceeded(draws, scores.max())) / weights.sum()
+    weights *= chance.posterior_bound(chance.p_value(draws, scores.max())) / weights.sum()
     return {c.effects[-1]: float(w) for c, w in zip(ranked, weights, strict=True)}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from twin.diagnosis import contest, revise
-from twin.diagnosis.state import Found
+from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 
@@ -17,7 +17,7 @@ _TOLD = 3.0
 """Standard errors from neutral from which the size of an effect is told; by what one gains they are 7 at least."""
 
 
-def without(found: Found) -> Found | None:
+def without_stand_ins(found: SearchState) -> SearchState | None:
     """What was found without the effects that only stand for something else; None where there are none.
 
     Args:
@@ -30,8 +30,8 @@ def without(found: Found) -> Found | None:
     names = [name for name in found.names if name not in untold]
     if names:
         effects = {name: found.best.model.effects[name] for name in (*found.known, *names)}
-        fitted = revise.fitted(found, effects, contest.LONG, found.best)
-        return revise.rebuilt(found, names, fitted)
+        fitted = revise.refit(found, effects, contest.FULL_ITERATIONS, found.best)
+        return revise.rebuild(found, names, fitted)
     return replace(
         found,
         adopted=(),

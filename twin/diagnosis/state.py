@@ -16,7 +16,7 @@ from twin.rigs.patch import Patch
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchState:
     """What the search came to, before any held-out recording is looked at.
 
     Attributes:
@@ -40,9 +40,9 @@ class Found:
     benches: tuple[Workbench, ...]
     by_chance: tuple[float, ...] = ()
     draws: tuple[np.ndarray, ...] = ()
-    nameless: tuple[Nameless, ...] = ()
+    nameless: tuple[UnnamedFunction, ...] = ()
     taken_back: tuple[str, ...] = ()
-    instead: Nameless | None = None
+    instead: UnnamedFunction | None = None
 
     @property
     def names(self) -> list[str]:
@@ -77,7 +77,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Law:
+class FunctionOf:
     """A torque on the hub that is a function of one variable.
 
     Attributes:
@@ -97,7 +97,7 @@ class Law:
 
 
 @dataclass(frozen=True, eq=False)
-class Nameless:
+class UnnamedFunction:
     """A function, and how much it explains of what a model leaves.
 
     Attributes:
@@ -109,7 +109,7 @@ class Nameless:
       samples: (k) about each of them.
     """
 
-    law: Law
+    law: FunctionOf
     evidence: float
     by_chance: float
     x: np.ndarray = field(repr=False)

@@ -8,26 +8,33 @@ from dataclasses import replace
 import numpy as np
 
 from twin.diagnosis.answer import Trace
-from twin.diagnosis.dependence import _FEWEST_SHOWN, TRAVEL, Unexplained, _travel, dependence, unexplained
-from twin.diagnosis.state import Found
+from twin.diagnosis.dependence import (
+    _FEWEST_SHOWN,
+    TRAVEL,
+    Unexplained,
+    _travel,
+    unexplained_residuals,
+    variance_shares,
+)
+from twin.diagnosis.state import SearchState
 from twin.recording import HUB
 
 _SHOWN = (HUB, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 
 
-def traces_of(found: Found, behind: Mapping[str, Unexplained]) -> tuple[Trace, ...]:
+def traces_of(found: SearchState, behind: Mapping[str, Unexplained]) -> tuple[Trace, ...]:
     """What the calibrated model leaves unexplained of each channel, those that the effects explain best first.
 
     `behind` is what the model leaves that stands at the end.
     """
     traces = []
-    before = unexplained(found.bench, found.data, found.base) if found.adopted else behind
+    before = unexplained_residuals(found.bench, found.data, found.base) if found.adopted else behind
     for channel in _SHOWN:
         if channel not in before or len(before[channel].values) < _FEWEST_SHOWN:
             continue
         left, after = before[channel], behind[channel]
         gained = float(np.log(np.std(left.values) / max(np.std(after.values), 1e-30)))
-        order = dependence(left)
+        order = variance_shares(left)
         explained = order[0][0] if order and order[0][1] > 0.1 else None
         trace = _trace(channel, left, explained)
         fitted = left.values - after.values if found.adopted else None

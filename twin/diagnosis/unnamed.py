@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.diagnosis import chance, regressors
-from twin.diagnosis.state import Law, Nameless
+from twin.diagnosis.state import FunctionOf, UnnamedFunction
 from twin.estimation.fit import Fit
 from twin.estimation.gaussian_process import Evidence, likeliest, likely
 from twin.estimation.slopes import prior_precision, row_weights
@@ -38,13 +38,13 @@ _LEAST = 1e-9  # part of a variance that keeps a matrix regular
 
 _TORQUE, _COMMAND = "motor_torque", "torque_command"
 _LAWS = (
-    Law(_COMMAND, drive=True),
-    *(Law(variable) for variable in ("torque_command", "hub_angle", "hub_rate", "time")),
-    *(Law(variable, sided=True) for variable in ("hub_angle", "time")),
+    FunctionOf(_COMMAND, drive=True),
+    *(FunctionOf(variable) for variable in ("torque_command", "hub_angle", "hub_rate", "time")),
+    *(FunctionOf(variable, sided=True) for variable in ("hub_angle", "time")),
 )
 
 
-def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:
+def find_functions(bench: Workbench, best: Fit, rate: float) -> tuple[UnnamedFunction, ...]:
     """The functions of one variable that may be behind what a model leaves on the hub, the likeliest first.
 
     Args:
@@ -67,7 +67,7 @@ def sought(bench: Workbench, best: Fit, rate: float) -> tuple[Nameless, ...]:
         return ()
     largest = np.max([e.by_draw for _, _, (e, _) in asked], axis=0, initial=0.0)
     by_chance = chance.threshold(np.sort(largest), rate)
-    named = [Nameless(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in asked]
+    named = [UnnamedFunction(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in asked]
     return tuple(sorted(named, key=lambda n: -n.evidence))
 
 
@@ -89,7 +89,7 @@ class _Basis:
 
 
 def _basis(
-    bench: Workbench, best: Fit, moving: Mapping[int, Mapping[str, np.ndarray]], law: Law
+    bench: Workbench, best: Fit, moving: Mapping[int, Mapping[str, np.ndarray]], law: FunctionOf
 ) -> _Basis | None:
     """The columns of a function, by how each recording with a free hub moves; None where nothing tells of it."""
     data = bench.data
@@ -122,7 +122,7 @@ def _hats(values: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.maximum(1 - np.abs(place - np.arange(len(x))[:, None]), 0.0)
 
 
-def _on_hub(view: View, known: Mapping[str, np.ndarray], law: Law, x: np.ndarray) -> np.ndarray:
+def _on_hub(view: View, known: Mapping[str, np.ndarray], law: FunctionOf, x: np.ndarray) -> np.ndarray:
     """Change of what the hub of one recording leaves (k x m) with the value at each knot."""
     added = _hats(known[law.variable], x)
     if law.sided:

@@ -19,7 +19,7 @@ from twin.estimation.workbench import Workbench
 _ITERATIONS = 5
 
 
-def taken(bench: Workbench, best: Fit) -> Fit:
+def with_whole_orders(bench: Workbench, best: Fit) -> Fit:
     """The fit with every order at the nearest whole number that costs no more than the parameter it saves."""
     for u in best.unknowns:
         if _is_order(u):
