@@ -90,29 +90,27 @@ def _searched(campaign: Campaign) -> dict:
     return {
         "verdict": verdict_of(found),
         "adopted": [c.effects[-1] for c in found.adopted],
-        "ranking": [c.effects[-1] for c in found.rounds[0][:5]],
+        "ranking": [c.name for c in found.rounds[0].ranked[:5]],
         "probabilities": effect_probabilities(found),
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: errors_of(fit, name) for name in fit.model.effects},
-        "alike": [list(names) for names in alternatives(found.rounds[: len(found.adopted)])],
+        "alike": [list(names) for names in alternatives([r.ranked for r in found.adopting])],
         "depends": list(dependence_of(found, left)),
         "rounds": _rounds(found),
-        "size": max(residual_sizes(found.benches[0], found.base).values()),
+        "size": max(residual_sizes(found.start.bench, found.base).values()),
     }
 
 
 def _rounds(found: SearchState) -> list[dict]:
     """What was decided on in each round: the best scores, and the misfit that there was to explain."""
-    fits = [found.base, *(c.fit for c in found.adopted)]
+    before = [(found.start.bench, found.base), *((r.bench, r.adopted.fit) for r in found.adopting)]
     return [
         {
             "left": bench.misfit(fit.residual),
-            "best": [(c.effects[-1], c.score) for c in ranked[:3]],
-            "threshold": threshold,
+            "best": [(c.name, c.score) for c in r.ranked[:3]],
+            "threshold": r.threshold,
         }
-        for bench, fit, ranked, threshold in zip(
-            found.benches, fits, found.rounds, found.thresholds, strict=False
-        )
+        for (bench, fit), r in zip(before, found.rounds, strict=False)
     ]
 
 

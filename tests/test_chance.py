@@ -9,7 +9,7 @@ from twin.diagnosis import chance, rules
 
 
 def candidate(name, score):
-    return SimpleNamespace(effects=(name,), score=score)
+    return SimpleNamespace(name=name, score=score)
 
 
 @pytest.mark.parametrize("scale", [3.0, 8.0])

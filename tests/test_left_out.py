@@ -89,5 +89,5 @@ def test_an_effect_is_adopted_though_the_calibration_without_a_decay_goes_astray
     monkeypatch.setattr(loss, "loss", lambda sizes: sizes)
     means = SimpleNamespace(**{**vars(bench()), "sizes": lambda r: r.reshape(RECORDINGS, ROWS).mean(axis=1)})
     means.prepared, means.count = range(RECORDINGS), np.ones(RECORDINGS)
-    found = rules.gain_without_best_recording(means, base, SimpleNamespace(fit=best, effects=("play",)))
+    found = rules.gain_without_best_recording(means, base, SimpleNamespace(fit=best, name="play"))
     assert found == pytest.approx(50 + 12 - 1)

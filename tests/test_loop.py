@@ -83,7 +83,7 @@ def test_what_is_missing_is_named_and_recovered(tmp_path, name):
     found = searched(tmp_path / "rig", {name: PLANTED[name]}, seed, ramp=name == ON_THE_RAMP)
     assert verdict_of(found) == "explained"
     assert [c.effects[-1] for c in found.adopted] == [name]
-    assert found.rounds[0][0].effects == (name,)
+    assert found.rounds[0].ranked[0].effects == (name,)
     fit = found.best
     if "order" in PLANTED[name]:
         assert fit.model.effects[name]["order"] == PLANTED[name]["order"]

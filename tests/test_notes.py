@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin.diagnosis import notes
+from twin.diagnosis import notes, remainder
 from twin.diagnosis.answer import ChannelError
 from twin.estimation.unknowns import Unknown
+from twin.residuals import static_levels
 
 STATIC = 0.065  # N m, of the model
 
@@ -24,7 +25,7 @@ def with_break_aways(monkeypatch, torques, slow=True, seen=True):
         )
         for k, t in enumerate(torques)
     ]
-    monkeypatch.setattr(notes.releases, "runs", lambda *_: enumerate(runs))
+    monkeypatch.setattr(static_levels, "runs", lambda *_: enumerate(runs))
     views = [
         SimpleNamespace(time=np.arange(k, k + 1, 0.01), onsets=[(1, 1)] if seen else [])
         for k, _ in enumerate(runs)
@@ -64,7 +65,7 @@ def test_a_hub_that_only_was_slow_breaks_away_nowhere(monkeypatch, unsure):
     ],
 )
 def test_a_held_out_recording_that_is_missed_is_told(monkeypatch, role, after, reach, told):
-    monkeypatch.setattr(notes.verdict, "unexplained", lambda _: ())
+    monkeypatch.setattr(remainder, "unexplained_channels", lambda _: ())
     error = ChannelError(90.0, 80.0, after, 1.0, "rad", reach)
     predictions = {"slew.csv": SimpleNamespace(role=role, errors={"hub_angle": error})}
     said = notes.missed_held_out(SimpleNamespace(), predictions)
@@ -83,7 +84,7 @@ def test_an_effect_at_the_end_of_its_range_is_told(value, told):
 
 
 def test_what_is_outside_the_library_says_itself_that_it_is_missed(monkeypatch):
-    monkeypatch.setattr(notes.verdict, "unexplained", lambda _: ("hub_torque",))
+    monkeypatch.setattr(remainder, "unexplained_channels", lambda _: ("hub_torque",))
     error = ChannelError(90.0, 80.0, 78.0, 1.0, "rad", 0.0)
     predictions = {"slew.csv": SimpleNamespace(role="holdout", errors={"hub_angle": error})}
     assert notes.missed_held_out(SimpleNamespace(), predictions) == []

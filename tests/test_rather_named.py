@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from twin.diagnosis import notes, rather_named
+from twin.diagnosis import candidates, contest, notes, remainder, rules
 from twin.diagnosis.candidates import Candidate
-from twin.diagnosis.state import SearchState
+from twin.diagnosis.revise import named_instead
+from twin.diagnosis.state import Round, SearchState
 
 BY_CHANCE, PRICE = 12.0, 9.0
 
@@ -19,29 +20,28 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     candidate = Candidate(("cogging",), fit, score)
     law = SimpleNamespace(variable="hub_angle")
     smooth = SimpleNamespace(evidence=evidence, law=law) if evidence else None
-    monkeypatch.setattr(rather_named.verdict, "nameless", lambda _: smooth)
-    monkeypatch.setattr(rather_named.verdict, "too_large", lambda _: large)
-    monkeypatch.setattr(rather_named.verdict, "elsewhere", lambda *_: elsewhere)
-    monkeypatch.setattr(rather_named.contenders, "settled", lambda bench, base, ranked: list(ranked))
-    monkeypatch.setattr(rather_named.contenders, "on_fine_chain", lambda bench, found: found)
-    monkeypatch.setattr(rather_named.contenders, "seen_anew", lambda bench, base, found: (bench, found))
-    monkeypatch.setattr(rather_named.search, "gain", lambda *_: score if fine is None else fine)
-    monkeypatch.setattr(rather_named.search, "price", lambda count, bench: PRICE * count / 2)
-    rounds = ((candidate,),) if adopted == 0 else ((candidate,),) * adopted
-    start = SimpleNamespace(base=base, declared=SimpleNamespace(effects={}))
-    return SearchState(start, (candidate,) * adopted, rounds, (30.0,), (bench,) * (adopted + 1), (BY_CHANCE,))
+    monkeypatch.setattr(remainder, "significant_function", lambda _: smooth)
+    monkeypatch.setattr(remainder, "large_residuals", lambda _: large)
+    monkeypatch.setattr(rules, "gain_without_best_recording", lambda *_: elsewhere)
+    monkeypatch.setattr(contest, "fit_to_convergence", lambda bench, base, ranked: list(ranked))
+    monkeypatch.setattr(contest, "refit_in_fine_limit", lambda bench, found: (bench, found))
+    monkeypatch.setattr(contest, "refit_with_own_noise", lambda bench, base, found: (bench, found))
+    monkeypatch.setattr(candidates, "score_gain", lambda *_: score if fine is None else fine)
+    monkeypatch.setattr(candidates, "price", lambda count, bench: PRICE * count / 2)
+    taken = {"adopted": candidate, "bench": bench} if adopted else {}
+    start = SimpleNamespace(base=base, bench=bench, declared=SimpleNamespace(effects={}))
+    return SearchState(start, (Round((candidate,), BY_CHANCE, 30.0, **taken),))
 
 
 @pytest.mark.parametrize(("score", "evidence"), [(17.4, 21.7), (25.7, 31.1), (28.0, 8.0), (12.5, 5.1)])
 def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch, score, evidence):
-    found = rather_named.named_instead(explored(monkeypatch, score, evidence))
+    found = named_instead(explored(monkeypatch, score, evidence))
     assert found.names == ["cogging"]
-    assert found.thresholds == (max(evidence - PRICE, BY_CHANCE),)
-    assert len(found.benches) == 2
+    assert found.rounds[0].threshold == max(evidence - PRICE, BY_CHANCE)
     [said] = notes._instead(found)
     assert f"cogging gains {score:.0f}, less than 30" in said
     assert f"the hub angle makes the recordings e^{evidence:.0f} times likelier" in said
-    assert found.rounds[0][0].score == found.adopted[0].score == score
+    assert found.rounds[0].ranked[0].score == found.adopted[0].score == score
 
 
 @pytest.mark.parametrize(
@@ -65,5 +65,5 @@ def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch
 )
 def test_else_the_function_stays_without_a_name(monkeypatch, case):
     found = explored(monkeypatch, **case)
-    assert rather_named.named_instead(found) is None
+    assert named_instead(found) is None
     assert notes._instead(found) == []

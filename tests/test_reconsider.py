@@ -9,7 +9,7 @@ import pytest
 from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates
 from twin.diagnosis.revise import revise
-from twin.diagnosis.state import SearchState
+from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -34,8 +34,8 @@ def picked(start, *names):
     for name in names:
         adopted.append(candidates.try_effect(start.bench, before, name))
         before = adopted[-1].fit
-    rounds = tuple((c,) for c in adopted)
-    return SearchState(start, tuple(adopted), rounds, (30.0,) * len(names), (start.bench,) * (len(names) + 1))
+    rounds = (Round((c,), threshold=30.0, adopted=c, bench=start.bench) for c in adopted)
+    return SearchState(start, tuple(rounds))
 
 
 def names(found):
@@ -47,9 +47,10 @@ def test_a_first_pick_that_a_later_one_makes_needless_is_dropped(start):
     assert names(found) == ["viscous-friction"]
     assert list(found.best.model.effects) == ["viscous-friction"]
     assert found.best.model.effects["viscous-friction"]["viscous"] == pytest.approx(0.003, rel=0.05)
-    assert found.rounds[0][0] is found.adopted[0]
-    assert len(found.benches) == 2
-    assert len(found.thresholds) == 1
+    [only] = found.rounds
+    assert only.ranked[0] is only.adopted
+    [(name, judgement)] = found.withdrawn
+    assert (name, judgement.rule, judgement.passed) == ("air-pad-drag", "needed-beside-later", False)
 
 
 def test_two_that_are_both_missing_stay(start):
@@ -61,7 +62,8 @@ def test_a_close_loser_that_explains_more_beside_the_second_takes_its_place(star
     found = picked(start, "air-pad-drag", "torque-bias")
     loser = candidates.try_effect(start.bench, start.base, "viscous-friction")
     close = replace(loser, score=found.adopted[0].score - 1)
-    found = revise(replace(found, rounds=((found.adopted[0], close), found.rounds[1])))
+    first, second = found.rounds
+    found = revise(replace(found, rounds=(replace(first, ranked=(first.adopted, close)), second)))
     assert sorted(names(found)) == ["torque-bias", "viscous-friction"]
     assert found.best.cost < picked(start, "air-pad-drag", "torque-bias").best.cost - 30
 

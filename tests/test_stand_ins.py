@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from twin.campaigns.campaign import read_campaign
-from twin.diagnosis import candidates, stand_ins, whole_orders
+from twin.diagnosis import candidates, revise, whole_orders
 from twin.diagnosis.conclude import dependence_of, verdict_of
 from twin.diagnosis.dependence import unexplained_residuals
 from twin.diagnosis.diagnose import with_errors, with_unnamed, with_whole_orders
-from twin.diagnosis.state import SearchState
+from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
@@ -32,12 +32,8 @@ def picked(tmp_path_factory):
         start = calibrate(read_campaign(folder), pool)
         cable = candidates.try_effect(start.bench, start.base, "cable-torsion")
         both = candidates.try_effect(start.bench, cable.fit, "cogging")
-        adopted = (cable, both)
-        draws = (np.zeros(400),) * 2
-        found = SearchState(
-            start, adopted, ((cable,), (both,)), (30.0,) * 2, (start.bench,) * 3, (0.0,) * 2, draws
-        )
-        return with_errors(found, start.bench)
+        rounds = (Round((c,), 0.0, 30.0, np.zeros(400), {}, c, start.bench) for c in (cable, both))
+        return with_errors(SearchState(start, tuple(rounds)), start.bench)
 
     yield of
     pool.shutdown()
@@ -46,10 +42,13 @@ def picked(tmp_path_factory):
 def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
     found = picked({"hardening-cable": {"stiffness": 0.1}})
     assert verdict_of(found) == "explained"
-    other = stand_ins.without_stand_ins(found)
+    other = revise.without_untold(found)
     assert other is not None
     assert not other.adopted
-    assert other.taken_back == ("cable-torsion", "cogging")
+    assert [(name, j.rule) for name, j in other.withdrawn] == [
+        ("cable-torsion", "size-is-told"),
+        ("cogging", "size-is-told"),
+    ]
     other = with_unnamed(other, other.bench, 0.01)
     assert verdict_of(other) == "outside-library"
     assert dependence_of(other, unexplained_residuals(other.bench, other.data, other.best))[0] == "hub_angle"
@@ -57,7 +56,7 @@ def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
 
 def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
     found = picked(SPRING | COGGING)
-    assert stand_ins.without_stand_ins(found) is None
+    assert revise.without_untold(found) is None
     whole = with_whole_orders(found, found.bench)
     assert whole.best.model.effects["cogging"]["order"] == 5.0
     assert not any(u.name == "order" for u in whole.best.unknowns)

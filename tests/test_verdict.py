@@ -32,11 +32,12 @@ def seen(sizes, before=None, independent=INDEPENDENT):
     def fit(of):
         flat = [size for of_channel in of.values() for size in of_channel]
         residual = np.concatenate([size * n for size, n in zip(flat, noise, strict=True)])
-        plant = SimpleNamespace(stribeck_velocity=0.0)
+        plant = SimpleNamespace(friction=SimpleNamespace(stribeck_velocity=0.0))
         return SimpleNamespace(residual=residual, model=SimpleNamespace(plant=plant))
 
+    start = SimpleNamespace(bench=bench)
     return SimpleNamespace(
-        benches=(bench,), bench=bench, base=fit(before or sizes), best=fit(sizes), adopted=(), nameless=()
+        start=start, bench=bench, base=fit(before or sizes), best=fit(sizes), gained=0.0, unnamed=()
     )
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from twin.correlations import Correlations
+from twin.diagnosis.judgement import Judgement
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.rigs.patch import Patch
@@ -157,6 +158,23 @@ class Patched:
 
 
 @dataclass(frozen=True)
+class RoundJudgement:
+    """What a rule said of a candidate in a round of the search.
+
+    Attributes:
+      round: number of the round, from 1; None of a later look at adopted effects.
+      judgement: statistic, limit, and whether it passed.
+    """
+
+    round: int | None
+    judgement: Judgement
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns it as plain values."""
+        return {"round": self.round, **asdict(self.judgement)}
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer of the loop on a campaign; `to_json` gives its interface.
 
@@ -181,6 +199,8 @@ class Diagnosis:
       by_chance: score that chance alone exceeds at this rate, in the first round.
       least_score: that is asked for whatever chance gives, because of the model's own error.
       not_fitted: candidates that were not fitted, because their slopes promised less: their score is but a bound.
+      judgements: candidate that was fitted -> what each rule said of it, round by round.
+      explanation: channel -> what each rule said of what is left of it at the end.
       patched: what is outside the library as a lookup, where it is a function of one variable.
       no_patch: where it is none, why not, in one sentence.
       correlations: of the errors of fitted parameters, declared ones and those of effects.
@@ -206,10 +226,22 @@ class Diagnosis:
     by_chance: float | None = None
     least_score: float | None = None
     not_fitted: tuple[str, ...] = ()
+    judgements: Mapping[str, tuple[RoundJudgement, ...]] = field(default_factory=dict)
+    explanation: Mapping[str, tuple[Judgement, ...]] = field(default_factory=dict)
     patched: Patched | None = None
     no_patch: str | None = None
     known: tuple[KnownEffect, ...] = ()
     correlations: Correlations = field(default_factory=Correlations)
+
+    def turned_down(self, name: str) -> RoundJudgement | None:
+        """The first rule that a candidate failed in the last round in which it was fitted; None of an adopted one."""
+        if name in {effect.name for effect in self.effects}:
+            return None
+        said = self.judgements.get(name, ())
+        last = max((j.round or math.inf for j in said), default=None)
+        failed = [j for j in said if (j.round or math.inf) == last and not j.judgement.passed]
+        # That another one was better says least.
+        return next((j for j in failed if j.judgement.rule != "best-of-round"), failed[0] if failed else None)
 
     def to_json(self) -> dict[str, Any]:
         """Returns the answer as a dictionary of plain values."""
@@ -223,6 +255,8 @@ class Diagnosis:
             "known_effects": [{"name": e.name, **_values_json(e)} for e in self.known],
             "ranking": [{"name": name, "score": score} for name, score in self.ranking],
             "not_fitted": list(self.not_fitted),
+            "judgements": {n: [j.to_json() for j in said] for n, said in self.judgements.items()},
+            "explanation": {c: [asdict(j) for j in said] for c, said in self.explanation.items()},
             "indistinguishable": [list(names) for names in self.indistinguishable],
             "next_experiment": self.next_experiment,
             "depends_on": list(self.depends_on),

@@ -44,6 +44,16 @@ class Candidate:
     fit: Fit
     score: float
 
+    @property
+    def name(self) -> str:
+        """The effect that was added last."""
+        return self.effects[-1]
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether it was fitted: else its score is what its slopes promise."""
+        return self.name in self.fit.model.effects
+
 
 def price(parameters: int, bench: Workbench) -> float:
     """Price of parameters in cost: half a log of the number of pieces of evidence each (Schwarz criterion)."""
@@ -102,7 +112,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     for name in names:
         if name not in chosen:
             found.append(Candidate((*base.model.effects, name), base, min(promise[name], least)))
-    return Explored(sorted(found, key=lambda c: (-c.score, -promise[c.effects[-1]])), slopes)
+    return Explored(sorted(found, key=lambda c: (-c.score, -promise[c.name])), slopes)
 
 
 def _far_off(
@@ -232,10 +242,15 @@ def score_gain(bench: Workbench, base: Fit, result: Fit) -> float:
     What is less than good sensors and cards leave open, a delay or a gain, is no discovery, and gains nothing.
     """
     added = len(result.unknowns) - len(base.unknowns)
+    gained = max(base.cost - result.cost, 0.0) if is_resolved(bench, base, result) else 0.0
+    return gained - price(added, bench)
+
+
+def is_resolved(bench: Workbench, base: Fit, result: Fit) -> bool:
+    """Whether the effects that a fit adds are larger than what good sensors and cards leave open."""
     period = shortest_period(bench.prepared)
     new = result.model.effects.keys() - base.model.effects.keys()
-    resolved = all(REGISTRY[name].resolved(result.model.effects[name], period) for name in new)
-    return (max(base.cost - result.cost, 0.0) if resolved else 0.0) - price(added, bench)
+    return all(REGISTRY[name].resolved(result.model.effects[name], period) for name in new)
 
 
 def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:

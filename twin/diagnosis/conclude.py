@@ -18,11 +18,12 @@ from twin.diagnosis.answer import (
     KnownEffect,
     Patched,
     Prediction,
+    RoundJudgement,
     Verdict,
 )
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.experiments import Plan
-from twin.diagnosis.state import SearchState
+from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
@@ -60,8 +61,8 @@ def conclude(
     left = remainder.unexplained_channels(found)
     answer = verdict_of(found)
     effects = _effects(found, polished)
-    first = found.rounds[0] if found.rounds else ()
-    alike = rules.alternatives(found.rounds[: len(found.adopted)])
+    first = found.rounds[0] if found.rounds else Round(())
+    alike = rules.alternatives([r.ranked for r in found.adopting])
     depends = dependence_of(found, behind)
     return Diagnosis(
         campaign=campaign.name,
@@ -69,8 +70,10 @@ def conclude(
         summary=_summary(answer, effects, left, depends, predictions),
         effects=effects,
         known=tuple(KnownEffect(**_told(polished.augmented, name)) for name in found.known),
-        ranking=tuple((c.effects[-1], c.score) for c in first),
-        not_fitted=tuple(c.effects[-1] for c in first if c.effects[-1] not in c.fit.model.effects),
+        ranking=tuple((c.name, c.score) for c in first.ranked),
+        not_fitted=tuple(c.name for c in first.ranked if not c.is_fitted),
+        judgements=_judgements(found),
+        explanation=remainder.judge_channels(found),
         indistinguishable=tuple(alike),
         next_experiment=_next(answer, alike, depends, plans),
         depends_on=depends if answer == "outside-library" else (),
@@ -80,9 +83,9 @@ def conclude(
         notes=notes.all_notes(campaign, found, behind, polished, predictions, depends),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
-        threshold=found.thresholds[0] if found.thresholds else None,
-        by_chance=found.by_chance[0] if found.by_chance else None,
-        least_score=rules.LEAST_SCORE,
+        threshold=first.threshold if first.ranked else None,
+        by_chance=first.by_chance if first.ranked else None,
+        least_score=rules.MODEL_ERROR_SCORE,
         patched=patched,
         no_patch=fit_patch.why_no_patch(
             {c: behind[c] for c in left}, depends, remainder.significant_function(found)
@@ -123,9 +126,20 @@ def effect_probabilities(found: SearchState) -> dict[str, float]:
     """Probability of each adopted effect that it is missing indeed."""
     beside = _BESIDE_UNKNOWN if verdict_of(found) == "outside-library" else 1.0
     return {
-        name: beside * rules.probabilities(ranked, draws).get(name, 0.0)
-        for name, ranked, draws in zip(found.names, found.rounds, found.draws, strict=False)
+        name: beside * rules.probabilities(r.ranked, r.draws).get(name, 0.0)
+        for name, r in zip(found.names, found.adopting, strict=True)
     }
+
+
+def _judgements(found: SearchState) -> dict[str, tuple[RoundJudgement, ...]]:
+    """Candidate -> what the rules said of it, round by round, and why it was withdrawn, if it was."""
+    said: dict[str, list[RoundJudgement]] = {}
+    for number, r in enumerate(found.rounds, start=1):
+        for name, judgements in r.judgements.items():
+            said.setdefault(name, []).extend(RoundJudgement(number, j) for j in judgements)
+    for name, judgement in found.withdrawn:
+        said.setdefault(name, []).append(RoundJudgement(None, judgement))
+    return {name: tuple(judgements) for name, judgements in said.items()}
 
 
 def errors_of(fit: Fit, name: str) -> dict[str, float]:
@@ -171,7 +185,7 @@ def dependence_of(found: SearchState, behind: Mapping[str, Unexplained]) -> tupl
     if smooth is None:
         return depends
     # Where a function of the same variables was asked for, its evidence tells best which one it is.
-    known = not depends or depends[0] in {n.law.variable for n in found.nameless}
+    known = not depends or depends[0] in {n.law.variable for n in found.unnamed}
     first, then = (smooth.law.variables, depends) if known else (depends, smooth.law.variables)
     return tuple(dict.fromkeys((*first, *then)))
 

@@ -1,15 +1,16 @@
-"""The best candidates of a round, fitted to the end and weighed against one another."""
+"""The best candidates of a round, fitted to convergence and weighed against one another."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from twin.diagnosis import candidates, rules
 from twin.diagnosis.candidates import Candidate
+from twin.diagnosis.judgement import Judgement, passes
+from twin.diagnosis.rules import Trial
 from twin.estimation import chain_limit
 from twin.estimation.calibrate import seen_by
 from twin.estimation.fit import Fit
@@ -20,41 +21,47 @@ from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
 from twin.rigs.model import Model
 
-CONTENDERS = 3  # candidates that are fitted to the end
-_CLOSE = 0.3  # share of the best score that they need
-_CLEARLY = 0.1  # by which the log of the errors of free runs has to differ
-_ABOUT = 0.02  # share of the best score within which a simpler candidate is preferred
-_SAME = 2e-3  # relative change of a clamped frequency that changes nothing: part of its resonance's width
-FULL_ITERATIONS = 12  # iterations of a fit that is to arrive
+CONTENDERS = 3
+"""Candidates that are fitted to convergence."""
+_LEAST_SHARE = 0.3  # share of the best score that a candidate needs for that
+_CLEARLY = 0.1  # difference in the mean log size of free-run errors that decides
+_SAME_FREQUENCY = 2e-3  # relative change of a clamped frequency within the width of its resonance
+FULL_ITERATIONS = 12
+"""Iterations of a fit to convergence."""
 
 
 def fit_to_convergence(
     bench: Workbench, base: Fit, ranked: Sequence[Candidate], progress: Progress = silent
 ) -> list[Candidate]:
-    """The candidates, those that may be best fitted to the end."""
+    """Fits the candidates that may be best to convergence; returns all candidates, ranked again.
+
+    Where the best of them leave much, each is fitted once more from the declared parameters: a group of residuals that
+    fits badly has little weight, and a fit can converge to a local minimum with it.
+    """
     best = ranked[0].score
-    contenders = [c for c in ranked[:CONTENDERS] if c.score > _CLOSE * best]
-    progress(f"weighing {', '.join(c.effects[-1] for c in contenders)}")
+    contenders = [c for c in ranked[:CONTENDERS] if c.score > _LEAST_SHARE * best]
+    progress(f"weighing {', '.join(c.name for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
     refined = [fit_fully(bench, base, c, c.fit.values) for c in contenders]
     left = min(bench.misfit(c.fit.residual) for c in refined)
     if left > rules.LEAST_SHARE * bench.misfit(base.residual):
-        # A group that fits badly weighs little, so that a fit can settle with it: the other way is gone to the end too.
         goals = [c.fit.cost for c in refined]
         others = [
-            fit_fully(bench, base, c, _anew(c.fit), goal) for c, goal in zip(contenders, goals, strict=True)
+            fit_fully(bench, base, c, _from_declared(c.fit), goal)
+            for c, goal in zip(contenders, goals, strict=True)
         ]
         refined = [min(pair, key=lambda c: c.fit.cost) for pair in zip(refined, others, strict=True)]
     return prefer_simpler(refined + rest)
 
 
-def prefer_simpler(fitted_ones: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates by score, but of those that are about as good as the best the one of fewest parameters first.
+def prefer_simpler(fitted: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates by score; of those tied with the best, the one with the fewest parameters first.
 
-    What a model gets wrong itself grows with what there is to explain, and every parameter more can follow it.
+    Each parameter more has to gain `rules.tie`: the model's error grows with what there is to explain, and every
+    parameter can follow it.
     """
-    ranked = sorted(fitted_ones, key=lambda c: -c.score)
-    best, near = ranked[0], _close(ranked[0].score)
+    ranked = sorted(fitted, key=lambda c: -c.score)
+    best, near = ranked[0], rules.tie(ranked[0].score)
     more = [max(1, len(best.fit.unknowns) - len(c.fit.unknowns)) for c in ranked]
     alike = [c for c, count in zip(ranked, more, strict=True) if c.score > best.score - count * near]
     simplest = min(alike, key=lambda c: len(c.fit.unknowns))
@@ -62,10 +69,11 @@ def prefer_simpler(fitted_ones: Sequence[Candidate]) -> list[Candidate]:
 
 
 def prefer_closer_free_runs(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
-    """The candidates; of those that explain about as much, one whose free runs stay much closer first.
+    """The candidates; of those whose scores do not decide, one whose free runs are clearly closer first.
 
-    Sticks and slips make a free run a poor judge of small differences; a clear one counts half of what decides. The
-    static friction, on which free runs hang and which the search knows badly, is read where rests end first.
+    A free run is simulated from its first samples and its command alone. Sticks and slips make it a poor judge of
+    small differences, so that a clear one counts half of what decides. Static friction, which free runs depend on and
+    which the search determines badly, is read from the ends of rests first.
     """
     alike = [
         c
@@ -89,7 +97,15 @@ def prefer_closer_free_runs(bench: Workbench, ranked: list[Candidate]) -> list[C
 def fit_fully(
     bench: Workbench, base: Fit, candidate: Candidate, first: np.ndarray, goal: float = np.inf
 ) -> Candidate:
-    """The candidate fitted with everything free, from these values (p); given up where it stays dearer than `goal`."""
+    """The candidate fitted with all unknowns free.
+
+    Args:
+      bench: the data.
+      base: the fit that it was added to.
+      candidate: what is fitted.
+      first: (p) values to start from.
+      goal: cost that it has to come below; the fit is given up where it would not.
+    """
     before = candidate.fit
     result = minimise(
         bench, before.model, before.starts, before.unknowns, first, None, FULL_ITERATIONS, goal=goal
@@ -98,10 +114,10 @@ def fit_fully(
 
 
 def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | None:
-    """The base fitted from where a candidate came to, if that takes away enough of its gain to matter; else None.
+    """The base fitted again from the values of a candidate, if that takes away enough of its gain to decide.
 
-    A calibration may have stopped short, of a recording that began in motion, say. Whatever is added to it goes on
-    from there, and gains what calibration alone would have.
+    A calibration may have stopped short of its minimum, with a recording that began in motion for example. Any
+    candidate continues from there, and gains what calibration alone would have gained.
     """
     first = candidates.first_values(base.unknowns, base.model, base, best.fit)
     goal = base.cost - rules.decisive_difference(best.score)
@@ -109,45 +125,65 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     return again if again.cost < goal else None
 
 
-def _anew(before: Fit) -> np.ndarray:
-    """The values (p) of a fit, declared parameters as declared: without the effect they had to stand in for it."""
+def _from_declared(before: Fit) -> np.ndarray:
+    """The values (p) of a fit, with declared parameters as declared: without the effect they stood in for it."""
     return np.array(
         [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
     )
 
 
 def confirm_in_fine_limit(
-    bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float
+    bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float, gained: float
 ) -> tuple[list[Candidate], Candidate | None, Workbench]:
-    """The candidates, and the one to adopt, if any, with the chain's own error taken out where it stands.
+    """Judges the best candidate with the chain's own error taken out where it stands.
 
-    What a coarse chain makes of an effect may be what is gained: near a resonance it answers to the least motion
-    wrongly. A gain that is gone with the chain's error was none.
+    A coarse chain answers to small motions wrongly near a resonance; a gain that vanishes with the chain's error was
+    none. The candidate that is best then is judged in its turn.
+
+    Args:
+      bench: the data.
+      base: the fit that the candidates were added to.
+      ranked: the candidates, best first.
+      by_chance: quantile of the permutation test.
+      gained: sum of the scores of the effects adopted before.
 
     Returns:
-      The candidates, the one to adopt, and the data without the chain's error there.
+      The candidates, the one to adopt or None, and the data without the chain's error there.
     """
     ranked = list(ranked)
     checked: dict[Candidate, Workbench] = {}
-    while (choice := rules.worth_adopting(bench, base, ranked, by_chance)) is not None:
+    while ranked and passes(rules.judge_candidate(Trial(bench, base, ranked[0], 1, by_chance, gained))):
+        choice = ranked[0]
         if choice in checked:
             return ranked, choice, checked[choice]
-        own = copy(bench)
-        fine = refit_in_fine_limit(own, choice.fit)
+        own, fine = refit_in_fine_limit(bench, choice.fit)
         found = replace(choice, fit=fine, score=candidates.score_gain(own, base, fine))
         checked[found] = own
         ranked[0] = found
-        if found.score < choice.score - _close(choice.score):
+        if found.score < choice.score - rules.tie(choice.score):
             ranked = prefer_simpler(ranked)
     return ranked, None, bench
 
 
+def judge_round(
+    bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float, gained: float
+) -> dict[str, tuple[Judgement, ...]]:
+    """Candidate -> what the rules say of it; arguments as `confirm_in_fine_limit`."""
+    least = min((c.score for c in ranked if c.is_fitted), default=0.0)
+    return {
+        c.name: rules.judge_candidate(Trial(bench, base, c, place, by_chance, gained, least))
+        for place, c in enumerate(ranked, start=1)
+    }
+
+
 def refit_with_own_noise(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
-    """The data as an adopted model sees them, and its fit to them: another link rings otherwise with noise."""
+    """The data whitened for an adopted model, and its fit to them.
+
+    Noise of the hub's sensor makes the modelled link ring; another link rings at other frequencies.
+    """
     if not _rings_otherwise(found.model, base.model):
         return bench, found
-    bench = seen_by(bench, found.model)
-    return bench, refit_in_fine_limit(bench, found)
+    return refit_in_fine_limit(seen_by(bench, found.model), found)
 
 
 def _rings_otherwise(model: Model, before: Model) -> bool:
@@ -155,15 +191,10 @@ def _rings_otherwise(model: Model, before: Model) -> bool:
     acts, acted = (
         {**m.plant.link.mechanisms, **m.plant.motor._replace(lag=0.0)._asdict()} for m in (model, before)
     )
-    return acts != acted or bool(np.any(np.abs(now / then - 1) > _SAME))
+    return acts != acted or bool(np.any(np.abs(now / then - 1) > _SAME_FREQUENCY))
 
 
-def refit_in_fine_limit(bench: Workbench, found: Fit) -> Fit:
-    """The fit with the chain's own error taken out where it now stands: an effect may bend the link as never before."""
-    chain_limit.move(bench, found.model, found.starts, chain_limit.QUICK)
-    return minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)
-
-
-def _close(score: float) -> float:
-    """Difference in score that is none: what the model gets wrong itself grows with what there is to explain."""
-    return max(5.0, _ABOUT * score)
+def refit_in_fine_limit(bench: Workbench, found: Fit) -> tuple[Workbench, Fit]:
+    """The data without the chain's own error where a fit stands, and the fit to them."""
+    bench, _ = chain_limit.corrected(bench, found.model, found.starts, chain_limit.QUICK)
+    return bench, minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)

@@ -1,4 +1,4 @@
-"""The loop: calibrate, look at what is left, find the effect that explains it, report on held-out recordings."""
+"""The search for missing effects: calibrate, add the effect that explains most, round by round; then the answer."""
 
 from __future__ import annotations
 
@@ -18,18 +18,16 @@ from twin.diagnosis import (
     dependence,
     fit_patch,
     predict,
-    rather_named,
     remainder,
     revise,
     rules,
-    stand_ins,
     unnamed,
     whole_orders,
 )
 from twin.diagnosis.answer import Diagnosis
 from twin.diagnosis.conclude import conclude
 from twin.diagnosis.plan import planned
-from twin.diagnosis.state import SearchState
+from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
 from twin.estimation import jackknife, refine, static_friction
@@ -67,20 +65,20 @@ def diagnose(
         raise InputError(f"false-alarm rate is {false_alarm_rate:g}; expected {least:g} to 0.5")
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        found = search(campaign, pool, progress, false_alarm_rate)
-        followed = not remainder.unexplained_channels(found)
+        state = search(campaign, pool, progress, false_alarm_rate)
+        followed = not remainder.unexplained_channels(state)
         if followed:
             progress("reading the static friction")
         polished = static_friction.polish(
-            found.data, found.base, found.best, found.start.declared, pool, whole=followed
+            state.data, state.base, state.best, state.start.declared, pool, whole=followed
         )
         progress("simulating every recording")
-        predicted = predict.predict(campaign, found, polished, pool)
-        pair = rules.closest_pair(found.rounds[: len(found.adopted)])
+        predicted = predict.predict(campaign, state, polished, pool)
+        pair = rules.closest_pair([r.ranked for r in state.adopting])
         plans = planned(campaign, pair, pool) if pair else []
-        left = dependence.unexplained_residuals(found.bench, found.data, found.best)
-        patched = None if followed else fit_patch.fit_patch(campaign, found, left, polished, predicted, pool)
-    answer = conclude(campaign, found, left, polished, predicted, plans, patched)
+        left = dependence.unexplained_residuals(state.bench, state.data, state.best)
+        patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
+    answer = conclude(campaign, state, left, polished, predicted, plans, patched)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
 
 
@@ -92,136 +90,133 @@ def search(
     progress: Progress = silent,
     false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> SearchState:
-    """Searches the fit recordings for effects that the model lacks."""
-    found, more = first_round(campaign, pool, progress, false_alarm_rate)
+    """Searches the fit recordings for effects that the model lacks; arguments as `diagnose`, threads in `pool`."""
+    state, more = first_round(campaign, pool, progress, false_alarm_rate)
     for _ in range(MOST_ROUNDS - 1):
-        if not more or len(found.adopted) == MOST_EFFECTS:
+        if not more or len(state.adopted) == MOST_EFFECTS:
             break
-        found, more = next_round(found, progress, false_alarm_rate)
+        state, more = next_round(state, progress, false_alarm_rate)
     progress("telling how sure it is")
-    found, sound = on_sound_channels(found)
-    found = with_errors(found, sound)
+    state, sound = on_sound_channels(state)
+    state = with_errors(state, sound)
     progress("asking what has no name")
-    other = stand_ins.without_stand_ins(found)
-    if other is not None:
-        other = with_unnamed(with_errors(other, other.bench), other.bench, false_alarm_rate)
-        if remainder.unexplained_channels(other):
-            return other
-    found = with_unnamed(with_whole_orders(found, sound), sound, false_alarm_rate)
-    named = rather_named.named_instead(found)
+    return _with_what_is_left(state, sound, false_alarm_rate)
+
+
+def _with_what_is_left(state: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
+    """The state at the end of the search: of three, the first that the rules allow.
+
+    Without effects of untold size, if a fault outside the library is left then; with an effect in the place of a
+    smooth function, if that leaves nothing; as it is.
+    """
+    told = revise.without_untold(state)
+    if told is not None:
+        told = with_unnamed(with_errors(told, told.bench), told.bench, false_alarm_rate)
+        if remainder.unexplained_channels(told):
+            return told
+    state = with_unnamed(with_whole_orders(state, sound), sound, false_alarm_rate)
+    named = revise.named_instead(state)
     if named is None:
-        return found
+        return state
     named = with_whole_orders(with_errors(named, named.bench), named.bench)
     named = with_unnamed(named, named.bench, false_alarm_rate)
-    return found if remainder.unexplained_channels(named) else named
+    return state if remainder.unexplained_channels(named) else named
 
 
-def with_unnamed(found: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
-    """The same with what has no name, on these data."""
-    return replace(found, nameless=unnamed.find_functions(sound, found.best, false_alarm_rate))
+def with_unnamed(state: SearchState, bench: Workbench, false_alarm_rate: float) -> SearchState:
+    """The state with the smooth functions that may be behind what is left of these data."""
+    return replace(state, unnamed=unnamed.find_functions(bench, state.best, false_alarm_rate))
 
 
-def with_whole_orders(found: SearchState, sound: Workbench) -> SearchState:
-    """The same with orders at whole numbers where these data do not say otherwise."""
-    best = whole_orders.with_whole_orders(sound, found.best)
-    return found if best is found.best else with_last_fit(found, _sure(sound, best))
+def with_whole_orders(state: SearchState, bench: Workbench) -> SearchState:
+    """The state with orders at whole numbers where these data do not say otherwise."""
+    best = whole_orders.with_whole_orders(bench, state.best)
+    return state if best is state.best else state.with_last_fit(_with_covariance(bench, best))
 
 
 def first_round(
     campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, false_alarm_rate: float
 ) -> tuple[SearchState, bool]:
-    """The first round of the search, as by `next_round`: on the clock that what it adopts asks for."""
+    """The first round of the search, as `next_round`; done again on another clock if the adopted effect asks for it."""
     start = calibrate(campaign, pool, progress)
-    found, more = next_round(SearchState(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
-    if found.adopted:
+    state, more = next_round(SearchState(start), progress, false_alarm_rate)
+    if state.adopted:
         progress("asking when commands act")
-        clock = likeliest_clock(start, found.best)
+        clock = likeliest_clock(start, state.best)
         if clock != start.clock:
             start = calibrate(campaign, pool, progress, clock=clock)
-            return next_round(SearchState(start, (), (), (), (start.bench,)), progress, false_alarm_rate)
-    return found, more
+            return next_round(SearchState(start), progress, false_alarm_rate)
+    return state, more
 
 
-def next_round(found: SearchState, progress: Progress, false_alarm_rate: float) -> tuple[SearchState, bool]:
-    """One round of the search: what was found with the effect that it adopts, if any, and whether there is one."""
-    bench, current = found.bench, found.best
-    explored = candidates.explore(
-        bench, current, candidates.candidates(current.model, bench.channels()), progress
-    )
+def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) -> tuple[SearchState, bool]:
+    """One round of the search; the state after it, and whether an effect was adopted."""
+    bench, current = state.bench, state.best
+    names = candidates.candidates(current.model, bench.channels())
+    explored = candidates.explore(bench, current, names, progress)
     progress("scoring what chance gives")
     draws = chance.permutation_scores(bench, current, explored.slopes)
-    by_chance = chance.threshold(draws, false_alarm_rate)
-    least = max(by_chance, remainder.OWN_ERROR * sum(c.score for c in found.adopted))
-    ranked = explored.ranked
-    # The fits so far were quick ones: what may be worth adopting is settled before it is asked for that.
-    if ranked and ranked[0].score > rules.LEAST_SCORE:
-        ranked = contest.prefer_closer_free_runs(
-            bench, contest.fit_to_convergence(bench, current, ranked, progress)
-        )
+    by_chance, ranked = chance.threshold(draws, false_alarm_rate), explored.ranked
+    if ranked and ranked[0].score > rules.MODEL_ERROR_SCORE:
+        ranked = contest.fit_to_convergence(bench, current, ranked, progress)
+        ranked = contest.prefer_closer_free_runs(bench, ranked)
         better = contest.better_calibration(bench, current, ranked[0])
         if better is not None:
             progress("looking again beside a better calibration")
-            return next_round(with_last_fit(found, better), progress, false_alarm_rate)
-    ranked, choice, confirmed = contest.confirm_in_fine_limit(bench, current, ranked, least)
-    found = replace(
-        found,
-        rounds=(*found.rounds, tuple(ranked)),
-        thresholds=(*found.thresholds, max(least, rules.LEAST_SCORE)),
-        by_chance=(*found.by_chance, by_chance),
-        draws=(*found.draws, draws),
-    )
+            return next_round(state.with_last_fit(better), progress, false_alarm_rate)
+    ranked, choice, confirmed = contest.confirm_in_fine_limit(bench, current, ranked, by_chance, state.gained)
+    judgements = contest.judge_round(confirmed, current, ranked, by_chance, state.gained)
+    threshold = max(by_chance, rules.MODEL_ERROR_SCORE, rules.MODEL_ERROR_SHARE * state.gained)
+    done = Round(tuple(ranked), by_chance, threshold, draws, judgements)
     if choice is None:
-        return found, False
-    progress(f"adopting {choice.effects[-1]}")
+        return state.with_round(done), False
+    progress(f"adopting {choice.name}")
     bench, current = contest.refit_with_own_noise(confirmed, current, choice.fit)
-    adopted = replace(choice, fit=current)
-    found = replace(found, adopted=(*found.adopted, adopted), benches=(*found.benches, bench))
-    return revise.revise(found, progress), True
+    done = replace(done, adopted=replace(choice, fit=current), bench=bench)
+    return revise.revise(state.with_round(done), progress), True
 
 
-def on_sound_channels(found: SearchState) -> tuple[SearchState, Workbench]:
-    """The same, but its last fit made without the sensors of the link that nothing explains while others agree.
+def on_sound_channels(state: SearchState) -> tuple[SearchState, Workbench]:
+    """The state with its last fit made without sensors of the link that nothing explains, and the data of that fit.
 
-    With it the data that it was made on.
-
-    A fault of one sensor is no calibration: the link's parameters would bend to it, and the hub's with them. Where no
-    sensor of the link is explained, it may be the link. What an effect says of sensors that it does not explain is not
-    what is missing.
+    A fault of one sensor is no calibration: the parameters of the link would be fitted to it, and those of the hub with
+    them. Where no sensor of the link is explained, the fault may be in the link. An effect of a sensor that it does not
+    explain is withdrawn.
     """
-    bench, best = found.bench, found.best
+    bench, best = state.bench, state.best
     link = bench.channels() - {"hub_angle", "motor_torque"}
-    faulty = link & set(remainder.unexplained_channels(found))
-    if found.adopted and _read_by(found.adopted[-1].effects[-1]) & faulty:
-        return on_sound_channels(replace(found, adopted=found.adopted[:-1], rounds=found.rounds[:-1]))
+    faulty = link & set(remainder.unexplained_channels(state))
+    if state.adopted and _read_by(state.adopted[-1].name) & faulty:
+        return on_sound_channels(_without_last(state))
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
-        return found, bench
+        return state, bench
     sound = bench.without(faulty)
-    fit_again = minimise(
+    again = minimise(
         sound, best.model, best.starts, best.unknowns, best.values, iterations=contest.FULL_ITERATIONS
     )
-    return with_last_fit(found, fit_again), sound
+    return state.with_last_fit(again), sound
 
 
-def with_last_fit(found: SearchState, best: Fit) -> SearchState:
-    """The same with another fit of the model that stands at its end."""
-    if not found.adopted:
-        return replace(found, start=replace(found.start, base=best))
-    return replace(found, adopted=(*found.adopted[:-1], replace(found.adopted[-1], fit=best)))
+def _without_last(state: SearchState) -> SearchState:
+    """The state without the effect that was adopted last."""
+    *kept, last = state.adopting
+    undone = [last.without_adoption()] if state.last is not None else []
+    return replace(state, rounds=(*kept, *undone))
 
 
-def with_errors(found: SearchState, sound: Workbench) -> SearchState:
-    """The same with honest errors of what was fitted last, on these data, and of the calibration."""
-    best = _sure(sound, found.best)
-    if found.adopted:
-        calibrated = jackknife.sure(found.start.bench, found.base)
-        found = replace(found, start=replace(found.start, base=calibrated))
-    return with_last_fit(found, best)
+def with_errors(state: SearchState, bench: Workbench) -> SearchState:
+    """The state with covariances of its last fit, on these data, and of the calibration."""
+    best = _with_covariance(bench, state.best)
+    if state.adopted:
+        calibrated = jackknife.sure(state.start.bench, state.base)
+        state = replace(state, start=replace(state.start, base=calibrated))
+    return state.with_last_fit(best)
 
 
-def _sure(bench: Workbench, best: Fit) -> Fit:
-    """The fit where its slopes along its ridge take it, and honest errors.
+def _with_covariance(bench: Workbench, best: Fit) -> Fit:
+    """The fit taken to its minimum along directions in which it is hardly determined, with its covariance.
 
-    Where nothing but declarations tells how large all inertias and stiffnesses are, a search creeps and stops short.
+    Where only declarations tell the common scale of all inertias and stiffnesses, a search stops short of the minimum.
     """
     smooth, by_roughness = refine.looked_along(bench, best)
     if refine.promised(bench, smooth) > refine.WORTH:

@@ -131,16 +131,18 @@ def _instead(found: SearchState) -> list[str]:
     if found.instead is None:
         return []
     return [
-        f"{found.names[-1]} gains {found.adopted[-1].score:.0f}, less than {rules.LEAST_SCORE:g}. But something is "
-        f"missing for sure: a smooth torque on the hub over {named(found.instead.law.variable)} makes the recordings "
-        f"e^{found.instead.evidence:.0f} times likelier, and the effect explains as much with the numbers it takes."
+        f"{found.names[-1]} gains {found.adopted[-1].score:.0f}, less than {rules.MODEL_ERROR_SCORE:g}. But something "
+        f"is missing for sure: a smooth torque on the hub over {named(found.instead.law.variable)} makes the "
+        f"recordings e^{found.instead.evidence:.0f} times likelier, and the effect explains as much with the numbers "
+        "it takes."
     ]
 
 
 def _taken_back(found: SearchState) -> list[str]:
-    if not found.taken_back:
+    untold = [name for name, judgement in found.withdrawn if judgement.rule == "size-is-told"]
+    if not untold:
         return []
-    *first, last = found.taken_back
+    *first, last = untold
     return [
         f"{', '.join(first)} and {last} together follow what was measured, but how large either is cannot be told: "
         "each takes away what the other adds. They stand for something else and are not taken for its cause."

@@ -43,11 +43,11 @@ class Planned:
     def said(self) -> str:
         """Returns what to record, and whether these recordings speak for either effect at all."""
         text = experiments.recommendation(self.plans, self.names)
-        if self.score >= rules.LEAST_SCORE:
+        if self.score >= rules.MODEL_ERROR_SCORE:
             return text
         return (
             f"These recordings speak for neither {self.names[0]} nor {self.names[1]}: the better one gains "
-            f"{self.score:.1f}, less than the {rules.LEAST_SCORE:g} that a diagnosis asks for. {text}"
+            f"{self.score:.1f}, less than the {rules.MODEL_ERROR_SCORE:g} that a diagnosis asks for. {text}"
         )
 
 

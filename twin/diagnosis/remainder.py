@@ -1,9 +1,11 @@
-"""What the model that stands at the end leaves unexplained, and whether it is more than noise."""
+"""What the model that stands at the end leaves unexplained, judged by `rules.EXPLANATION`."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from twin.diagnosis.judgement import Judgement, judge_all
+from twin.diagnosis.rules import EXPLANATION, LEFT_SHARE, SIZE_DEVIATIONS, Leftover, excesses
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import loss
 from twin.estimation.fit import Fit
@@ -12,79 +14,56 @@ from twin.estimation.workbench import Workbench, known_weights
 from twin.recording import HUB
 from twin.residuals.data import SINGLE
 
-OWN_ERROR = 2e-3
-"""Share of what effects have gained so far that the model's own error, which grows with it, may gain once more."""
-LEAST_EVIDENCE = 7.0
-"""Log of the odds by which a smooth function has to make the recordings likelier: 1100 to 1. Seven are asked in every
-campaign, each as large and as smooth as the recordings like it best: two nulls of some 600 came to 5.1 and 5.5."""
 QUIET = 1 / 3
-"""Noise levels below which a channel's noise is declared too large to be true."""
-UNEXPLAINED = 2.0
-"""Noise levels beyond which the worst of a channel's residuals is not explained."""
-LEFT = 0.05
-"""Share of what a residual was before any effect was adopted that a right effect may leave: its discretisation."""
-CHANCE = 3.0  # standard deviations by which the size of so much noise may seem larger than it is
-FAR_FROM_CHANCE = 5.0  # the same, of the worst
-REPEATED = 2  # recordings in which a channel must not be sound
+"""Noise levels below which a channel's declared noise is too large to be true."""
 
 
-def unexplained_channels(found: SearchState) -> tuple[str, ...]:
-    """Channels that are not explained: those that are `large_residuals`, and the hub where something is `significant_function`."""
-    large = large_residuals(found)
-    return large if HUB in large or significant_function(found) is None else (*large, HUB)
+def judge_channels(state: SearchState) -> dict[str, tuple[Judgement, ...]]:
+    """Channel -> what each rule of explanation says of what the model leaves of it."""
+    return {channel: judge_all(EXPLANATION, left) for channel, left in _leftovers(state).items()}
 
 
-def significant_function(found: SearchState) -> UnnamedFunction | None:
-    """The torque on the hub that is surely a function of one variable, though no effect explains it, if there is one.
+def unexplained_channels(state: SearchState) -> tuple[str, ...]:
+    """Channels that are not explained: those with `large_residuals`, and the hub with a `significant_function`."""
+    large = large_residuals(state)
+    return large if HUB in large or significant_function(state) is None else (*large, HUB)
 
-    Its evidence has to exceed what chance gives, and what a model gets wrong itself.
-    """
-    if not found.nameless:
+
+def significant_function(state: SearchState) -> UnnamedFunction | None:
+    """The likeliest smooth function of one variable behind the torque on the hub, if it is significant."""
+    if not state.unnamed:
         return None
-    best, own_error = found.nameless[0], OWN_ERROR * sum(c.score for c in found.adopted)
-    return best if best.evidence > max(LEAST_EVIDENCE, own_error, best.by_chance) else None
+    *_, function = judge_all(EXPLANATION, _with_function(state, Leftover((), (), 0)))
+    return None if function.passed else state.unnamed[0]
 
 
-def large_residuals(found: SearchState) -> tuple[str, ...]:
+def large_residuals(state: SearchState) -> tuple[str, ...]:
     """Channels whose residual exceeds what noise and a right model leave, in several recordings; the worst first."""
-    odd = _odd(found)
-    needed = min(REPEATED, len(found.bench.prepared))
-    worst = {
-        channel: float(np.median(list(sizes.values())))
-        for channel, sizes in odd.items()
-        if len(sizes) >= needed
-    }
-    return tuple(sorted(worst, key=lambda c: -worst[c]))
+    medians: dict[str, float] = {}
+    for channel, left in _leftovers(state).items():
+        worst, repeated, _ = judge_all(EXPLANATION, left)
+        if not worst.passed and not repeated.passed:
+            sizes = np.asarray(left.sizes)
+            medians[channel] = float(np.median(sizes[excesses(left, SOUND, SIZE_DEVIATIONS) > 1]))
+    return tuple(sorted(medians, key=lambda c: -medians[c]))
 
 
-def in_one_recording(found: SearchState) -> list[tuple[int, str, float]]:
-    """Recordings that leave such a residual in a channel that no other recording finds odd, with its size."""
-    repeated = large_residuals(found)
-    return [(i, c, s) for c, sizes in _odd(found).items() if c not in repeated for i, s in sizes.items()]
-
-
-def _odd(found: SearchState) -> dict[str, dict[int, float]]:
-    """Channel -> recording -> size of a residual that is not sound, of channels whose worst is not explained."""
-    before = residual_sizes(found.benches[0], found.base)
-    samples = _independent(found.bench)
-    odd: dict[str, dict[int, float]] = {}
-    worst: set[str] = set()
-    for (recording, channel), size in residual_sizes(found.bench, found.best).items():
-        if channel in SINGLE:
+def in_one_recording(state: SearchState) -> list[tuple[int, str, float]]:
+    """Recording, channel and size of each such residual that no other recording shows in that channel."""
+    repeated, found = large_residuals(state), []
+    recordings = _recordings(state.bench)
+    for channel, left in _leftovers(state).items():
+        worst, *_ = judge_all(EXPLANATION, left)
+        if channel in repeated or worst.passed:
             continue
-        may_be_left = LEFT * before.get((recording, channel), 0.0)
-        more = float(np.sqrt(max(size**2 - may_be_left**2, 0.0)))
-        deviation = 1 / np.sqrt(2 * max(samples[recording, channel], 1.0))
-        if more > max(SOUND, 1 + CHANCE * deviation):
-            odd.setdefault(channel, {})[recording] = more
-        if more > max(UNEXPLAINED, 1 + FAR_FROM_CHANCE * deviation):
-            worst.add(channel)
-    return {channel: sizes for channel, sizes in odd.items() if channel in worst}
+        for k in np.flatnonzero(excesses(left, SOUND, SIZE_DEVIATIONS) > 1).tolist():
+            found.append((recordings[channel][k], channel, float(left.sizes[k])))
+    return found
 
 
-def overstated_noise(found: SearchState) -> dict[str, float]:
+def overstated_noise(state: SearchState) -> dict[str, float]:
     """Channel -> size of its residual in declared noise levels, of those that are much quieter than declared."""
-    sizes = residual_sizes(found.bench, found.best)
+    sizes = residual_sizes(state.bench, state.best)
     usual = {
         channel: float(np.median([s for (_, c), s in sizes.items() if c == channel and s > 0] or [1.0]))
         for channel in {c for _, c in sizes} - set(SINGLE)
@@ -93,13 +72,48 @@ def overstated_noise(found: SearchState) -> dict[str, float]:
 
 
 def residual_sizes(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
-    """Recording and channel -> size of the residual in noise levels."""
+    """Recording and channel -> root-mean-square residual in noise levels."""
     sizes = loss.group_sizes(fit.residual, bench.data.groups, bench.weight * known_weights(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 
-def _independent(bench: Workbench) -> dict[tuple[int, str], float]:
-    """Recording and channel -> number of independent samples, which tell the size of noise to 1/sqrt(2 n)."""
+def _leftovers(state: SearchState) -> dict[str, Leftover]:
+    """Channel -> what is left of it, as the rules of explanation read it; channels of single instants left out."""
+    before = residual_sizes(state.start.bench, state.base)
+    after, samples = residual_sizes(state.bench, state.best), _independent_samples(state.bench)
+    found = {}
+    for channel, recordings in _recordings(state.bench).items():
+        keys = [(i, channel) for i in recordings]
+        # A right effect leaves a part of what it explains, by the chain's discretisation.
+        sizes = [
+            float(np.sqrt(max(after[k] ** 2 - (LEFT_SHARE * before.get(k, 0.0)) ** 2, 0.0))) for k in keys
+        ]
+        # The root-mean-square of n normal deviates scatters by 1/sqrt(2 n).
+        deviations = [1 / float(np.sqrt(2 * max(samples[k], 1.0))) for k in keys]
+        left = Leftover(sizes, deviations, len(state.bench.prepared))
+        found[channel] = _with_function(state, left) if channel == HUB else left
+    return found
+
+
+def _with_function(state: SearchState, left: Leftover) -> Leftover:
+    """The leftover of the hub with the evidence of the likeliest smooth function, if any was asked for."""
+    if not state.unnamed:
+        return left
+    best = state.unnamed[0]
+    return Leftover(left.sizes, left.deviations, left.recordings, best.evidence, best.by_chance, state.gained)
+
+
+def _recordings(bench: Workbench) -> dict[str, list[int]]:
+    """Channel -> recordings in which it is compared; channels of single instants left out."""
+    found: dict[str, list[int]] = {}
+    for group in bench.data.groups:
+        if group.channel not in SINGLE:
+            found.setdefault(group.channel, []).append(group.recording)
+    return found
+
+
+def _independent_samples(bench: Workbench) -> dict[tuple[int, str], float]:
+    """Recording and channel -> number of independent samples."""
     found = {(g.recording, g.channel): 0.0 for g in bench.data.groups}
     for group, count in zip(bench.groups, bench.count, strict=True):
         found[group.recording, group.channel] += float(count)

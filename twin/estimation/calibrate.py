@@ -118,7 +118,7 @@ def _cost_on(clock: Clock, start: Calibration, best: Fit) -> float:
     pairs = zip(start.sound, start.prepared, strict=True)
     prepared = [_prepared(clock, recording, p.noise, best.model)[0] for recording, p in pairs]
     bench = Workbench(DrivenData(prepared, best.model), start.bench.pool)
-    chain_limit.move(bench, best.model, best.starts, chain_limit.ROUGH)
+    bench, _ = chain_limit.corrected(bench, best.model, best.starts, chain_limit.ROUGH)
     return minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
 
 
@@ -168,7 +168,7 @@ def _roughly(
         clock_unknown(bench.prepared),
         *start_unknowns(bench.prepared),
     )
-    chain_limit.move(bench, model, starts, chain_limit.ROUGH)
+    bench, _ = chain_limit.corrected(bench, model, starts, chain_limit.ROUGH)
     x = roughly(bench, model, starts, unknowns, known.told)
     return _Rough(clock, bench, minimise(bench, model, starts, unknowns, x, iterations=20), notes)
 
@@ -229,7 +229,7 @@ def sound_stretches(
 def _calibrated(bench: Workbench, model: Model, rough: Fit) -> tuple[Workbench, Fit]:
     """The data as the calibrated model sees them, the chain's own error taken out, and the fit to them."""
     bench = seen_by(bench, rough.model)
-    chain_limit.move(bench, rough.model, rough.starts, chain_limit.QUICK)
+    bench, _ = chain_limit.corrected(bench, rough.model, rough.starts, chain_limit.QUICK)
     return bench, minimise(bench, model, rough.starts, rough.unknowns, rough.values, iterations=3)
 
 

@@ -58,15 +58,23 @@ def weights(segments: Sequence[int]) -> np.ndarray:
     return np.linalg.solve(powers, np.eye(len(segments))[0])
 
 
-def move(bench: Workbench, model: Model, starts: Sequence[Start], segments: Sequence[int]) -> np.ndarray:
-    """Takes the error of the model's chain out of all later residuals of a bench, as the limit shows it.
+def corrected(
+    bench: Workbench, model: Model, starts: Sequence[Start], segments: Sequence[int]
+) -> tuple[Workbench, np.ndarray]:
+    """Takes the discretisation error of a model's chain out of the residuals of a bench.
+
+    Args:
+      bench: the data; whatever was taken out of it before is put back.
+      model, starts: where the error is determined.
+      segments: numbers of segments of the equal chains that give the limit.
 
     Returns:
-      The change (n) of the residual by the coarsest of these chains: it is what the last power came to.
+      The data without the error, and the change (n) of the residual by the coarsest of these chains, which is the
+      contribution of the highest power.
     """
-    bench.defect = np.zeros(len(bench.weight))
+    bench = bench.with_defect(np.zeros(len(bench.weight)))
     models = [model, *(even(model, n) for n in segments)]
     given, *found = bench.residuals([(m, starts, None) for m in models])
     at_limit = weights(segments) @ np.array(found)
-    bench.defect = given - at_limit
-    return at_limit - weights(segments[1:]) @ np.array(found[1:])
+    last = at_limit - weights(segments[1:]) @ np.array(found[1:])
+    return bench.with_defect(given - at_limit), last

@@ -61,6 +61,12 @@ class Workbench:
         bench.count = np.where([g.channel in channels for g in self.groups], 0.0, self.count)
         return bench
 
+    def with_defect(self, defect: np.ndarray) -> Workbench:
+        """The same, but with `defect` (n), in noise units, taken out of every residual."""
+        bench = copy(self)
+        bench.defect = defect
+        return bench
+
     def residuals(self, jobs: Sequence[tuple[Model, Sequence[Start], int | None]]) -> list[np.ndarray]:
         """Measured minus simulated in noise units (n) of each (model, starts, only recording or None).
 

@@ -194,7 +194,7 @@ def estimate(
     start = calibrate(campaign, pool, progress, told)
     progress("fitting in the limit of a fine chain")
     bench = Workbench(DrivenData(start.prepared, start.base.model, BANDS), pool)
-    base, left = _in_the_limit(bench, start.base)
+    bench, base, left = _in_the_limit(bench, start.base)
     progress("leaving recordings out")
     said = sandwich.evidence(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
@@ -239,20 +239,20 @@ def prior_deviation(rig: Rig, name: str) -> float:
     return relative_uncertainty(rig.parameters[name]) * abs(rig[name])
 
 
-def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
-    """The fit with the chain's own error taken out where it stands, and what (p) that may still be off.
+def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np.ndarray]:
+    """The data without the chain's own error, the fit to them, and what (p) the values may still be off by that error.
 
-    The second time it is where it stands at last, on one chain more.
+    The error is determined where the fit starts, and once more, with one chain more, where it stands.
     """
     kept = refine.seen(base)
     unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
-    chain_limit.move(bench, base.model, base.starts, chain_limit.QUICK)
+    bench, _ = chain_limit.corrected(bench, base.model, base.starts, chain_limit.QUICK)
     found = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
-    change = chain_limit.move(bench, found.model, found.starts, chain_limit.CLOSE)
+    bench, change = chain_limit.corrected(bench, found.model, found.starts, chain_limit.CLOSE)
     found = refine.refined(bench, found)
     information, _ = normal_equations(bench, found)
     pull = found.jacobian.T @ (row_weights(bench, found.residual) * change)
-    return found, -np.linalg.pinv(information, hermitian=True) @ pull
+    return bench, found, -np.linalg.pinv(information, hermitian=True) @ pull
 
 
 def _allowed(distances: np.ndarray) -> float:

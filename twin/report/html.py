@@ -12,6 +12,7 @@ import numpy as np
 
 from twin import labels
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
+from twin.diagnosis.rules import RULES
 from twin.effects import meaning
 from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures, pages
@@ -242,6 +243,7 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
             "score": _score(score),
             "width": 100 * max(score, 0.0) / top if top > 0 else 0.0,
             "adopted": name in adopted,
+            "rule": _turned_down(diagnosis, name),
         }
         for name, score in fitted[:most]
     ]
@@ -251,6 +253,17 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
         "not_fitted": [labels.words(n) for n, _ in diagnosis.ranking if n in idle],
         "least": 100 * least / top if least > 0 else None,
     }
+
+
+def _turned_down(diagnosis: Diagnosis, name: str) -> dict[str, str] | None:
+    """Returns the rule by which a candidate was turned down, its question, statistic and limit."""
+    found = diagnosis.turned_down(name)
+    if found is None:
+        return None
+    rule = RULES[found.judgement.rule]
+    sign = "<" if rule.at_least else ">"
+    value, limit = (labels.number(v) for v in (found.judgement.value, found.judgement.limit))
+    return {"name": rule.name, "asks": rule.asks, "said": f"{value} {sign} {limit}"}
 
 
 def _decision(d: Diagnosis) -> dict[str, str | bool] | None:
