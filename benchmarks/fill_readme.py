@@ -11,11 +11,10 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from twin.effects import REGISTRY, Effect
-from twin.labels import unit
+from twin.effects import catalogue
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 
@@ -31,21 +30,7 @@ def demo() -> str:
 
 def effects() -> str:
     """The registry as a table."""
-    return "\n".join(
-        ["| effect | what the model lacks | law | parameters |", "| --- | --- | --- | --- |", *effect_rows()]
-    )
-
-
-def effect_rows() -> Iterator[str]:
-    """One line for each effect: name, plain words, first line of its docstring, parameters."""
-    for name, effect in REGISTRY.items():
-        parameters = ", ".join(f"`{p.name}` {unit(p.unit)}".rstrip() for p in effect.parameters)
-        yield f"| `{name}` | {effect.meaning} | {_law(effect)} | {parameters} |"
-
-
-def _law(effect: Effect) -> str:
-    first = (type(effect).__doc__ or "").split("\n\n")[0]
-    return " ".join(first.split()).rstrip(".").replace("|", r"\|").replace("*", r"\*")
+    return catalogue.markdown()
 
 
 def accuracy() -> str:

@@ -4,8 +4,9 @@ import ast
 from pathlib import Path
 
 import pytest
+from paths import ROOT
 
-PACKAGE = Path(__file__).parent.parent / "twin"
+PACKAGE = ROOT / "twin"
 
 LAYERS = (
     {"errors"},

@@ -4,10 +4,10 @@ import importlib.util
 import re
 import shlex
 import tomllib
-from pathlib import Path
 
 import pytest
 import typer.main
+from paths import ROOT
 
 from twin.campaigns import schema
 from twin.campaigns.units import TIME, allowed
@@ -15,7 +15,6 @@ from twin.cli import app
 from twin.parameters import DEFAULTS, PARAMETERS
 from twin.recording import CHANNEL_UNITS
 
-ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FORMAT = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
 PATHS = [ROOT / "README.md", *ROOT.glob("[a-z]*/README.md"), *ROOT.glob("docs/*.md")]

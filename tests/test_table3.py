@@ -2,11 +2,11 @@
 
 import importlib
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from open_loop import Family, designed, turn
+from paths import ROOT
 from turns import (
     Free,
     Outcomes,
@@ -27,7 +27,6 @@ from twin.rigs import preset
 from twin.rigs.model import Model
 
 RIG = preset("bossi2009")
-ROOT = Path(__file__).parent.parent
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from planted import PLANTED
 
 from twin.effects import REGISTRY
 from twin.mechanics import chain
@@ -16,52 +17,6 @@ GAUGES = {
     "strain_base": Sensor("strain_base", 2e-6, 0.02, 8e-4),
     "strain_mid": Sensor("strain_mid", 2e-6, 0.21, 8e-4),
 }
-# A size of each effect that a rig may well have.
-PLANTED = {
-    "viscous-friction": {"viscous": 0.003},
-    "asymmetric-friction": {
-        "static_positive": 0.06,
-        "static_negative": 0.072,
-        "coulomb_positive": 0.004,
-        "coulomb_negative": 0.01,
-    },
-    "cable-torsion": {"stiffness": 0.012, "rest_angle": 0.2},
-    "torque-bias": {"bias": 0.003},
-    "torque-gain": {"gain": 0.94},
-    "actuator-delay": {"delay": 0.009},
-    "payload-mass": {"tip_mass": 0.14},
-    "stiffness-loss": {"bending_stiffness": 0.22},
-    "air-drag": {"coefficient": 0.08},
-    "hub-sensor-gain": {"gain": 0.97},
-    "strain-gain": {"gain_base": 0.95, "gain_mid": 1.04},
-    "stribeck-friction": {"stribeck_velocity": 1.2},
-    "position-dependent-friction": {"amplitude": 0.02, "order": 4.0, "phase": 0.6},
-    "cogging": {"amplitude": 0.012, "order": 7.0, "phase": -0.4},
-    "actuator-lag": {"time_constant": 0.008},
-    "gravity-tilt": {"tilt": 0.02, "direction": 1.1},
-    "periodic-disturbance": {
-        "frequency": 6.0,
-        "amplitude": 0.01,
-        "phase": 0.5,
-        "base": 0.0,
-        "direction": 0.0,
-    },
-    "softening-stiffness": {"softening": 0.3, "curvature": 0.8},
-    "torsional-mode": {
-        "frequency": 26.0,
-        "damping_ratio": 0.02,
-        "inertia_share": 0.15,
-        "strain_base": 4e-3,
-        "strain_mid": 3e-3,
-    },
-    "backlash": {"gap": 0.02, "motor_inertia_share": 0.4},
-    "root-compliance": {"stiffness": 6.0},
-    "air-pad-drag": {"viscous": 0.05},
-    "hub-sensor-nonlinearity": {"amplitude": 0.02, "order": 3.0, "phase": 0.3},
-    "strain-drift": {"rate_base": 4e-5, "rate_mid": -2e-5},
-    "sensor-delay": {"delay": 0.008, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0},
-}
-
 SHAKEN = {"frequency": 6.0, "amplitude": 0.3, "phase": 0.5, "base": 1.0, "direction": 0.7}
 CASES = [*PLANTED.items(), ("periodic-disturbance", SHAKEN)]
 

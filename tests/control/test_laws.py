@@ -2,11 +2,11 @@
 
 import math
 import textwrap
-from pathlib import Path
 
 import control
 import numpy as np
 import pytest
+from paths import ROOT
 
 from twin.control import plants
 from twin.control.closed_loop import run
@@ -213,7 +213,7 @@ def test_missing_file_and_unknown_name_are_said():
 
 
 def test_the_example_of_the_documentation_controls_the_rig(tmp_path):
-    text = (Path(__file__).parent.parent / "docs" / "control.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
     example = text.split("```python\n")[1].split("```")[0]
     law = controller(user_file(tmp_path, example, "Mine"), RIG, PERIOD)
     step = run(plants.make("modal"), law, lambda time: math.radians(120), 5.0)

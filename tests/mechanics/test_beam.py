@@ -1,17 +1,16 @@
 import itertools
 import time
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 from finite_elements import FiniteElementLink
+from paths import PUBLISHED
 from scipy.optimize import brentq
 
 from twin.mechanics.beam import modes, rigid_inertia, static_tip_compliance
 from twin.rigs import preset
 
-PUBLISHED = Path(__file__).parent / "published"
 BOSSI = tomllib.loads((PUBLISHED / "bossi2009.toml").read_text())
 ROOTS = tomllib.loads((PUBLISHED / "beam_roots.toml").read_text())
 BARE = {

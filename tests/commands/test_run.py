@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_stream import read
+from rrd import read
 
 from twin.control import scenarios
 from twin.control.experiment import Experiment

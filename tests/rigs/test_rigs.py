@@ -1,10 +1,10 @@
 import pickle
 import time
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from paths import PUBLISHED
 
 from twin.errors import InputError
 from twin.mechanics.beam import modes
@@ -12,7 +12,7 @@ from twin.parameters import Parameter
 from twin.rigs import PRESETS, bossi2009, preset
 from twin.rigs.match_modes import reconcile
 
-BOSSI = tomllib.loads((Path(__file__).parent / "published" / "bossi2009.toml").read_text())
+BOSSI = tomllib.loads((PUBLISHED / "bossi2009.toml").read_text())
 
 
 def test_printed_preset_is_table_2():

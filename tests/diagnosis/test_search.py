@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_effects import PLANTED
+from planted import PLANTED
 
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis import dependence, spectrum

@@ -1,10 +1,10 @@
 import tomllib
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 from finite_elements import FiniteElementLink
+from paths import PUBLISHED
 from scipy.linalg import eig
 from scipy.signal import cont2discrete
 
@@ -19,7 +19,7 @@ from twin.mechanics.modal import (
 from twin.recording import Sensor
 from twin.rigs import preset
 
-BOSSI = tomllib.loads((Path(__file__).parent / "published" / "bossi2009.toml").read_text())
+BOSSI = tomllib.loads((PUBLISHED / "bossi2009.toml").read_text())
 GAUGES = (Sensor("strain_base", None, 0.02, 0.0008), Sensor("strain_mid", None, 0.21, 0.0008))
 
 

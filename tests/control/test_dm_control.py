@@ -1,14 +1,12 @@
 """The files of models/ in dm_control, for people who use the rig from there."""
 
 import os
-from pathlib import Path
 
 import numpy as np
+from paths import MODELS
 
 # Nothing is drawn here; without this dm_control looks for a screen when it is imported.
 os.environ.setdefault("MUJOCO_GL", "disabled")
-
-MODELS = Path(__file__).resolve().parent.parent / "models"
 
 
 def test_the_scene_opens_and_the_motor_turns_the_hub():

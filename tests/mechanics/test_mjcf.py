@@ -1,10 +1,10 @@
 import re
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from paths import MODELS
 from plants import BIAS, changed, torque_of
 
 from twin.mechanics import beam, mjcf
@@ -18,7 +18,6 @@ from twin.rigs import mjcf_files, preset
 RIG = preset("bossi2009")
 CHAIN = build(RIG)
 PLANT = declared_plant(RIG, CHAIN)
-MODELS = Path(__file__).parent.parent / "models"
 
 
 def _tokens(element: ET.Element) -> list[str]:

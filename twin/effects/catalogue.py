@@ -1,0 +1,28 @@
+"""The vocabulary as a table: for documentation, and for effects that other packages add to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from twin.effects import REGISTRY, Effect
+from twin.labels import unit
+
+
+def rows() -> Iterator[tuple[str, str, str, str]]:
+    """Name, meaning, law and parameters of every effect, in Markdown."""
+    for name, effect in REGISTRY.items():
+        parameters = ", ".join(f"`{p.name}` {unit(p.unit)}".rstrip() for p in effect.parameters)
+        yield f"`{name}`", effect.meaning, law(effect), parameters
+
+
+def law(effect: Effect) -> str:
+    """The first sentence of an effect's docstring, in which its law stands."""
+    first = (type(effect).__doc__ or "").split("\n\n")[0]
+    return " ".join(first.split()).rstrip(".").replace("|", r"\|").replace("*", r"\*")
+
+
+def markdown() -> str:
+    """The vocabulary as a Markdown table."""
+    head = ("effect", "what the model lacks", "law", "parameters")
+    rule = ("---",) * len(head)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, rule, *rows()))
