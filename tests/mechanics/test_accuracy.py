@@ -9,6 +9,7 @@ from twin.errors import InputError
 from twin.mechanics.accuracy import check, to_json
 from twin.mechanics.chain_modes import fit_ring_down
 from twin.rigs import preset
+from twin.rigs.bossi2009 import FREQUENCIES_HZ
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +46,7 @@ def test_shapes_agree(default):
 
 
 def test_json_has_what_others_read(default):
-    content = json.loads(json.dumps(to_json(default)))
+    content = json.loads(json.dumps(to_json(default, FREQUENCIES_HZ)))
     assert content["rig"] == "bossi2009"
     assert content["passed"] is True
     assert content["published"] == {"f1_hz": 7.27, "f2_hz": 18.21}
@@ -65,7 +66,7 @@ def test_rig_without_friction_is_checked_for_the_rest():
     bare = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)
     result = check(bare, 4)
     assert result.creep is None
-    assert to_json(result)["break_away_nm"] is None
+    assert to_json(result, FREQUENCIES_HZ)["break_away_nm"] is None
 
 
 @pytest.mark.parametrize("segments", [1, 49])
