@@ -11,7 +11,7 @@ PACKAGE = ROOT / "twin"
 LAYERS = (
     {"errors"},
     {"recording", "parameters", "correlations", "progress"},
-    {"labels"},
+    {"labels", "table"},
     {"files"},
     {"mechanics"},
     {"effects"},
@@ -22,6 +22,7 @@ LAYERS = (
     {"control", "diagnosis"},
     {"report"},
     {"identification", "validation"},
+    {"api"},
     {"", "commands"},
     {"cli"},
 )

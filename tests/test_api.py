@@ -1,0 +1,144 @@
+"""The public interface: importable at once, and what the commands do."""
+
+import importlib
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from paths import ROOT
+
+import twin
+from twin.table import Table
+
+EXAMPLES = ROOT / "docs" / "examples"
+DEMO = ROOT / "twin" / "data" / "demo-rig"
+
+
+def test_import_loads_nothing_heavy():
+    code = (
+        "import sys, twin; print(sorted(set(sys.modules) & {'numpy', 'mujoco', 'scipy', 'numba', 'typer'}))"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT
+    )
+    assert printed.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", twin.__all__)
+def test_every_public_name_is_there(name):
+    assert getattr(twin, name) is not None
+    assert name in dir(twin)
+
+
+def test_an_unknown_name_is_named():
+    with pytest.raises(AttributeError, match="module 'twin' has no attribute 'diagnoze'"):
+        twin.diagnoze  # noqa: B018
+
+
+def test_defaults_are_those_of_the_commands():
+    import inspect
+
+    from twin.commands.diagnose import diagnose
+    from twin.commands.validate import validate
+
+    ours, theirs = inspect.signature(twin.diagnose).parameters, inspect.signature(diagnose).parameters
+    assert ours["false_alarm_rate"].default == theirs["false_alarm_rate"].default
+    ours, theirs = inspect.signature(twin.validate).parameters, inspect.signature(validate).parameters
+    for name in ("rigs", "scenario", "seed"):
+        assert ours[name].default == theirs[name].default
+
+
+def test_a_model_turns_under_a_torque():
+    time = np.arange(0.0, 0.5, 2e-3)
+    run = twin.model().simulate(time, np.full(len(time), 0.1))
+    still = twin.model(effects={"torque-gain": {"gain": 0.5}}).simulate(time, np.full(len(time), 0.1))
+    assert run["hub_angle"][-1] > still["hub_angle"][-1]
+    assert set(run.measured()) == {"hub_angle", "strain_base", "strain_mid", "tip_deflection", "motor_torque"}
+
+
+def test_a_released_tip_swings_back():
+    time = np.arange(0.0, 0.9, 2e-3)
+    run = twin.model().simulate(time, 0 * time, tip_deflection=0.03, clamped=True)
+    assert run["tip_deflection"][0] == pytest.approx(0.03, abs=1e-4)
+    assert run["tip_deflection"].min() < -0.025
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: twin.rig("bosi2009"), "did you mean 'bossi2009'"),
+        (lambda: twin.model("nowhere.toml"), "there is no such file"),
+        (lambda: twin.model(effects={"cogging": {"size": 1.0}}), "cogging"),
+        (lambda: twin.model().simulate([0.0, 1.0], [0.0]), "expected two vectors of equal length"),
+        (lambda: twin.model().simulate([0.0, 1.0], [0.0, 0.0], channels=["hub"]), "'hub' is not simulated"),
+        (lambda: twin.run("lq-step-12"), "lq-step-12"),
+        (lambda: twin.read_campaign(ROOT / "nowhere"), "nowhere"),
+    ],
+)
+def test_what_cannot_be_used_is_named(call, message):
+    with pytest.raises(twin.InputError, match=message):
+        call()
+
+
+def test_the_linear_model_has_the_modes_of_the_beam():
+    from twin.mechanics.beam import modes
+
+    system = twin.state_space(modes=2)
+    found = np.unique(np.abs(system.poles())[np.abs(system.poles()) > 1].round(6))
+    np.testing.assert_allclose(found, modes(twin.rig(), 2).frequencies, rtol=1e-6)
+    assert list(system.output_labels) == ["hub_angle", "tip_deflection", "strain_base", "strain_mid"]
+
+
+def test_a_run_is_written_as_csv_and_for_rerun(tmp_path):
+    run = twin.run("bang-bang-45")
+    assert run.metrics["hub_max_deg"] > 10
+    assert run.save(tmp_path / "run.csv").read_text().startswith("time,")
+    assert run.save(tmp_path / "run.rrd").stat().st_size > 1000
+    with pytest.raises(twin.InputError, match=r"expected \.csv or \.rrd"):
+        run.save(tmp_path / "run.txt")
+
+
+def test_a_table_is_read_by_people_and_programs():
+    table = Table.of_rows(("name", "value"), [("a<b", 1.23456789), ("c", None)])
+    assert repr(table) == "name  value\na<b   1.2346\nc"
+    assert "<td>a&lt;b</td><td>1.2346</td>" in table._repr_html_()
+    assert table.to_dict() == {"name": ["a<b", "c"], "value": [1.23456789, None]}
+    with pytest.raises(ValueError, match="expected equal ones"):
+        Table({"a": (1,), "b": ()})
+
+
+def test_an_effect_of_ones_own_brakes():
+    ends = _example("own_effect").main()
+    twin.effects.unregister("eddy-brake")
+    assert ends["with the brake"] < ends["without"] - 0.5
+
+
+@pytest.mark.slow
+def test_the_example_of_a_diagnosis_runs(tmp_path, capsys):
+    diagnosis = _example("diagnose").main(str(DEMO), str(tmp_path / "results"))
+    assert diagnosis.verdict == "explained"
+    assert [row["turned_down_by"] for row in diagnosis.ranking().rows()][0] is None
+    assert {p.name for p in (tmp_path / "results").iterdir()} >= {"report.html", "run.rrd", "diagnosis.json"}
+    printed = capsys.readouterr().out
+    assert "The model lacks cable torsion" in printed
+    assert "A slew ends at" in printed
+
+
+@pytest.mark.slow
+def test_the_notebook_runs():
+    notebook = json.loads((EXAMPLES / "diagnosis.ipynb").read_text(encoding="utf-8"))
+    names: dict = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    assert names["diagnosis"].verdict == "explained"
+    assert "cable-torsion" in names["diagnosis"]._repr_html_()
+
+
+def _example(name: str):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
