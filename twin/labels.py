@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 
 
 @dataclass(frozen=True)
-class Shown:
+class Display:
     """How a channel is shown.
 
     Attributes:
@@ -25,46 +25,46 @@ class Shown:
 
 
 _DEGREE = 180.0 / math.pi
-CHANNELS: Mapping[str, Shown] = {
-    "torque_command": Shown("commanded torque", "N m", 1.0),
-    "motor_torque": Shown("motor torque", "N m", 1.0),
-    "hub_reference": Shown("hub reference", "°", _DEGREE),
-    "hub_angle": Shown("hub angle", "°", _DEGREE),
-    "strain_base": Shown("base strain", "µε", 1e6),
-    "strain_mid": Shown("mid strain", "µε", 1e6),
-    "tip_deflection": Shown("tip deflection", "mm", 1e3),
-    "tip_acceleration": Shown("tip acceleration", "m/s²", 1.0),
+CHANNELS: Mapping[str, Display] = {
+    "torque_command": Display("commanded torque", "N m", 1.0),
+    "motor_torque": Display("motor torque", "N m", 1.0),
+    "hub_reference": Display("hub reference", "°", _DEGREE),
+    "hub_angle": Display("hub angle", "°", _DEGREE),
+    "strain_base": Display("base strain", "µε", 1e6),
+    "strain_mid": Display("mid strain", "µε", 1e6),
+    "tip_deflection": Display("tip deflection", "mm", 1e3),
+    "tip_acceleration": Display("tip acceleration", "m/s²", 1.0),
 }
 """Every channel of the recording format as people read it."""
-_VARIABLES: Mapping[str, Shown] = {
+_VARIABLES: Mapping[str, Display] = {
     "hub_angle": CHANNELS["hub_angle"],
-    "hub_rate": Shown("hub rate", "rad/s", 1.0),
-    "hub_acceleration": Shown("hub acceleration", "rad/s²", 1.0),
-    "time": Shown("time", "s", 1.0),
-    "tip_rate": Shown("tip rate", "m/s", 1.0),
-    "hub_travel": Shown("hub travel since it turned round", "°", _DEGREE),
+    "hub_rate": Display("hub rate", "rad/s", 1.0),
+    "hub_acceleration": Display("hub acceleration", "rad/s²", 1.0),
+    "time": Display("time", "s", 1.0),
+    "tip_rate": Display("tip rate", "m/s", 1.0),
+    "hub_travel": Display("hub travel since it turned round", "°", _DEGREE),
 }
 
 
-def channel(name: str) -> Shown:
+def channel(name: str) -> Display:
     """Returns how a channel is shown; one that the format does not know keeps its name and SI unit."""
-    return CHANNELS.get(name, Shown(words(name), "SI", 1.0))
+    return CHANNELS.get(name, Display(words(name), "SI", 1.0))
 
 
-def variable(name: str) -> Shown:
+def variable(name: str) -> Display:
     """Returns how a variable that an unexplained force may depend on is shown."""
-    return _VARIABLES.get(name) or CHANNELS.get(name) or Shown(words(name), "", 1.0)
+    return _VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
 
 
-def named(name: str) -> str:
+def with_the(name: str) -> str:
     """Returns a channel or variable as a sentence has it."""
     label = variable(name).label
     return label if name == "time" else f"the {label}"
 
 
-def unmodelled(name: str) -> Shown:
+def unmodelled(name: str) -> Display:
     """Returns how that is shown which a model leaves of a channel, or of the balance of the hub."""
-    shown = Shown("hub torque", "N m", 1.0) if name == HUB else channel(name)
+    shown = Display("hub torque", "N m", 1.0) if name == HUB_TORQUE else channel(name)
     return replace(shown, label=f"unmodelled {shown.label}")
 
 
@@ -133,5 +133,5 @@ def probability(value: float) -> str:
     return "> 99.9 %" if value > 0.999 else "< 0.1 %" if value < 0.001 else f"{100 * value:.3g} %"
 
 
-def _listed(items: list[str]) -> str:
+def join_with_and(items: list[str]) -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"

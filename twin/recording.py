@@ -26,7 +26,7 @@ CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
 MEASURED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "tip_acceleration", "motor_torque")
 """Channels that a simulation predicts, in the order used everywhere."""
 
-HUB = "hub_torque"
+HUB_TORQUE = "hub_torque"
 """Name of the torque balance of the hub, which stands beside the channels."""
 
 

@@ -19,9 +19,9 @@ from twin.files.table import Table, read_table, read_text
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
 from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
 
-STATIC = "static.csv"
+STATIC_FILE = "static.csv"
 _COMMAND = "torque_command"
-_SLOWEST = 0.1
+_LONGEST_PERIOD = 0.1
 """Longest sample period [s]: five samples of a swing at 2 Hz; periods are longer where time is in ms."""
 
 
@@ -99,18 +99,18 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     """
     root = _folder(Path(folder))
     said = schema.parse(read_text(root / schema.FILE, schema.FILE))
-    rig = _rig(said)
+    rig = _declared_rig(said)
     _check_channels(said, rig)
     _check_recordings(said, rig)
     read = [_read_recording(root, entry, said.channels) for entry in said.recordings]
     _check_columns(said, [table for _, table, _ in read])
     recordings, stuck = check_rig.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
-    check_channels.check(recordings, _sensors(said), rig)
+    check_channels.check_signs_and_units(recordings, _sensors(said), rig)
     check_rig.check_torque(recordings, _sensors(said), rig)
     check_rig.check_distinct(recordings)
     fit, held_out = _by_role(said, recordings)
     check_rig.check_motion(fit, _sensors(said))
-    idle = check_rig.held_fast(recordings, _sensors(said), rig)
+    idle = check_rig.immobile_hub_notes(recordings, _sensors(said), rig)
     return Campaign(
         name=said.name,
         rig=rig,
@@ -118,8 +118,8 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
         fit=fit,
         static=_read_static(root, said.static.second_moment),
         warnings=(
-            *_noise_free(said),
-            *_vague(said),
+            *_zero_noise_warnings(said),
+            *_uncertainty_warnings(said),
             *chain.from_iterable(notes for *_, notes in read),
             *stuck,
             *idle,
@@ -128,7 +128,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     )
 
 
-def files_of(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
+def campaign_files(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
     """Returns the files of the campaign in a folder, whether they are there or not.
 
     Raises:
@@ -136,7 +136,7 @@ def files_of(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
     """
     root = _folder(Path(folder))
     said = schema.parse(read_text(root / schema.FILE, schema.FILE))
-    return (root / schema.FILE, root / STATIC, *(root / entry.file for entry in said.recordings))
+    return (root / schema.FILE, root / STATIC_FILE, *(root / entry.file for entry in said.recordings))
 
 
 def _folder(path: Path) -> Path:
@@ -164,19 +164,19 @@ def _by_role(
 # The rig
 
 
-def _rig(said: schema.CampaignFile) -> Rig:
+def _declared_rig(said: schema.CampaignFile) -> Rig:
     if said.rig in rigs.PRESETS:
         start = rigs.preset(said.rig).parameters
         # How well a published value is known of another specimen is for the campaign to say.
         base = {name: replace(parameter, uncertainty=None) for name, parameter in start.items()}
     else:
-        base = _undescribed(said)
-    declared = {name: _declared(name, value, base) for name, value in said.parameters.items()}
+        base = _default_parameters(said)
+    declared = {name: _declared_parameter(name, value, base) for name, value in said.parameters.items()}
     parameters = {**base, **declared}
     return Rig(said.rig, {name: _with_uncertainty(p, said) for name, p in parameters.items()})
 
 
-def _undescribed(said: schema.CampaignFile) -> dict[str, Parameter]:
+def _default_parameters(said: schema.CampaignFile) -> dict[str, Parameter]:
     """Returns the parameters that a rig without a preset has when nothing is said of them."""
     required = [name for name in PARAMETERS if name not in DEFAULTS]
     lacking = [name for name in required if name not in said.parameters]
@@ -185,16 +185,16 @@ def _undescribed(said: schema.CampaignFile) -> dict[str, Parameter]:
             f"{schema.FILE}: rig '{said.rig}' is not a preset ({', '.join(rigs.PRESETS)}), so [parameters] "
             f"must give {', '.join(required)}; missing: {', '.join(lacking)}{nearest(said.rig, rigs.PRESETS)}"
         )
-    return {name: _default(name, value) for name, value in DEFAULTS.items()}
+    return {name: _default_parameter(name, value) for name, value in DEFAULTS.items()}
 
 
-def _default(name: str, value: float) -> Parameter:
+def _default_parameter(name: str, value: float) -> Parameter:
     unit, bounds = PARAMETERS[name]
     uncertainty = 1.0 if name == "damping_ratio" else None
     return Parameter(name, value, unit, uncertainty, bounds, "default of the recording format")
 
 
-def _declared(name: str, value: float, base: Mapping[str, Parameter]) -> Parameter:
+def _declared_parameter(name: str, value: float, base: Mapping[str, Parameter]) -> Parameter:
     unit, bounds = PARAMETERS[name]
     if name in base:
         unit, bounds = base[name].unit, base[name].bounds
@@ -281,13 +281,13 @@ def _sensor(name: str, channel: schema.Channel) -> Sensor:
     return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0)
 
 
-def _noise_free(said: schema.CampaignFile) -> Iterator[str]:
+def _zero_noise_warnings(said: schema.CampaignFile) -> Iterator[str]:
     for name, channel in said.channels.items():
         if channel.noise == 0.0:
             yield f"{schema.FILE}: channels.{name}.noise is 0, which no sensor has; taken as not declared"
 
 
-def _vague(said: schema.CampaignFile) -> Iterator[str]:
+def _uncertainty_warnings(said: schema.CampaignFile) -> Iterator[str]:
     for name, relative in said.uncertainty.items():
         if relative > 1.0:
             yield (
@@ -309,7 +309,7 @@ def _check_recordings(said: schema.CampaignFile, rig: Rig) -> None:
     if uses > 1:
         raise InputError(f"{schema.FILE}: recordings: {file} is listed {uses} times; expected each file once")
     for i, entry in enumerate(said.recordings, start=1):
-        if "hub_angle" not in said.channels and not _dispensable("hub_angle", entry):
+        if "hub_angle" not in said.channels and not _may_be_absent("hub_angle", entry):
             raise InputError(
                 f"{schema.FILE}: channels.hub_angle is missing; expected it for {entry.file}: "
                 "only a recording with clamped = true may lack it"
@@ -330,12 +330,12 @@ def _read_recording(
     columns.setdefault(units.TIME, units.TIME)
     table = read_table(root / entry.file, entry.file, set(columns.values()))
     time = _time(table, columns[units.TIME])
-    present = {n: c for n, c in columns.items() if n != units.TIME and not _absent(n, c, table, entry)}
-    values = {n: _physical(n, channels[n], table.columns[c]) for n, c in present.items()}
+    present = {n: c for n, c in columns.items() if n != units.TIME and not _is_absent(n, c, table, entry)}
+    values = {n: _si_values(n, channels[n], table.columns[c]) for n, c in present.items()}
     if not any(name in values for name in MEASURED):
         expected = [columns[name] for name in MEASURED if name in columns]
         raise InputError(f"{entry.file} has no measurement; expected a column: {', '.join(expected)}")
-    values[_COMMAND], notes = _held(values.get(_COMMAND), time, entry.file)
+    values[_COMMAND], notes = _hold_command(values.get(_COMMAND), time, entry.file)
     recording = Recording(
         name=entry.file,
         time=time,
@@ -345,7 +345,7 @@ def _read_recording(
         initial_tip_deflection=entry.initial_tip_deflection,
         start=entry.start,
     )
-    return recording, table, notes + _near_misses(columns, table)
+    return recording, table, notes + _similar_column_notes(columns, table)
 
 
 def _time(table: Table, column: str) -> np.ndarray:
@@ -369,25 +369,25 @@ def _time(table: Table, column: str) -> np.ndarray:
             "expected it to increase strictly"
         )
     period = float(np.median(np.diff(time)))
-    if period > _SLOWEST:
+    if period > _LONGEST_PERIOD:
         raise InputError(
-            f"{table.name}: the samples are {period:g} s apart by {column}; expected at most {_SLOWEST:g} s: "
+            f"{table.name}: the samples are {period:g} s apart by {column}; expected at most {_LONGEST_PERIOD:g} s: "
             "is it in s?"
         )
     return time
 
 
-def _absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) -> bool:
+def _is_absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) -> bool:
     """Whether a recording lacks a channel that it may lack.
 
     Raises:
       InputError: it may not lack it, or the column is there and empty.
     """
-    dispensable = _dispensable(name, entry)
+    dispensable = _may_be_absent(name, entry)
     if column not in table.header:
         if name in ("hub_angle", _COMMAND) and not dispensable:
             raise InputError(
-                f"{table.name}, line 1: column '{column}'{_called(name, column)} is missing; "
+                f"{table.name}, line 1: column '{column}'{_channel_suffix(name, column)} is missing; "
                 f"only a recording with clamped = true may lack it{nearest(column, table.header)}"
             )
         return True
@@ -396,29 +396,29 @@ def _absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) 
     if dispensable:
         return True
     raise InputError(
-        f"{table.name}: {column}{_called(name, column)} is missing in all {len(table)} samples; "
+        f"{table.name}: {column}{_channel_suffix(name, column)} is missing in all {len(table)} samples; "
         "expected numbers, or a file without this column"
     )
 
 
-def _called(name: str, column: str) -> str:
+def _channel_suffix(name: str, column: str) -> str:
     return "" if name == column else f" ({name})"
 
 
-def _dispensable(name: str, entry: schema.RecordingEntry) -> bool:
+def _may_be_absent(name: str, entry: schema.RecordingEntry) -> bool:
     # A locked hub does not turn, whatever torque it withstands; only a controller has a reference.
     if name in ("hub_angle", _COMMAND, "motor_torque"):
         return entry.clamped
     return name == "hub_reference" and entry.loop == "open"
 
 
-def _physical(name: str, channel: schema.Channel, raw: np.ndarray) -> np.ndarray:
+def _si_values(name: str, channel: schema.Channel, raw: np.ndarray) -> np.ndarray:
     """Returns the values in SI units: gain * (raw - offset) in `unit`, or in SI where the unit is V or A."""
     gain = 1.0 if channel.gain is None else channel.gain
     return gain * (raw - channel.offset) * _factor(name, channel)
 
 
-def _held(command: np.ndarray | None, time: np.ndarray, file: str) -> tuple[np.ndarray, list[str]]:
+def _hold_command(command: np.ndarray | None, time: np.ndarray, file: str) -> tuple[np.ndarray, list[str]]:
     """Returns the command without gaps: it is held from its sample to the next one that is there.
 
     Before the first sample that is there, the first value holds.
@@ -434,7 +434,7 @@ def _held(command: np.ndarray | None, time: np.ndarray, file: str) -> tuple[np.n
     return filled, [f"{file}: {_COMMAND} is missing in {missing.sum()} samples; the value before is held"]
 
 
-def _near_misses(columns: Mapping[str, str], table: Table) -> list[str]:
+def _similar_column_notes(columns: Mapping[str, str], table: Table) -> list[str]:
     """Returns a note for every column that is missing where another, unused one has almost its name."""
     unused = set(table.header) - set(columns.values())
     absent = [column for column in columns.values() if column not in table.header]
@@ -453,11 +453,13 @@ def _check_columns(said: schema.CampaignFile, tables: list[Table]) -> None:
 
 
 def _read_static(root: Path, second_moment: float | None) -> StaticTest | None:
-    if not (root / STATIC).exists():
+    if not (root / STATIC_FILE).exists():
         return None
-    table = read_table(root / STATIC, STATIC)
+    table = read_table(root / STATIC_FILE, STATIC_FILE)
     if not len(table):
-        raise InputError(f"{STATIC} has no rows after its header; expected one per load, or no such file")
+        raise InputError(
+            f"{STATIC_FILE} has no rows after its header; expected one per load, or no such file"
+        )
     return StaticTest(table.columns, second_moment)
 
 

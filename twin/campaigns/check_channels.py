@@ -30,7 +30,7 @@ _ALIKE = 3.0  # times by which proportions may differ that have one cause
 _SHAPE = ("strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 
 
-def check(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> None:
+def check_signs_and_units(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> None:
     """Makes sure that no channel counts the wrong way round or in another unit than is said.
 
     Raises:
@@ -47,7 +47,7 @@ def check(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: R
 def _complaint(channel: str, found: Mapping[str, float]) -> str:
     """What is wrong with a channel, and what would be right. `found`: recording -> times too large, signed."""
     files, times = ", ".join(found), float(np.median(list(found.values())))
-    if not _far(times):
+    if not _is_unit_error(times):
         return (
             f"it counts the wrong way round in {files}: {_WHY[channel]}. Expected {_EXPECTED[channel]}; turn the "
             "sign of its gain (no gain is a gain of 1)"
@@ -103,10 +103,10 @@ def _faults(times: Mapping[str, float]) -> dict[str, float]:
 
 
 def _is_wrong(times: float) -> bool:
-    return times < 0 or _far(times)
+    return times < 0 or _is_unit_error(times)
 
 
-def _far(times: float) -> bool:
+def _is_unit_error(times: float) -> bool:
     return abs(math.log(abs(times))) > math.log(_FACTOR)
 
 
@@ -118,7 +118,7 @@ def _proportions(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) 
     span = _SPAN * check_rig.vibration_period(recording, rig)
     if recording.clamped or "hub_angle" not in recording or recording.duration < _SHORTEST * span:
         return {}
-    slow = _Slow(recording, span)
+    slow = _LowPassed(recording, span)
     ones = np.ones_like(slow.acceleration)
     at_hub = (ones, slow.mean("hub_angle"), slow.rate, slow.direction)
     found = {"torque_command": slow.slope("torque_command", at_hub) / check_rig.inertia(rig)}
@@ -148,7 +148,7 @@ def _declared(sensor: Sensor, rig: Rig) -> float:
     return -sensor.half_thickness * (moment + mass * length * (length - x) + inertia) / stiffness
 
 
-class _Slow:
+class _LowPassed:
     """A recording behind a triangular mean that no vibration passes; its second difference is the acceleration."""
 
     def __init__(self, recording: Recording, span: float):
@@ -159,12 +159,12 @@ class _Slow:
         self.acceleration = (angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n]) / span**2
         rate = np.full_like(angle, np.nan)
         rate[near:-near] = (angle[2 * near :] - angle[: -2 * near]) / (2 * near * self._step)
-        self.rate = _averaged(rate)
-        self.direction = _averaged(np.sign(rate))
+        self.rate = _triangular_mean(rate)
+        self.direction = _triangular_mean(np.sign(rate))
 
     def mean(self, channel: str) -> np.ndarray:
         """Triangular mean of a channel (m); NaN near a gap."""
-        return _averaged(self._on_grid(channel))
+        return _triangular_mean(self._on_grid(channel))
 
     def slope(self, channel: str, others: Sequence[np.ndarray], cause: np.ndarray | None = None) -> float:
         """Change of a channel with a cause (m), the acceleration unless said, given others (m each); 0 if unclear."""
@@ -187,11 +187,11 @@ class _Slow:
         if not known.any():
             return np.full_like(self._instants, np.nan)
         found = np.interp(self._instants, time[known], values[known])
-        far = check_rig.distance(self._instants, time[known]) > self._step * _SAMPLES / 8
+        far = check_rig.distance_to_nearest(self._instants, time[known]) > self._step * _SAMPLES / 8
         return np.where(far, np.nan, found)
 
 
-def _averaged(values: np.ndarray) -> np.ndarray:
+def _triangular_mean(values: np.ndarray) -> np.ndarray:
     rising = np.arange(1, _SAMPLES + 1)
     kernel = np.concatenate([rising, rising[-2::-1]]) / _SAMPLES**2
     return np.convolve(values, kernel, "same")[_SAMPLES:-_SAMPLES]

@@ -47,8 +47,8 @@ def without_stuck_channels(
     """
     for channel in sensors:
         _refuse_dead(channel, recordings, sensors, rig)
-    stuck = [[c for c in r.measured() if _stuck(c, r, sensors, rig)] for r in recordings]
-    kept = [_blank(recording, channels) for recording, channels in zip(recordings, stuck, strict=True)]
+    stuck = [[c for c in r.measured() if _is_stuck(c, r, sensors, rig)] for r in recordings]
+    kept = [_with_missing(recording, channels) for recording, channels in zip(recordings, stuck, strict=True)]
     notes = [_note(r, c) for r, channels in zip(recordings, stuck, strict=True) for c in channels]
     return kept, notes
 
@@ -59,11 +59,11 @@ def _refuse_dead(
     present = [r for r in recordings if channel in r.measured()]
     if channel == "hub_angle":
         present = [r for r in present if not r.clamped]
-    if not present or not all(_constant(r[channel]) for r in present):
+    if not present or not all(_is_constant(r[channel]) for r in present):
         return
     # A strain gauge has noise: a number that never changes is none. A hub may have rested all the time.
     may_rest = channel in ("hub_angle", "motor_torque")
-    if may_rest and not any(_stuck(channel, recording, sensors, rig) for recording in present):
+    if may_rest and not any(_is_stuck(channel, recording, sensors, rig) for recording in present):
         return
     value = _value(present[0], channel)
     files = ", ".join(recording.name for recording in present)
@@ -73,15 +73,17 @@ def _refuse_dead(
     )
 
 
-def _stuck(channel: str, recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
-    if not _constant(recording[channel]):
+def _is_stuck(channel: str, recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
+    if not _is_constant(recording[channel]):
         return False
     if channel == "hub_angle":
         return _hub_must_turn(recording, sensors, rig)
     if channel == "motor_torque":
         return not recording.clamped and float(np.ptp(recording["torque_command"])) > 0
     others = [c for c in ("hub_angle", *_SHAPE) if c != channel and c in recording]
-    return bool(recording.initial_tip_deflection) or any(_moves(recording[c], sensors[c]) for c in others)
+    return bool(recording.initial_tip_deflection) or any(
+        _exceeds_noise(recording[c], sensors[c]) for c in others
+    )
 
 
 def _hub_must_turn(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
@@ -90,12 +92,12 @@ def _hub_must_turn(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig
     A command below the static friction moves nothing: there a hub angle that stays is a measurement.
     """
     excited = recording.start == "unknown" or recording.initial_tip_deflection
-    if recording.clamped or excited or _peak(recording) <= 3 * rig["static_friction"]:
+    if recording.clamped or excited or _peak_torque(recording) <= 3 * rig["static_friction"]:
         return False
-    return any(_moves(recording[c], sensors[c]) for c in _SHAPE if c in recording)
+    return any(_exceeds_noise(recording[c], sensors[c]) for c in _SHAPE if c in recording)
 
 
-def _blank(recording: Recording, channels: Sequence[str]) -> Recording:
+def _with_missing(recording: Recording, channels: Sequence[str]) -> Recording:
     missing = {channel: np.full(len(recording), np.nan) for channel in channels}
     return recording.replace(channels={**recording.channels, **missing}) if missing else recording
 
@@ -114,12 +116,12 @@ def _finite(values: np.ndarray) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _constant(values: np.ndarray) -> bool:
+def _is_constant(values: np.ndarray) -> bool:
     known = _finite(values)
     return known.size > 1 and float(np.ptp(known)) == 0.0
 
 
-def _moves(values: np.ndarray, sensor: Sensor) -> bool:
+def _exceeds_noise(values: np.ndarray, sensor: Sensor) -> bool:
     known = _finite(values)
     return known.size > 1 and float(np.ptp(known)) > _NOISE_SPAN * _noise(known, sensor)
 
@@ -141,13 +143,13 @@ def check_distinct(recordings: Sequence[Recording]) -> None:
       InputError: two recordings hold the same samples.
     """
     for first, second in combinations(recordings, 2):
-        if _same(first, second):
+        if _same_samples(first, second):
             raise InputError(
                 f"{second.name} holds the same samples as {first.name}; expected each recording once in {schema.FILE}"
             )
 
 
-def _same(first: Recording, second: Recording) -> bool:
+def _same_samples(first: Recording, second: Recording) -> bool:
     channels = first.measured()
     return channels == second.measured() and all(
         np.array_equal(first[c], second[c], equal_nan=True) for c in channels
@@ -163,7 +165,9 @@ def check_motion(fit: Sequence[Recording], sensors: Mapping[str, Sensor]) -> Non
     Raises:
       InputError: neither hub nor link moves in any of these recordings.
     """
-    if not any(_moves(r[c], sensors[c]) for r in fit for c in ("hub_angle", *_SHAPE) if c in r.measured()):
+    if not any(
+        _exceeds_noise(r[c], sensors[c]) for r in fit for c in ("hub_angle", *_SHAPE) if c in r.measured()
+    ):
         files = ", ".join(recording.name for recording in fit)
         raise InputError(
             f"nothing moves in {files}: every channel stays within {_NOISE_SPAN:g} times its noise; expected "
@@ -171,17 +175,17 @@ def check_motion(fit: Sequence[Recording], sensors: Mapping[str, Sensor]) -> Non
         )
 
 
-def held_fast(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> list[str]:
+def immobile_hub_notes(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> list[str]:
     """Returns a sentence for each recording whose hub rests throughout a torque that should have moved it."""
-    return [note for r in recordings if (note := _held_fast(r, sensors, rig))]
+    return [note for r in recordings if (note := _immobile_hub_note(r, sensors, rig))]
 
 
-def _held_fast(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> str:
+def _immobile_hub_note(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> str:
     static = rig["static_friction"]
     if recording.clamped or "hub_angle" not in recording.measured() or static <= 0:
         return ""
-    torque = _sustained(recording)
-    if _moves(recording["hub_angle"], sensors["hub_angle"]) or torque < _HELD * static:
+    torque = _sustained_torque(recording)
+    if _exceeds_noise(recording["hub_angle"], sensors["hub_angle"]) or torque < _HELD * static:
         return ""
     return (
         f"{recording.name}: the hub rests throughout though {torque:.3g} N*m are commanded for {_LONG:g} s, "
@@ -190,7 +194,7 @@ def _held_fast(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) ->
     )
 
 
-def _sustained(recording: Recording) -> float:
+def _sustained_torque(recording: Recording) -> float:
     """Returns the largest torque that is commanded for a while, one way [N m]."""
     samples = max(1, round(_LONG / recording.period))
     torque = recording["torque_command"]
@@ -219,28 +223,28 @@ def check_torque(recordings: Sequence[Recording], sensors: Mapping[str, Sensor],
 
 
 def _torque_complaints(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> Iterator[str]:
-    peak, limit = _peak(recording), rig["torque_limit"]
+    peak, limit = _peak_torque(recording), rig["torque_limit"]
     if peak > _TOO_LARGE * limit > 0:
         yield f"peaks at {peak:.3g} N*m, {peak / limit:.0f} times the torque_limit of {limit:.3g} N*m"
     if recording.clamped or "hub_angle" not in recording:
         return
-    if not _moves(recording["hub_angle"], sensors["hub_angle"]):
+    if not _exceeds_noise(recording["hub_angle"], sensors["hub_angle"]):
         return
     rms = float(np.sqrt(np.mean(recording["torque_command"] ** 2)))
-    felt = _largest_torque(recording, sensors, rig)
+    felt = _largest_torque_shown(recording, sensors, rig)
     if rms > _TOO_LARGE * felt > 0:
         yield f"is {rms:.3g} N*m rms, where motion, bending and declared friction show {felt:.3g} N*m at most"
-    needed = _least_torque(recording, sensors, rig)
+    needed = _least_torque_needed(recording, sensors, rig)
     if needed > _TOO_SMALL * peak:
         yield f"peaks at {peak:.3g} N*m, where the motion of hub_angle takes {needed:.3g} N*m at least"
 
 
-def _largest_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
+def _largest_torque_shown(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
     """Returns the largest torque of which there is any sign [N m]: acceleration, bending, friction."""
     period = vibration_period(recording, rig)
     signs = [rig["static_friction"], rig["coulomb_friction"]]
     for span in (2 * period, 4 * period):
-        before, after = _steps(recording, span)
+        before, after = _successive_turns(recording, span)
         if before.size:
             signs.append(inertia(rig) * float(np.max(np.abs(after - before))) / span**2)
     for channel in ("strain_base", "strain_mid"):
@@ -250,7 +254,7 @@ def _largest_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Ri
     return max(signs)
 
 
-def _least_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
+def _least_torque_needed(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
     """Returns the torque that made the hub speed up, or leave its rest, as it did [N m]."""
     if recording.initial_tip_deflection:
         return 0.0  # the released link turns the hub
@@ -258,7 +262,7 @@ def _least_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig)
     sigma = max(_noise(known, sensors["hub_angle"]), _resolution(known))
     # Over four periods of the first mode the vibration of the hub averages out.
     span = 4 * vibration_period(recording, rig)
-    before, after = _steps(recording, span)
+    before, after = _successive_turns(recording, span)
     gain = np.abs(after) - np.abs(before)
     speeding = float(np.max(gain, initial=0.0)) - _NOISE_SPAN * math.sqrt(6) * sigma
     if speeding <= 0:
@@ -267,19 +271,19 @@ def _least_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig)
     return max(inertia(rig) * speeding / span**2, leaving)
 
 
-def _steps(recording: Recording, span: float) -> tuple[np.ndarray, np.ndarray]:
+def _successive_turns(recording: Recording, span: float) -> tuple[np.ndarray, np.ndarray]:
     """Returns the angles by which the hub turned in pairs of successive spans [rad]; gaps are left out."""
     time, angle = recording.time, recording["hub_angle"]
     known = np.isfinite(angle)
     middle = np.arange(time[0] + span, time[-1] - span, span / 8)
     instants = np.add.outer((-span, 0.0, span), middle)
     values = np.interp(instants, time[known], angle[known])
-    near = distance(instants, time[known]) <= span / 8
+    near = distance_to_nearest(instants, time[known]) <= span / 8
     a, b, c = values[:, near.all(axis=0)]
     return b - a, c - b
 
 
-def distance(instants: np.ndarray, samples: np.ndarray) -> np.ndarray:
+def distance_to_nearest(instants: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Returns how far each of the instants is from the nearest sample [s]; samples rise."""
     after = np.clip(np.searchsorted(samples, instants), 1, len(samples) - 1)
     return np.minimum(np.abs(instants - samples[after - 1]), np.abs(samples[after] - instants))
@@ -290,7 +294,7 @@ def _resolution(known: np.ndarray) -> float:
     return float(np.min(changes[changes > 0], initial=np.inf)) if (changes > 0).any() else 0.0
 
 
-def _peak(recording: Recording) -> float:
+def _peak_torque(recording: Recording) -> float:
     return float(np.max(np.abs(recording["torque_command"])))
 
 

@@ -20,7 +20,7 @@ def possible_clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
     return ("stamped", "mean", "earliest") if jittered else ("stamped",)
 
 
-def on_clock(recording: Recording, clock: Clock) -> Recording:
+def with_command_clock(recording: Recording, clock: Clock) -> Recording:
     """The recording with its commands held on this clock."""
     ticks = sample_clock(recording.time)
     if clock == "stamped" or ticks is None:

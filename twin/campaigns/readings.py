@@ -12,7 +12,7 @@ _BESIDE_GAP = 0.02  # s beside a gap or jump that are left out with it
 _OUTLIER = 12.0  # noise standard deviations beyond which a lone sample is no measurement
 
 
-def noise_of(values: np.ndarray) -> float:
+def estimate_noise(values: np.ndarray) -> float:
     """Standard deviation of the noise on a smooth signal (n), from its fourth differences.
 
     The fourth difference of white noise has variance 70 sigma^2; a smooth signal hardly adds to it.
@@ -22,10 +22,10 @@ def noise_of(values: np.ndarray) -> float:
         return 0.0
     differences = np.diff(known, 4)
     scatter = 1.4826 * np.median(np.abs(differences - np.median(differences))) / np.sqrt(70.0)
-    return float(max(scatter, converter_step(known) / np.sqrt(12.0)))
+    return float(max(scatter, quantisation_step(known) / np.sqrt(12.0)))
 
 
-def converter_step(values: np.ndarray) -> float:
+def quantisation_step(values: np.ndarray) -> float:
     """Step of the converter that the readings (n) came through; 0 where they are not visibly quantised."""
     levels = np.unique(values)
     if len(levels) > len(values) / 4 or len(levels) < 2:
@@ -67,7 +67,7 @@ def _outliers(values: np.ndarray, sigma: float) -> np.ndarray:
     return found
 
 
-def longest_sound_stretch(
+def longest_valid_stretch(
     recording: Recording, noise: float, strongest: float
 ) -> tuple[Recording, str | None]:
     """Cuts a recording at long gaps of the hub angle and at motion that no torque could make.

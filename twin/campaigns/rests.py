@@ -9,16 +9,16 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import binary_dilation, binary_erosion, label
 from scipy.signal import savgol_filter
 
-from twin.mechanics.planar import STUCK, UNSURE
+from twin.mechanics.planar import STUCK, UNDECIDED
 from twin.mechanics.state import Guide, Start
 from twin.recording import Recording
 
 _REST_SPAN = 0.08  # s, shortest rest that counts
 _EDGE = 0.02  # s, margin to a change between rest and motion
 _SURE = 6.0  # standard errors of the rate beyond which the hub surely moves
-ONSET, IN_A_ROW = 4.0, 4
+ONSET_LEVEL, ONSET_SAMPLES = 4.0, 4
 """Noise levels, and readings in a row beyond them, by which the hub has left its rest."""
-BEFORE_ONSET = 2
+SAMPLES_BEFORE_ONSET = 2
 """Samples from the last instant at rest to the first visible motion."""
 _RATE_SPAN = 0.024  # s, over which the rate is estimated
 
@@ -40,7 +40,7 @@ class HubMotion:
     onsets: tuple[tuple[int, int], ...]
 
 
-def hub_motion(recording: Recording, noise: float) -> HubMotion:
+def classify_hub_motion(recording: Recording, noise: float) -> HubMotion:
     """Classifies each sample: rest, motion to either side, or no clear word.
 
     A rest is a stretch over which the smoothed reading stays within the noise; a motion is a local slope
@@ -54,19 +54,19 @@ def hub_motion(recording: Recording, noise: float) -> HubMotion:
     window = _window(_RATE_SPAN / dt, 7, len(time))
     rate = savgol_filter(filled, window, 1, deriv=1, delta=dt)
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
-    observed = np.full(len(time), UNSURE, dtype=np.int64)
+    observed = np.full(len(time), UNDECIDED, dtype=np.int64)
     observed[np.abs(rate) > _SURE * error] = 0
     moving = np.abs(rate) > _SURE * error
     observed[moving] = np.sign(rate[moving]).astype(np.int64)
     resting = _resting(filled, noise, dt)
     observed[resting] = STUCK
-    observed[~resting & (observed == STUCK)] = UNSURE
+    observed[~resting & (observed == STUCK)] = UNDECIDED
     loose, rest = _with_margins(observed, dt), _rest_reading(filled, resting)
     onsets = _onsets(loose, rest, reading, noise)
     return HubMotion(loose, _tightened(loose, onsets), rest, onsets)
 
 
-def guide(motion: HubMotion, angle: np.ndarray, tight: bool) -> Guide:
+def simulation_guide(motion: HubMotion, angle: np.ndarray, tight: bool) -> Guide:
     """The guide of a simulation: `angle` (n) is the hub angle [rad] that the sensor reports as `motion.reading`."""
     return Guide(motion.tight if tight else motion.observed, np.ascontiguousarray(angle))
 
@@ -82,7 +82,7 @@ def first_reading(recording: Recording, motion: HubMotion | None) -> float:
     return float(known[:5].mean()) if len(known) else 0.0
 
 
-def moving_start(recording: Recording) -> Start:
+def estimate_moving_start(recording: Recording) -> Start:
     """First guess of the state of a rig that was already moving: slope and level of the first readings."""
     if "hub_angle" not in recording:
         return Start()
@@ -119,7 +119,7 @@ def _with_margins(observed: np.ndarray, dt: float) -> np.ndarray:
     for flag in (STUCK, 1, -1):
         inside = observed == flag
         core = binary_erosion(inside, iterations=margin, border_value=1)
-        sure[inside & ~core] = UNSURE
+        sure[inside & ~core] = UNDECIDED
     return sure
 
 
@@ -133,10 +133,10 @@ def _onsets(
         until = starts[starts > end]
         stop = int(until[0]) if len(until) else len(observed)
         away = np.nan_to_num((reading[end:stop] - rest[end]) / noise, nan=0.0)
-        out = np.abs(away) > ONSET
-        if len(out) < IN_A_ROW:
+        out = np.abs(away) > ONSET_LEVEL
+        if len(out) < ONSET_SAMPLES:
             continue
-        lasting = sliding_window_view(out, IN_A_ROW).all(axis=1)
+        lasting = sliding_window_view(out, ONSET_SAMPLES).all(axis=1)
         if lasting.any():
             first = int(np.argmax(lasting))
             found.append((int(end) + first, 1 if away[first] > 0 else -1))
@@ -147,11 +147,11 @@ def _tightened(observed: np.ndarray, onsets: tuple[tuple[int, int], ...]) -> np.
     tight = observed.copy()
     for onset, direction in onsets:
         last = np.flatnonzero(observed[: onset + 1] == STUCK)[-1]
-        tight[last : max(last, onset - BEFORE_ONSET) + 1] = STUCK
-        tight[max(last + 1, onset - BEFORE_ONSET + 1) : onset + 1] = direction
+        tight[last : max(last, onset - SAMPLES_BEFORE_ONSET) + 1] = STUCK
+        tight[max(last + 1, onset - SAMPLES_BEFORE_ONSET + 1) : onset + 1] = direction
         # From here to where the motion is sure in itself.
         ahead = onset + 1
-        while ahead < len(observed) and observed[ahead] == UNSURE and ahead < onset + BEFORE_ONSET:
+        while ahead < len(observed) and observed[ahead] == UNDECIDED and ahead < onset + SAMPLES_BEFORE_ONSET:
             tight[ahead] = direction
             ahead += 1
     return tight

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.control.environment import Follow, Reference, over
+from twin.control.environment import FollowReference, Reference, make_environment
 from twin.control.laws.base import Controller
 from twin.control.plants.base import READINGS, Plant
 from twin.control.plants.sensors import Sensors
@@ -108,7 +108,7 @@ def run(
     Raises:
       InputError: the controller of a user cannot be used.
     """
-    environment = over(plant, Follow(reference, sensors), duration)
+    environment = make_environment(plant, FollowReference(reference, sensors), duration)
     controller.reset()
     log, seen, began = _Log(), 0, time.perf_counter()
     step = environment.reset()

@@ -17,7 +17,7 @@ from dm_control.rl import control
 from dm_env import specs
 
 from twin.control.plants.base import PERIOD, READINGS, Plant
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.parameters import Rig
 from twin.rigs.patch import Patch
@@ -68,7 +68,7 @@ class PlantPhysics(control.Physics):
             raise control.PhysicsError("a coordinate of the plant is not finite")
 
 
-class Follow(control.Task):
+class FollowReference(control.Task):
     """The hub follows a reference: the observation is what sensors read, and the reference; the action a torque.
 
     The reward is 1 within half a degree of the reference and falls off smoothly, to 0.1 another 30 degrees out.
@@ -116,7 +116,7 @@ class Follow(control.Task):
         return float(rewards.tolerance(error, (-_GOOD, _GOOD), margin=_POOR))
 
 
-def over(plant: Plant, task: control.Task, duration: float) -> control.Environment:
+def make_environment(plant: Plant, task: control.Task, duration: float) -> control.Environment:
     """Returns the environment of a plant and a task that ends after `duration` [s]."""
     return control.Environment(PlantPhysics(plant), task, time_limit=duration - plant.period / 2)
 
@@ -143,7 +143,7 @@ def rig_environment(
     """
     from twin.control import plants
 
-    plant = plants.make("chain", rig, effects, period, patch=patch)
+    plant = plants.make_plant("chain", rig, effects, period, patch=patch)
     if sensors is None:
-        sensors = Sensors(reporting=Reporting(plants.model_of(rig, effects, patch=patch), plant))
-    return over(plant, Follow(reference, sensors), duration)
+        sensors = Sensors(reporting=SensorEffects(plants.make_model(rig, effects, patch=patch), plant))
+    return make_environment(plant, FollowReference(reference, sensors), duration)

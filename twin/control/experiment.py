@@ -11,7 +11,7 @@ from twin.control import closed_loop, plants, scenarios
 from twin.control.closed_loop import Run
 from twin.control.laws import library
 from twin.control.laws.base import Controller
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import BOSSI2009, Sensors
 from twin.parameters import Rig
 from twin.rigs.patch import Patch
@@ -51,8 +51,8 @@ class Experiment:
           InputError: there is no such scenario, plant or controller, or the user's controller fails.
         """
         chosen = scenarios.scenario(self.scenario)
-        plant = plants.make(self.plant, self.rig, self.effects, patch=self.patch)
-        reporting = Reporting(plants.model_of(self.rig, self.effects, patch=self.patch), plant)
+        plant = plants.make_plant(self.plant, self.rig, self.effects, patch=self.patch)
+        reporting = SensorEffects(plants.make_model(self.rig, self.effects, patch=self.patch), plant)
         sensors = Sensors({} if self.noise is None else BOSSI2009, self.noise or 0, reporting)
         law = self.law(plant.period)
         # Matrices are small: threads of linear algebra wait for each other.

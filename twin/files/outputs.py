@@ -28,7 +28,7 @@ class ResultsFolder:
     answer: str
     keys: frozenset[str]
 
-    def chosen(self, out: Path | None, campaign: Path, force: bool = False) -> Path:
+    def choose(self, out: Path | None, campaign: Path, force: bool = False) -> Path:
         """Returns the folder to write to, in which nothing is overwritten but earlier results of the same kind.
 
         Args:
@@ -47,7 +47,7 @@ class ResultsFolder:
         """Returns the folder, in the working directory, that is named after a campaign."""
         return Path(f"{campaign.resolve().name or 'campaign'}-{self.kind}")
 
-    def written(self, folder: Path, answer: Path | None = None) -> tuple[Path, ...]:
+    def output_files(self, folder: Path, answer: Path | None = None) -> tuple[Path, ...]:
         """Returns the files that the command fills such a folder with, beside an answer that is written, too.
 
         One that goes where the folder has its own is the same.

@@ -13,12 +13,12 @@ from twin.errors import InputError
 from twin.mechanics import beam, mjcf
 from twin.mechanics.beam import Boundary
 from twin.mechanics.chain import DEFAULT_SEGMENTS, Chain, build
-from twin.mechanics.chain_modes import Table, compare, linearised
+from twin.mechanics.chain_modes import ModeComparison, compare_modes, linearised
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 
-SEGMENTS = (2, 48)
+SEGMENT_LIMITS = (2, 48)
 """Fewest and most segments that can be asked for."""
 
 
@@ -54,8 +54,8 @@ class Check:
 
     rig: str
     segments: int
-    free: Table
-    clamped: Table
+    free: ModeComparison
+    clamped: ModeComparison
     compliance: tuple[float, float]
     creep: float | None
     break_away: tuple[float, float] | None
@@ -81,13 +81,13 @@ def check(
     Raises:
       InputError: no chain with so many segments.
     """
-    if not SEGMENTS[0] <= segments <= SEGMENTS[1]:
-        raise InputError(f"--segments is {segments}; expected {SEGMENTS[0]} to {SEGMENTS[1]}")
+    if not SEGMENT_LIMITS[0] <= segments <= SEGMENT_LIMITS[1]:
+        raise InputError(f"--segments is {segments}; expected {SEGMENT_LIMITS[0]} to {SEGMENT_LIMITS[1]}")
     report(f"fitting a chain of {segments} segments")
     chain = build(rig, segments)
     plant = declared_plant(rig, chain)
     report("eigenvalues and ring-downs")
-    free, clamped = (compare(rig, chain, plant, boundary) for boundary in get_args(Boundary))
+    free, clamped = (compare_modes(rig, chain, plant, boundary) for boundary in get_args(Boundary))
     compliance = (beam.static_tip_compliance(rig), _tip_compliance(rig, chain, plant))
     creep = break_away = step_change = None
     if plant.friction.static_positive > 0:
@@ -198,8 +198,8 @@ def _step_change(rig: Rig, chain: Chain, plant: Plant) -> tuple[float, float]:
 
 
 def _verdicts(
-    free: Table,
-    clamped: Table,
+    free: ModeComparison,
+    clamped: ModeComparison,
     compliance: tuple[float, float],
     creep: float | None,
     break_away: tuple[float, float] | None,
@@ -234,7 +234,7 @@ def _percent(found: float, reference: float) -> float:
 def text_rows(result: Check) -> list[tuple[str, ...]]:
     """Rows of the table of modes: mode, analytical, chain, simulated [Hz], damping of each, 1 - MAC."""
     rows = []
-    tables: Mapping[str, Table] = {"free": result.free, "clamped": result.clamped}
+    tables: Mapping[str, ModeComparison] = {"free": result.free, "clamped": result.clamped}
     for name, t in tables.items():
         for i in range(len(t.analytical)):
             frequencies = (t.analytical[i], t.chain[i], t.simulated[i])

@@ -26,7 +26,7 @@ from twin.mechanics import beam
 from twin.mechanics.beam import Boundary
 
 DEFAULT_SEGMENTS = 8
-SHAPED_BY = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
+SHAPE_PARAMETERS = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
 """Parameters that the proportions of a chain depend on."""
 _TARGET_MODES = 3
 _DEPARTURE = 2.0  # weight of log lengths, stiffnesses and densities against a relative error of 1e-3
@@ -61,7 +61,7 @@ class ChainShape:
         """Number of hinges n: half a segment, n - 1 whole ones, half a segment."""
         return len(self.stiffnesses)
 
-    def is_even(self) -> bool:
+    def is_uniform(self) -> bool:
         """Whether all hinges are alike, as those of equal segments."""
         return bool(np.ptp(self.stiffnesses) < 1e-9 * self.stiffnesses[0])
 
@@ -160,7 +160,7 @@ def build(
     return Chain(shape, lengths, masses, stiffness, damping, inertia, first_moment, np.ones(len(stiffness)))
 
 
-def with_root(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
+def with_root_compliance(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
     """Returns a chain whose clamp gives: a spring of `stiffness` [N m/rad] between hub and link.
 
     A soft clamp is a hinge on the hub's axis, the first of n + 1. The frequency of a stiff one is far above those
@@ -172,7 +172,7 @@ def with_root(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
     shares = np.zeros(len(links.stiffness))
     shares[: len(weights)] = compliance * weights * links.stiffness[: len(weights)]
     # Equal segments are for a limit: with ever more of them, the kind of the root must not change.
-    most = max(len(shares), _FINEST) if links.shape.is_even() else len(shares)
+    most = max(len(shares), _FINEST) if links.shape.is_uniform() else len(shares)
     if np.all(shares * most / len(shares) > -_CONDENSED):
         bending = 1 / (1 + shares)
         damping = links.damping * np.outer(bending, bending)
@@ -215,7 +215,7 @@ def fit_shape(rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS) -> Cha
     """
     if segments < 2:
         raise ValueError(f"At least 2 segments required. Received {segments}")
-    return _fit_shape(tuple(rig[name] for name in SHAPED_BY), segments)
+    return _fit_shape(tuple(rig[name] for name in SHAPE_PARAMETERS), segments)
 
 
 @functools.lru_cache(maxsize=64)
@@ -232,7 +232,7 @@ def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
 
     def residual(z: np.ndarray) -> np.ndarray:
         shape = _perturbed(equal, z)
-        errors = _figures(shape, ends, count) / targets - 1
+        errors = _compared_quantities(shape, ends, count) / targets - 1
         return np.r_[1e3 * weights * errors, _DEPARTURE * z]
 
     def slopes(z: np.ndarray) -> np.ndarray:
@@ -256,7 +256,7 @@ def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarra
     and tip moment as well as a least-squares fit of least norm allows. What a clamp gives is no curvature.
     """
     if chain.rigid is not None:
-        return through_root(chain, curvature_row(chain.rigid, rig, x))
+        return row_with_root_compliance(chain, curvature_row(chain.rigid, rig, x))
     bends: list[np.ndarray] = []
     curvatures: list[float] = []
     weights: list[float] = []
@@ -298,12 +298,12 @@ def _inertia(
     return inertia, masses @ levers + tip_mass * lengths
 
 
-def through_root(chain: Chain, row: np.ndarray) -> np.ndarray:
+def row_with_root_compliance(chain: Chain, row: np.ndarray) -> np.ndarray:
     """Row (n) of a chain whose clamp gives from the row of its links on a rigid one."""
     return chain.bending * np.r_[np.zeros(len(chain.bending) - len(row)), row]
 
 
-def lagging_row(chain: Chain, row: np.ndarray) -> np.ndarray | None:
+def curvature_rate_row(chain: Chain, row: np.ndarray) -> np.ndarray | None:
     """Returns the row (n) from hinge rates to the curvature [s/m per rad]; None where there is none.
 
     Of hinges that share their moment with a clamp, M = k b + D b' = (q - b) / c with b the link's part of the angle q
@@ -360,7 +360,7 @@ def _weights(modes: int) -> np.ndarray:
     return np.r_[*(np.full(*group) for group in groups), _AMPLITUDE_WEIGHT]
 
 
-def _figures(shape: ChainShape, ends: tuple[float, float, float], modes: int) -> np.ndarray:
+def _compared_quantities(shape: ChainShape, ends: tuple[float, float, float], modes: int) -> np.ndarray:
     """What the fit compares, of a chain in units of the link: see `_targets`."""
     inertia, first_moment = _inertia(shape.lengths, shape.masses, *ends)
     mass = _relative(inertia)

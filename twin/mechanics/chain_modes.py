@@ -25,7 +25,7 @@ _RING_DOWN_PERIODS = 12
 
 
 @dataclass(frozen=True)
-class Table:
+class ModeComparison:
     """Frequencies [Hz], damping ratios [1] and shape agreement of one boundary condition; n modes each.
 
     Attributes:
@@ -43,7 +43,7 @@ class Table:
     mac: np.ndarray
 
 
-def compare(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> Table:
+def compare_modes(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> ModeComparison:
     """Compares the first modes of a chain with those of the exact beam.
 
     Args:
@@ -56,20 +56,20 @@ def compare(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> Table:
     exact = beam.modes(rig, count, boundary)
     model = mjcf.dynamics_spec(chain, _without_friction(plant), rig, locked=boundary == "clamped").compile()
     mass, damping, stiffness = linearised(model)
-    roots = _roots(mass, damping, stiffness)[:count]
-    shapes = _shapes(mass, stiffness, boundary)[:, :count]
+    roots = _eigenvalues(mass, damping, stiffness)[:count]
+    shapes = _mode_shapes(mass, stiffness, boundary)[:, :count]
     rings = [_ring_down(model, chain, shapes[:, i], exact.frequencies[i], boundary) for i in range(count)]
     ratios = np.full(count, rig["damping_ratio"])
     if boundary == "clamped":
         ratios = modal.clamped_damping_ratios(rig, count)
-    return Table(
+    return ModeComparison(
         exact.frequencies / (2 * np.pi),
         np.abs(roots) / (2 * np.pi),
         np.array([omega for omega, _ in rings]) / (2 * np.pi),
         ratios,
         -roots.real / np.abs(roots),
         np.array([ratio for _, ratio in rings]),
-        _assurance(exact, chain, shapes, boundary),
+        _modal_assurance(exact, chain, shapes, boundary),
     )
 
 
@@ -105,7 +105,7 @@ def _mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return columns.T
 
 
-def _roots(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+def _eigenvalues(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Eigenvalues of the oscillating modes, one of each pair, slowest first."""
     size = len(mass)
     top = np.hstack([np.zeros((size, size)), np.eye(size)])
@@ -115,7 +115,7 @@ def _roots(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.n
     return roots[np.argsort(np.abs(roots))]
 
 
-def _shapes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> np.ndarray:
+def _mode_shapes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> np.ndarray:
     """Hub and hinge angles of each flexible mode (n + 1 x n), any scale."""
     vectors = eigh(stiffness, mass)[1]
     if boundary == "free":
@@ -130,7 +130,7 @@ def _deflections(chain: Chain) -> np.ndarray:
     return np.tril(ends[:, None] - starts)
 
 
-def _assurance(exact: beam.Modes, chain: Chain, shapes: np.ndarray, boundary: Boundary) -> np.ndarray:
+def _modal_assurance(exact: beam.Modes, chain: Chain, shapes: np.ndarray, boundary: Boundary) -> np.ndarray:
     """MAC of the deflections along the link, at 200 places; a chain is straight between its hinges."""
     places = np.linspace(0, exact.length, 200)
     ends = np.concatenate([[0.0], np.cumsum(chain.lengths)])

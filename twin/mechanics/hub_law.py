@@ -88,7 +88,7 @@ class HubTorque:
         return self._plane(0.0)
 
     @functools.cached_property
-    def slope(self) -> LinearTorque | None:
+    def linear_part(self) -> LinearTorque | None:
         """The same of what depends on angle and rate alone, its constant 0; None where that is not linear."""
         return self._plane(1.0)
 
@@ -123,7 +123,7 @@ class Torques(NamedTuple):
     on_motor: np.ndarray
     since: float = 0.0
 
-    def only(self, kept: np.ndarray) -> Torques:
+    def select(self, kept: np.ndarray) -> Torques:
         """Those torques alone of which `kept` (k) is true."""
         return self._replace(
             addresses=self.addresses[kept], first=self.first[kept], on_motor=self.on_motor[kept]

@@ -26,7 +26,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from twin.mechanics import mjcf_looks, planar
+from twin.mechanics import mjcf_visuals, planar
 from twin.mechanics.chain import Chain, curvature_row
 from twin.mechanics.hub_law import HubTorque
 from twin.mechanics.plant import CONTACT_STIFFNESS, Plant, declared_plant
@@ -55,7 +55,7 @@ def build_spec(
     Args:
       rig: parameters, SI; torque_limit may be infinite or missing.
       chain: the chain of this rig.
-      plant: mechanisms to write as well as stiffness, damping and friction levels; `not_native` lists what
+      plant: mechanisms to write as well as stiffness, damping and friction levels; `unsupported_mechanisms` lists what
         MJCF cannot say. By default the friction of the rig and nothing else.
       torques: those of the plant on the hub.
       scene: add table, light and camera.
@@ -68,16 +68,16 @@ def build_spec(
         _add_air_drag(spec, plant.link.drag_quadratic)
     for torque in torques:
         if torque.linear is None and torque.write is not None and not torque.exact:
-            torque.write(spec, joint_of(torque, plant))
-    _add_motor(spec, rig, driven_joint(plant))
+            torque.write(spec, torque_joint(torque, plant))
+    _add_motor(spec, rig, motor_joint(plant))
     if plant.motor.lag > 0:
         _add_lag(spec, plant.motor.lag)
     _add_sensors(spec, rig, chain, gauges)
-    mjcf_looks.add_looks(spec, rig, chain, gauges)
-    return mjcf_looks.in_scene(spec) if scene else spec
+    mjcf_visuals.add_visuals(spec, rig, chain, gauges)
+    return mjcf_visuals.with_scene(spec) if scene else spec
 
 
-def not_native(plant: Plant, torques: Sequence[HubTorque] = ()) -> tuple[str, ...]:
+def unsupported_mechanisms(plant: Plant, torques: Sequence[HubTorque] = ()) -> tuple[str, ...]:
     """Returns the mechanisms of a plant that its MJCF leaves out; the runner applies them step by step."""
     hub = plant.friction
     present = {
@@ -130,7 +130,9 @@ def dynamics_spec(
     spec.option.gravity = [plant.link.gravity_x, plant.link.gravity_y, -9.81]
     _add_bodies(spec, chain, plant, rig, locked)
     spec.compiler.fusestatic = compact
-    _add_losses(spec, _triangle(plant.link.damping) if compact else _dyads(chain, plant.link.damping))
+    _add_losses(
+        spec, _cholesky_dyads(plant.link.damping) if compact else _modal_dyads(chain, plant.link.damping)
+    )
     if plant.link.torsion_stiffness > 0:
         _add_torsion(spec, plant, float(plant.link.inertia[links, links]))
     if plant.motor.gap > 0:
@@ -140,7 +142,7 @@ def dynamics_spec(
     if not locked:
         _add_friction(spec, plant)
     for torque in torques:
-        joint = joint_of(torque, plant)
+        joint = torque_joint(torque, plant)
         if joint != "hub" or not locked:
             _add_torque(spec, joint, torque)
     if plant.link.drag_linear != 0:
@@ -204,12 +206,12 @@ def _add_play(spec: mujoco.MjSpec, plant: Plant) -> None:
     play.solref_limit = [-CONTACT_STIFFNESS / together, -planar.contact_damping(plant) / together]
 
 
-def joint_of(torque: HubTorque, plant: Plant) -> str:
+def torque_joint(torque: HubTorque, plant: Plant) -> str:
     """Name of the joint that a torque acts on: the hub's, or the motor's where there is a play between them."""
-    return driven_joint(plant) if torque.on_motor else "hub"
+    return motor_joint(plant) if torque.on_motor else "hub"
 
 
-def driven_joint(plant: Plant) -> str:
+def motor_joint(plant: Plant) -> str:
     """Name of the joint that the motor turns: the hub's, or its own where there is a play between them."""
     return "rotor" if plant.motor.gap > 0 else "hub"
 
@@ -236,7 +238,7 @@ def _add_losses(spec: mujoco.MjSpec, dyads: _Dyads) -> None:
             tendon.wrap_joint(f"bend_{hinge + 1}", coefficients[hinge])
 
 
-def _triangle(damping: np.ndarray) -> _Dyads:
+def _cholesky_dyads(damping: np.ndarray) -> _Dyads:
     """D = L L^T, from the root outwards."""
     if not np.any(damping):
         return []
@@ -246,7 +248,7 @@ def _triangle(damping: np.ndarray) -> _Dyads:
     return [(column, 1.0) for column in factor.T]
 
 
-def _dyads(chain: Chain, damping: np.ndarray) -> _Dyads:
+def _modal_dyads(chain: Chain, damping: np.ndarray) -> _Dyads:
     """One p_i = M phi_i for each free mode, scaled to a largest part of 1."""
     if not np.any(damping):
         return []
@@ -305,14 +307,14 @@ def _add_friction_difference(spec: mujoco.MjSpec, plant: Plant) -> None:
         _add_constant(spec, "friction_difference", -half)
 
 
-def add_wave(
+def add_sinusoid(
     spec: mujoco.MjSpec, joint: str, name: str, amplitude: float, order: float, phase: float
 ) -> None:
     """Torque amplitude * sin(order * theta + phase) [N m] on a joint: the cogging of MuJoCo's motor."""
-    set_wave(_actuator(spec, joint, name), amplitude, order, phase)
+    set_sinusoid(_actuator(spec, joint, name), amplitude, order, phase)
 
 
-def set_wave(actuator: mujoco.MjsActuator, amplitude: float, order: float, phase: float) -> None:
+def set_sinusoid(actuator: mujoco.MjsActuator, amplitude: float, order: float, phase: float) -> None:
     """Makes an actuator pull with amplitude * sin(order * length + phase)."""
     # A motor without a winding to speak of: its torque constant may not be 0.
     actuator.set_to_dcmotor(motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[amplitude, order, phase])
@@ -336,13 +338,13 @@ def _add_air_drag(spec: mujoco.MjSpec, drag: float) -> None:
     """
     spec.option.density = _FLUID
     ball = spec.body("payload").add_geom(name="drag", type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=0, group=4)
-    ball.size[0] = mjcf_looks.HALF_THICKNESS
+    ball.size[0] = mjcf_visuals.HALF_THICKNESS
     ball.contype = ball.conaffinity = 0
     ball.fluid_ellipsoid = 1
-    ball.fluid_coefs = [drag / (_FLUID * math.pi * mjcf_looks.HALF_THICKNESS**2), 0, 0, 0, 0]
+    ball.fluid_coefs = [drag / (_FLUID * math.pi * mjcf_visuals.HALF_THICKNESS**2), 0, 0, 0, 0]
 
 
-def add_clock_wave(spec: mujoco.MjSpec, frequency: float, amplitude: float, phase: float) -> None:
+def add_time_sinusoid(spec: mujoco.MjSpec, frequency: float, amplitude: float, phase: float) -> None:
     """Torque amplitude sin(2 pi frequency t + phase) on the hub.
 
     Half of it is a wave over the angles clock + hub, half over clock - hub: the hub's own angle is left in the sum
@@ -361,7 +363,7 @@ def add_clock_wave(spec: mujoco.MjSpec, frequency: float, amplitude: float, phas
         tendon.wrap_joint("clock", 1.0)
         tendon.wrap_joint("hub", sign)
         half = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-        set_wave(half, sign * amplitude / 2, omega / _CLOCK_RATE, phase + omega * late)
+        set_sinusoid(half, sign * amplitude / 2, omega / _CLOCK_RATE, phase + omega * late)
 
 
 def _actuator(spec: mujoco.MjSpec, joint: str, name: str) -> mujoco.MjsActuator:

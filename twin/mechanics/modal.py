@@ -123,7 +123,7 @@ def clamped_damping_ratios(rig: Mapping[str, float], n: int) -> np.ndarray:
     return rig["damping_ratio"] * np.sum(omega * delta**2, axis=1) / (omega_c[:, 0] * modal_mass)
 
 
-def held_response(
+def zero_order_hold_response(
     system: LinearSystem, time: np.ndarray, inputs: ArrayLike, start: ArrayLike | None = None
 ) -> np.ndarray:
     """Returns the outputs at each instant, inputs held from their sample to the next; exact.
@@ -152,14 +152,14 @@ def held_response(
     states[0] = 0.0 if start is None else start
     # Steps that differ by rounding only share one exponential.
     steps = [float(f"{step:.12g}") for step in np.diff(time)]
-    held = {step: _held_step(A, B, step) for step in set(steps)}
+    held = {step: _zero_order_hold(A, B, step) for step in set(steps)}
     for k, step in enumerate(steps):
         phi, gamma = held[step]
         states[k + 1] = phi @ states[k] + gamma @ u[k]
     return states @ np.asarray(system.C).T + u @ np.asarray(system.D).T
 
 
-def _held_step(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _zero_order_hold(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     size = len(A)
     augmented = np.zeros((size + B.shape[1],) * 2)
     augmented[:size, :size], augmented[:size, size:] = A, B

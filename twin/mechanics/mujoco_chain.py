@@ -27,7 +27,7 @@ import numpy as np
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubTorque
 from twin.mechanics.mujoco_model import ChainModel
-from twin.mechanics.planar import TIME_TOLERANCE
+from twin.mechanics.planar import EVENT_TOLERANCE
 from twin.mechanics.plant import Plant
 
 _NO_TIME = 1e-12  # s, what rounding leaves of a span
@@ -371,10 +371,10 @@ def _crossing(
     """
     low, moved, last = 0.0, 0, high
     at_low = max(at_low, 0.0)
-    while high - low > TIME_TOLERANCE:
+    while high - low > EVENT_TOLERANCE:
         middle = high - at_high * (high - low) / (at_high - at_low)
         # Stay off the ends, so that the bracket closes from both sides.
-        last = middle = min(max(middle, low + TIME_TOLERANCE / 2), high - TIME_TOLERANCE / 2)
+        last = middle = min(max(middle, low + EVENT_TOLERANCE / 2), high - EVENT_TOLERANCE / 2)
         restore()
         at_middle = value(middle)
         if at_middle < 0:

@@ -35,7 +35,7 @@ class ChainModel:
             mjcf.add_tip_drag(spec, 0.0)
         self._waves = plant.friction.amplitude != 0 and not locked
         if self._waves:
-            mjcf.add_wave(spec, "hub", "friction", 0.0, plant.friction.order, plant.friction.phase)
+            mjcf.add_sinusoid(spec, "hub", "friction", 0.0, plant.friction.order, plant.friction.phase)
         self.model = spec.compile()
         self.model.opt.disableflags = _DISABLED
         self.data, self._options = mujoco.MjData(self.model), self.model.opt

@@ -32,7 +32,7 @@ compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
 # A `Plant` is some 70 words, passed by value: what is called at every stage is inlined.
 _inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
 
-TIME_TOLERANCE = 1e-7
+EVENT_TOLERANCE = 1e-7
 """Width of the interval in which a stick or slip is located [s]."""
 
 
@@ -63,7 +63,7 @@ def sliding_level(plant, theta, omega, direction):
 
 
 @_inlined
-def torque_of_laws(plant, t, theta, omega, on_motor):
+def law_torque(plant, t, theta, omega, on_motor):
     """Torque [N m] of the laws that act on the motor, or of those that do not."""
     torques, torque = plant.torques, 0.0
     since = t - torques.since
@@ -97,14 +97,14 @@ def hub_torque(plant, t, theta, omega):
 
     What acts on the motor is among it unless there is a play between motor and hub.
     """
-    torque = torque_of_laws(plant, t, theta, omega, False)
+    torque = law_torque(plant, t, theta, omega, False)
     if plant.motor.gap == 0.0:
-        torque += torque_of_laws(plant, t, theta, omega, True)
+        torque += law_torque(plant, t, theta, omega, True)
     return torque
 
 
 @compiled
-def _directions(phi, sin, cos):
+def _relative_sines(phi, sin, cos):
     """Fills sin and cos of the angles (n + 1) relative to the hub, which is all that the inertia depends on.
 
     Hinge angles are small: their sine and cosine come from a series, good to 1e-13 below 0.5 rad.
@@ -123,7 +123,7 @@ def _directions(phi, sin, cos):
 
 
 @_inlined
-def field(plant, t):
+def acceleration_field(plant, t):
     """Acceleration field on every mass [m/s^2]: gravity, and what a base that is shaken takes away."""
     if plant.link.shake_x == 0.0 and plant.link.shake_y == 0.0:
         return plant.link.gravity_x, plant.link.gravity_y
@@ -138,7 +138,7 @@ def field(plant, t):
 def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
     """Fills `force` (n + 1) with all but hub torques and `mass` (n + 1, n + 1) with the mass matrix."""
     m = phi.size
-    _directions(phi, sin, cos)
+    _relative_sines(phi, sin, cos)
     for i in range(m):
         force[i] = 0.0
     for i in range(m):
@@ -181,7 +181,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
         drag = plant.link.drag_linear + plant.link.drag_quadratic * np.sqrt(vx * vx + vy * vy)
         for i in range(m):
             force[i] -= drag * plant.link.lengths[i] * (cos[i] * vy - sin[i] * vx)
-    field_x, field_y = field(plant, t)
+    field_x, field_y = acceleration_field(plant, t)
     if field_x != 0.0 or field_y != 0.0:
         # In the hub's frame.
         s, c = np.sin(phi[0]), np.cos(phi[0])
@@ -225,7 +225,7 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch)
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
     if plant.motor.gap > 0.0:
-        acc[m - 1] += drive + torque_of_laws(plant, t, phi[m - 1], omega[m - 1], True)
+        acc[m - 1] += drive + law_torque(plant, t, phi[m - 1], omega[m - 1], True)
         drive = 0.0
     torque = drive + hub_torque(plant, t, phi[0], omega[0])
     if locked:
@@ -245,7 +245,7 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch)
 
 
 @compiled
-def _drive(u, u_before, age, lag):
+def _lagged_torque(u, u_before, age, lag):
     """Delivered torque [N m] `age` seconds after the command stepped to u from a delivered u_before."""
     if lag <= 0.0:
         return u
@@ -260,9 +260,17 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
     for i in range(m):
         k1v[i] = omega[i]
     _accelerations(
-        plant, t, phi, omega, _drive(u, u_before, age, plant.motor.lag), direction, locked, k1a, scratch
+        plant,
+        t,
+        phi,
+        omega,
+        _lagged_torque(u, u_before, age, plant.motor.lag),
+        direction,
+        locked,
+        k1a,
+        scratch,
     )
-    half = _drive(u, u_before, age + h / 2, plant.motor.lag)
+    half = _lagged_torque(u, u_before, age + h / 2, plant.motor.lag)
     for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k1v[i]
         k2v[i] = omega[i] + 0.5 * h * k1a[i]
@@ -274,7 +282,7 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
     for i in range(m):
         phi1[i] = phi[i] + h * k3v[i]
         k4v[i] = omega[i] + h * k3a[i]
-    end = _drive(u, u_before, age + h, plant.motor.lag)
+    end = _lagged_torque(u, u_before, age + h, plant.motor.lag)
     _accelerations(plant, t + h, phi1, k4v, end, direction, locked, k4a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
@@ -285,13 +293,13 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
 
 
 @compiled
-def _needed(plant, t, phi, omega, drive, acc, scratch):
+def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
     """Torque [N m] that friction must bear to keep the hub at rest."""
     return _accelerations(plant, t, phi, omega, drive, 0, True, acc, scratch)
 
 
 @compiled
-def _holds(plant, theta, needed):
+def _friction_holds(plant, theta, needed):
     return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
 
 
@@ -306,10 +314,10 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
     left = span
     while left > 1e-12:
         if not clamped:
-            drive = _drive(u, u_before, age, plant.motor.lag)
+            drive = _lagged_torque(u, u_before, age, plant.motor.lag)
             if mode == 0:
-                needed = _needed(plant, t, phi, omega, drive, acc, scratch)
-                if not _holds(plant, phi[0], needed):
+                needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
+                if not _friction_holds(plant, phi[0], needed):
                     mode = 1 if needed > 0 else -1
         locked = clamped or mode == 0
         h = left / max(1.0, np.ceil(left / h_max - 1e-9))
@@ -318,13 +326,13 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
             crossed = mode != 0 and omega1[0] * mode < 0.0
             slipped = False
             if mode == 0:
-                drive = _drive(u, u_before, age + h, plant.motor.lag)
-                needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
-                slipped = not _holds(plant, phi[0], needed)
+                drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
+                needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
+                slipped = not _friction_holds(plant, phi[0], needed)
             if crossed or slipped:
                 # Bisect for the instant of the event, then restart behind it.
                 low, high = 0.0, h
-                while high - low > TIME_TOLERANCE:
+                while high - low > EVENT_TOLERANCE:
                     mid = 0.5 * (low + high)
                     _step(
                         plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, scratch
@@ -332,21 +340,21 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                     if crossed:
                         beyond = omega1[0] * mode < 0.0
                     else:
-                        drive = _drive(u, u_before, age + mid, plant.motor.lag)
-                        needed = _needed(plant, t + mid, phi1, omega1, drive, acc, scratch)
-                        beyond = not _holds(plant, phi[0], needed)
+                        drive = _lagged_torque(u, u_before, age + mid, plant.motor.lag)
+                        needed = _torque_to_hold(plant, t + mid, phi1, omega1, drive, acc, scratch)
+                        beyond = not _friction_holds(plant, phi[0], needed)
                     if beyond:
                         high = mid
                     else:
                         low = mid
                 h = high
                 _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, scratch)
-                drive = _drive(u, u_before, age + h, plant.motor.lag)
+                drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
                 if crossed:
                     omega1[0] = 0.0
-                needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
+                needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
                 onwards = 1 if needed > 0 else -1
-                mode = 0 if crossed and _holds(plant, phi1[0], needed) else onwards
+                mode = 0 if crossed and _friction_holds(plant, phi1[0], needed) else onwards
         for i in range(m):
             phi[i] = phi1[i]
             omega[i] = omega1[i]
@@ -356,7 +364,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
     return mode
 
 
-STUCK, UNSURE = 0, 2
+STUCK, UNDECIDED = 0, 2
 """What the measurement says of the hub at a sample: it rests, or no clear word; +1 and -1: it moves."""
 
 
@@ -390,7 +398,7 @@ def simulate(
       mode0: 0 hub sticks, +1 or -1 it slides.
       clamped: the hub is locked.
       h_max: largest step [s].
-      observed: (m) or (0) int64, `STUCK`, +1, -1 or `UNSURE` at each instant.
+      observed: (m) or (0) int64, `STUCK`, +1, -1 or `UNDECIDED` at each instant.
       anchor: (m) or (0) measured hub angle while it rests [rad].
 
     Returns:
@@ -434,7 +442,7 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
             t = end
             while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
                 pointer += 1
-                u_before = _drive(u, u_before, t - since, plant.motor.lag)
+                u_before = _lagged_torque(u, u_before, t - since, plant.motor.lag)
                 u = command[pointer]
                 since = t
         if observed.size > 0 and not clamped:
@@ -481,11 +489,11 @@ def _holding_torque(plant, time, angles, rates, drive):
     acc, scratch = np.empty(size), np.empty((size + 3, size))
     needed = np.empty(time.size)
     for row in range(time.size):
-        needed[row] = _needed(plant, time[row], angles[row], rates[row], drive[row], acc, scratch)
+        needed[row] = _torque_to_hold(plant, time[row], angles[row], rates[row], drive[row], acc, scratch)
     return needed
 
 
-def driven(
+def simulate_prescribed_hub(
     plant: Plant,
     time: np.ndarray,
     angle: np.ndarray,
@@ -510,11 +518,11 @@ def driven(
     time, angle, rate = (np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate))
     acceleration = np.ascontiguousarray(acceleration, dtype=float)
     phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
-    return _driven(plant, time, angle, rate, acceleration, phi, omega, h_max)
+    return _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max)
 
 
 @compiled
-def _driven_accelerations(plant, t, phi, omega, alpha, acc, scratch):
+def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     """Fills acc (n + 1) under a hub acceleration alpha; returns the hub torque that it takes."""
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
@@ -532,7 +540,7 @@ def _driven_accelerations(plant, t, phi, omega, alpha, acc, scratch):
 
 
 @compiled
-def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
+def _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max):
     m = phi.size
     k1v, k2v, k3v, k4v = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
     k1a, k2a, k3a, k4a = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
@@ -545,7 +553,9 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
     for row in range(time.size):
         angles[row] = phi
         rates[row] = omega
-        torques[row] = _driven_accelerations(plant, time[row], phi, omega, acceleration[row], k1a, scratch)
+        torques[row] = _prescribed_accelerations(
+            plant, time[row], phi, omega, acceleration[row], k1a, scratch
+        )
         if row + 1 == time.size:
             break
         span = time[row + 1] - time[row]
@@ -559,19 +569,19 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
             for i in range(m):
                 k1v[i] = omega[i]
             if step > 0:  # the first is known: it gave the torque
-                _driven_accelerations(plant, t, phi, omega, start, k1a, scratch)
+                _prescribed_accelerations(plant, t, phi, omega, start, k1a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k1v[i]
                 k2v[i] = omega[i] + 0.5 * h * k1a[i]
-            _driven_accelerations(plant, t + h / 2, p, k2v, middle, k2a, scratch)
+            _prescribed_accelerations(plant, t + h / 2, p, k2v, middle, k2a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k2v[i]
                 k3v[i] = omega[i] + 0.5 * h * k2a[i]
-            _driven_accelerations(plant, t + h / 2, p, k3v, middle, k3a, scratch)
+            _prescribed_accelerations(plant, t + h / 2, p, k3v, middle, k3a, scratch)
             for i in range(m):
                 p[i] = phi[i] + h * k3v[i]
                 k4v[i] = omega[i] + h * k3a[i]
-            _driven_accelerations(plant, t + h, p, k4v, end, k4a, scratch)
+            _prescribed_accelerations(plant, t + h, p, k4v, end, k4a, scratch)
             for i in range(m):
                 phi[i] += h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
                 omega[i] += h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
@@ -580,18 +590,18 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
     return angles, rates, torques
 
 
-def hub_laws(
+def hub_torque_along(
     plant: Plant, time: np.ndarray, angle: np.ndarray, rate: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
     """Torque [N m] of the hub laws and of sliding friction along a motion of the hub (m,); direction 0: no friction."""
     time, angle, rate, direction = (
         np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, direction)
     )
-    return _hub_laws(plant, time, angle, rate, direction)
+    return _hub_torque_along(plant, time, angle, rate, direction)
 
 
 @compiled
-def _hub_laws(plant, time, angle, rate, direction):
+def _hub_torque_along(plant, time, angle, rate, direction):
     torque = np.empty(time.size)
     for k in range(time.size):
         torque[k] = hub_torque(plant, time[k], angle[k], rate[k])
@@ -618,7 +628,9 @@ def _mean_friction(plant, angle, rate, change):
     for k in range(angle.size):
         if abs(change[k]) > 1e-9:
             ends = rate[k] + 0.5 * change[k], rate[k] - 0.5 * change[k]
-            mean = (_to_rate(plant, angle[k], ends[0]) - _to_rate(plant, angle[k], ends[1])) / change[k]
+            mean = (
+                _torque_integral(plant, angle[k], ends[0]) - _torque_integral(plant, angle[k], ends[1])
+            ) / change[k]
         else:
             mean = np.sign(rate[k]) * sliding_level(plant, angle[k], rate[k], np.sign(rate[k]))
         torque[k] = -mean
@@ -626,7 +638,7 @@ def _mean_friction(plant, angle, rate, change):
 
 
 @_inlined
-def _to_rate(plant, theta, omega):
+def _torque_integral(plant, theta, omega):
     """Integral of the friction torque over the rate, from rest to `omega` [N m rad/s]."""
     if omega > 0:
         coulomb, static = plant.friction.coulomb_positive, plant.friction.static_positive
@@ -639,7 +651,7 @@ def _to_rate(plant, theta, omega):
     return (coulomb + _friction_raise(plant, theta)) * abs(omega) + fallen
 
 
-def transmitted(
+def backlash_torque(
     plant: Plant,
     period: float,
     acceleration: np.ndarray,
@@ -661,11 +673,11 @@ def transmitted(
       start: instant of the first cell [s].
     """
     acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
-    return _transmitted(plant, period, acceleration, angle, drive, mobility, start)
+    return _backlash_torque(plant, period, acceleration, angle, drive, mobility, start)
 
 
 @compiled
-def _transmitted(plant, period, acceleration, angle, drive, mobility, start):
+def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start):
     half, inverse = 0.5 * plant.motor.gap, 1 / plant.motor.inertia + mobility
     damping = contact_damping(plant)
     # On a flank: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
@@ -677,7 +689,7 @@ def _transmitted(plant, period, acceleration, angle, drive, mobility, start):
     torque = np.zeros(drive.size)
     for k in range(drive.size):
         turning = (angle[min(k + 1, drive.size - 1)] - angle[max(k - 1, 0)]) / (2 * period) + rate
-        own = torque_of_laws(plant, start + k * period, angle[k] + place, turning, True)
+        own = law_torque(plant, start + k * period, angle[k] + place, turning, True)
         pushed = (drive[k] + own) / plant.motor.inertia - acceleration[k]
         if abs(place) < half:
             ahead = place + period * (rate + 0.5 * period * pushed)
@@ -697,12 +709,12 @@ def _transmitted(plant, period, acceleration, angle, drive, mobility, start):
                 torque[k] = (pushed - (faster - rate) / period) / inverse
                 place, rate = ahead, faster
                 continue
-        place, rate, torque[k] = _at_edge(plant, period, place, rate, pushed, inverse)
+        place, rate, torque[k] = _contact_transition(plant, period, place, rate, pushed, inverse)
     return torque
 
 
 @compiled
-def _at_edge(plant, period, place, rate, pushed, inverse):
+def _contact_transition(plant, period, place, rate, pushed, inverse):
     """A cell in which a contact begins or ends: place and rate behind it, mean torque; by Runge-Kutta steps."""
     count = int(np.ceil(period / CONTACT_STEP))
     h, total = period / count, 0.0

@@ -15,7 +15,7 @@ import numpy as np
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import NO_TORQUES, Torques
 
-FIRM = 1e9
+IMMOVABLE = 1e9
 """Static level of a hub that no torque moves out of a rest [N m]."""
 
 CONTACT_STIFFNESS = 1000.0
@@ -166,9 +166,9 @@ class Plant(NamedTuple):
             inertia=np.ascontiguousarray(self.link.inertia[:-1, :-1]),
             first_moment=self.link.first_moment[:-1],
         )
-        return behind.with_motor(gap=0.0)._replace(torques=self.torques.only(~self.torques.on_motor))
+        return behind.with_motor(gap=0.0)._replace(torques=self.torques.select(~self.torques.on_motor))
 
-    def closed(self) -> Plant:
+    def with_backlash_closed(self) -> Plant:
         """A plant whose motor stays on the flank that pushes: the same where it has no play."""
         if self.motor.gap <= 0:
             return self
@@ -182,7 +182,7 @@ class Plant(NamedTuple):
         """Longest step [s] that the extra coordinates allow."""
         return CONTACT_STEP if self.motor.gap > 0 else np.inf
 
-    def extended(self, state: np.ndarray) -> np.ndarray:
+    def extend_state(self, state: np.ndarray) -> np.ndarray:
         """A state (n + 1) of the link as one of the plant: extra coordinates move with the hub."""
         return np.r_[state, np.full(len(self.link.lengths) - len(state), state[0])]
 

@@ -28,7 +28,9 @@ class Motion:
     extra_rates: np.ndarray
 
     @staticmethod
-    def of(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, modes: np.ndarray, links: int) -> Motion:
+    def from_coordinates(
+        time: np.ndarray, angles: np.ndarray, rates: np.ndarray, modes: np.ndarray, links: int
+    ) -> Motion:
         """Splits the coordinates of a plant (m, n + 1 + k) into those of the link (n + 1) and the others."""
         return Motion(time, angles[:, :links], rates[:, :links], modes, angles[:, links:], rates[:, links:])
 

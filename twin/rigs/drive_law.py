@@ -33,7 +33,7 @@ class DriveLaw:
 
 def drive_law(effects: Mapping[str, Mapping[str, float]]) -> DriveLaw:
     """The drive under effects, each command held from time 0 on."""
-    given = [through(effects, Drive(np.zeros(1), np.array([command]))) for command in _COMMANDS]
+    given = [apply_drive_effects(effects, Drive(np.zeros(1), np.array([command]))) for command in _COMMANDS]
     torques = np.array([float(drive.torque[0]) for drive in given])
     bias, gain = torques[0], torques[1] - torques[0]
     off = np.abs(torques - bias - gain * np.array(_COMMANDS)).max()
@@ -41,13 +41,13 @@ def drive_law(effects: Mapping[str, Mapping[str, float]]) -> DriveLaw:
     return DriveLaw(float(gain), float(bias), float(given[1].time[0]), given[1].lag, linear)
 
 
-def through(effects: Mapping[str, Mapping[str, float]], drive: Drive) -> Drive:
+def apply_drive_effects(effects: Mapping[str, Mapping[str, float]], drive: Drive) -> Drive:
     """What effects make of commanded torques, in their order."""
     for name, p in effects.items():
         drive = REGISTRY[name].drive(drive, p)
     return drive
 
 
-def not_linear(effects: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
+def nonlinear_drives(effects: Mapping[str, Mapping[str, float]]) -> tuple[str, ...]:
     """Names of the effects whose drive law is no gain, bias, delay and lag."""
     return tuple(name for name, p in effects.items() if not drive_law({name: p}).linear)

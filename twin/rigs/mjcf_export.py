@@ -18,7 +18,7 @@ from twin.mechanics import chain, mjcf
 from twin.parameters import Rig
 from twin.recording import Sensor
 from twin.rigs import mjcf_sensors
-from twin.rigs.drive_law import DriveLaw, drive_law, not_linear
+from twin.rigs.drive_law import DriveLaw, drive_law, nonlinear_drives
 from twin.rigs.model import Effects, Model
 
 
@@ -54,11 +54,11 @@ def to_mjcf(
     spec = mjcf.build_spec(model.rig, model.chain, plant, model.hub_torques, gauges=gauges)
     spec.modelname = _plain(rig.name)
     _write_drive(spec, drive)
-    mjcf_sensors.write(spec, readings)
+    mjcf_sensors.write_sensors(spec, readings)
     left_out = (
-        *mjcf.not_native(plant, model.hub_torques),
-        *not_linear(effects),
-        *mjcf_sensors.left_out(effects),
+        *mjcf.unsupported_mechanisms(plant, model.hub_torques),
+        *nonlinear_drives(effects),
+        *mjcf_sensors.unsupported_effects(effects),
     )
     if model.curvature_rate_rows:
         left_out += ("lag of strains behind a clamp that gives",)

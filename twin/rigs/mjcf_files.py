@@ -7,7 +7,7 @@ from pathlib import Path
 
 from twin.mechanics.chain import build
 from twin.mechanics.mjcf import build_spec
-from twin.mechanics.mjcf_looks import scene_xml
+from twin.mechanics.mjcf_visuals import scene_xml
 from twin.rigs import preset
 
 

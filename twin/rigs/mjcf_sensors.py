@@ -52,7 +52,7 @@ def _reading(channel: str, effects: Effects) -> Reading:
     return reading
 
 
-def left_out(effects: Effects) -> tuple[str, ...]:
+def unsupported_effects(effects: Effects) -> tuple[str, ...]:
     """Names of the effects whose readings MJCF cannot say."""
     return tuple(
         name
@@ -61,7 +61,7 @@ def left_out(effects: Effects) -> tuple[str, ...]:
     )
 
 
-def write(spec: mujoco.MjSpec, found: Readings) -> None:
+def write_sensors(spec: mujoco.MjSpec, found: Readings) -> None:
     """Makes the sensors of a rig report as they do.
 
     Args:
@@ -95,19 +95,19 @@ def _read_through_tendon(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, joint: s
 def _read_sum(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, reading: Reading) -> None:
     """The sensor adds up what pulls at its tendon: its length, a drift, a wave."""
     sensor.type = mujoco.mjtSensor.mjSENS_TENDONACTFRC
-    truth = _puller(spec, sensor, "truth")
+    truth = _tendon_actuator(spec, sensor, "truth")
     truth.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     truth.gainprm[0], truth.biasprm[0], truth.biasprm[1] = 0.0, reading.offset, 1 / _GEAR
     if reading.rate != 0:
-        drift = _puller(spec, sensor, "drift")
+        drift = _tendon_actuator(spec, sensor, "drift")
         drift.dyntype, drift.gainprm[0] = mujoco.mjtDyn.mjDYN_INTEGRATOR, reading.rate
         drift.ctrllimited, drift.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [1.0, 1.00001]
     if reading.amplitude != 0:
-        wave = _puller(spec, sensor, "wave")
-        mjcf.set_wave(wave, reading.amplitude, reading.order / _GEAR, reading.phase)
+        wave = _tendon_actuator(spec, sensor, "wave")
+        mjcf.set_sinusoid(wave, reading.amplitude, reading.order / _GEAR, reading.phase)
 
 
-def _puller(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, what: str) -> mujoco.MjsActuator:
+def _tendon_actuator(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, what: str) -> mujoco.MjsActuator:
     kind = mujoco.mjtTrn.mjTRN_TENDON
     puller = spec.add_actuator(name=f"{sensor.name}_{what}", target=sensor.name, trntype=kind)
     puller.gear[0] = _GEAR

@@ -15,7 +15,7 @@ from twin.mechanics.hub_law import HubTorque, as_arrays
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.recording import Recording, Sensor
-from twin.rigs.drive_law import through
+from twin.rigs.drive_law import apply_drive_effects
 from twin.rigs.patch import Patch
 
 Effects = Mapping[str, Mapping[str, float]]
@@ -82,12 +82,14 @@ class Model:
     @functools.cached_property
     def curvature_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
-        return {name: chain.through_root(self.chain, row) for name, row in self.gauge_rows.items()}
+        return {
+            name: chain.row_with_root_compliance(self.chain, row) for name, row in self.gauge_rows.items()
+        }
 
     @functools.cached_property
     def curvature_rate_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from hinge rates to the curvature at its gauge [s/m per rad], where there is one."""
-        rows = {name: chain.lagging_row(self.chain, row) for name, row in self.gauge_rows.items()}
+        rows = {name: chain.curvature_rate_row(self.chain, row) for name, row in self.gauge_rows.items()}
         return {name: row for name, row in rows.items() if row is not None}
 
     @functools.cached_property
@@ -134,7 +136,9 @@ class Model:
         """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
         limit = self.declared["torque_limit"]
         put_out = recording.commanded_at + self.late
-        command = through(self.effects, Drive(put_out, np.clip(recording["torque_command"], -limit, limit)))
+        command = apply_drive_effects(
+            self.effects, Drive(put_out, np.clip(recording["torque_command"], -limit, limit))
+        )
         if self.patch is not None:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
@@ -142,7 +146,7 @@ class Model:
     @property
     def torque_gain(self) -> float:
         """Torque that is delivered for one that is commanded [1], whatever else is added to it."""
-        steps = through(self.effects, Drive(np.arange(2.0), np.arange(2.0)))
+        steps = apply_drive_effects(self.effects, Drive(np.arange(2.0), np.arange(2.0)))
         return float(np.diff(steps.torque)[0])
 
     def read_torque(self, recording: Recording) -> np.ndarray:
@@ -170,12 +174,12 @@ class Model:
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 
 
-def fine(model: Model) -> Model:
+def with_fine_chain(model: Model) -> Model:
     """The same model on a chain fine enough to stand for the limit."""
     return model.replace(shape=_fine_shape(model), step=FINE_STEP)
 
 
 def _fine_shape(model: Model) -> ChainShape:
     # A shape fits all rigs that are much alike: fitted to three digits, it is found again.
-    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPED_BY}
+    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPE_PARAMETERS}
     return chain.fit_shape(rounded, FINE_SEGMENTS)

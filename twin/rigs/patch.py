@@ -16,7 +16,7 @@ from scipy.interpolate import make_smoothing_spline
 from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table
 from twin.mechanics.hub_law import HubLaw, HubTorque
-from twin.recording import HUB, MEASURED
+from twin.recording import HUB_TORQUE, MEASURED
 
 _ON_HUB = {"hub_angle": 1.0, "hub_rate": 2.0, "time": 3.0}
 _ADDED, _SAMPLES = "added_to_", "samples"  # columns of its table
@@ -27,7 +27,7 @@ _REPEATED = 2  # recordings in which a value of the variable must have been seen
 
 
 @HubLaw
-def looked_up(t, theta, omega, values):
+def lookup_torque(t, theta, omega, values):
     """Torque [N m] of a lookup: linear between its points, constant beyond them.
 
     Values are the variable (1 angle, 2 rate, 3 time), the number k of points, k values of the variable, k torques.
@@ -73,30 +73,32 @@ class Patch:
 
     def hub_torque(self) -> HubTorque | None:
         """The lookup as a torque on the hub; None where it is none, or goes by the command."""
-        if self.channel != HUB or self.variable not in _ON_HUB:
+        if self.channel != HUB_TORQUE or self.variable not in _ON_HUB:
             return None
         values = (_ON_HUB[self.variable], len(self.x), *self.x.tolist(), *self.y.tolist())
-        return HubTorque("patch", looked_up, tuple(map(float, values)))
+        return HubTorque("patch", lookup_torque, tuple(map(float, values)))
 
     @property
     def on_sensor(self) -> bool:
         """It changes a reading, not the torque on the hub."""
-        return self.channel != HUB
+        return self.channel != HUB_TORQUE
 
     @property
-    def known_variables(self) -> tuple[str, ...]:
+    def allowed_variables(self) -> tuple[str, ...]:
         """What a simulation can look it up by."""
-        return (*_ON_HUB, "torque_command") if self.channel == HUB else ("time", *MEASURED)
+        return (*_ON_HUB, "torque_command") if self.channel == HUB_TORQUE else ("time", *MEASURED)
 
     @property
-    def acts(self) -> bool:
+    def is_simulable(self) -> bool:
         """A simulation can look it up."""
-        return self.variable in self.known_variables
+        return self.variable in self.allowed_variables
 
     def on_command(self, torque: np.ndarray) -> np.ndarray:
         """Delivered torque (k) for a command (k) [N m]."""
         return (
-            torque + self.at(torque) if self.channel == HUB and self.variable == "torque_command" else torque
+            torque + self.at(torque)
+            if self.channel == HUB_TORQUE and self.variable == "torque_command"
+            else torque
         )
 
     def on_reading(self, time: np.ndarray, true: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -113,7 +115,7 @@ def to_csv(patch: Patch) -> str:
     return "\n".join([f"{patch.variable},{_ADDED}{patch.channel},{_SAMPLES}", *rows]) + "\n"
 
 
-def read(path: Path) -> Patch:
+def read_patch(path: Path) -> Patch:
     """Reads a lookup from a table as `to_csv` writes it; samples may be left out.
 
     Raises:
@@ -131,15 +133,15 @@ def read(path: Path) -> Patch:
     _check_points(path.name, table, x, y)
     count = table.columns.get(_SAMPLES, np.zeros(len(x)))
     found = Patch(added[0].removeprefix(_ADDED), variables[0], x, y, count)
-    if found.channel not in (HUB, *MEASURED):
+    if found.channel not in (HUB_TORQUE, *MEASURED):
         raise InputError(
             f"{path.name}, line 1: nothing can be added to '{found.channel}'; expected one of: "
-            f"{', '.join((HUB, *MEASURED))}{nearest(found.channel, (HUB, *MEASURED))}"
+            f"{', '.join((HUB_TORQUE, *MEASURED))}{nearest(found.channel, (HUB_TORQUE, *MEASURED))}"
         )
-    if not found.acts:
+    if not found.is_simulable:
         raise InputError(
             f"{path.name}, line 1: no simulation looks up {found.channel} by '{found.variable}'; expected one of: "
-            f"{', '.join(found.known_variables)}{nearest(found.variable, found.known_variables)}"
+            f"{', '.join(found.allowed_variables)}{nearest(found.variable, found.allowed_variables)}"
         )
     return found
 
@@ -160,7 +162,7 @@ def _check_points(name: str, table: Table, x: np.ndarray, y: np.ndarray) -> None
         )
 
 
-def smooth(
+def fit_lookup(
     left: np.ndarray, values: np.ndarray, recording: np.ndarray, channel: str, variable: str
 ) -> Patch | None:
     """Fits what is left of a channel as a smooth function of one variable.

@@ -38,7 +38,7 @@ _KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlat
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
 
 
-def header(name: str, what: str) -> list[str]:
+def header_lines(name: str, what: str) -> list[str]:
     """Returns the first lines of a file: the name of the rig, and a comment on what it is."""
     return [f"# A rig {what}. SI units.", "format = 1", f"name = {_text(name)}"]
 
@@ -52,13 +52,13 @@ def parameter_lines(parameter: Parameter, standard_error: float | None = None) -
     """
     yield ""
     yield f"[parameters.{parameter.name}]"
-    yield f"value = {number(parameter.value)}"
+    yield f"value = {toml_number(parameter.value)}"
     yield f"unit = {_text(parameter.unit)}"
     if standard_error is None:
         if parameter.uncertainty is not None:
-            yield f"uncertainty = {number(parameter.uncertainty)}  # relative, as declared"
+            yield f"uncertainty = {toml_number(parameter.uncertainty)}  # relative, as declared"
     elif math.isfinite(standard_error):
-        yield f"standard_error = {number(standard_error)}"
+        yield f"standard_error = {toml_number(standard_error)}"
     yield f"source = {_text(parameter.source)}"
 
 
@@ -76,14 +76,14 @@ def effect_lines(
         error = errors.get(key, math.nan)
         said = [units.get(key, "")] if units.get(key, "1") != "1" else []
         said += [f"standard error {error:.2g}"] if math.isfinite(error) else []
-        yield f"{key} = {number(value)}" + (f"  # {', '.join(said)}" if said else "")
+        yield f"{key} = {toml_number(value)}" + (f"  # {', '.join(said)}" if said else "")
     known = {key: error for key, error in errors.items() if math.isfinite(error)}
     if known:
         yield from ("", f"[standard_errors.{name}]")
-        yield from (f"{key} = {number(error)}" for key, error in known.items())
+        yield from (f"{key} = {toml_number(error)}" for key, error in known.items())
 
 
-def number(value: float) -> str:
+def toml_number(value: float) -> str:
     """Returns a number as TOML, with all its digits."""
     return repr(float(value))  # "inf" and "nan" are TOML too
 

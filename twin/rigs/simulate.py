@@ -18,23 +18,23 @@ from twin.rigs.model import Model
 def simulate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Recording:
     """Returns what the sensors of the recording would have reported, simulated with the compiled chain."""
     motion = integrate(model, recording, start, guide)
-    return reported(model, recording, motion)
+    return sensor_readings(model, recording, motion)
 
 
 def integrate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Motion:
     """Moves the chain under the recording's command."""
-    plant, times, torques = delivered(model, recording)
+    plant, times, torques = delivered_torque(model, recording)
     phi, omega = initial_state(model, recording, start)
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
-    phi, omega = plant.extended(phi), plant.extended(omega)
+    phi, omega = plant.extend_state(phi), plant.extend_state(omega)
     motion = planar.simulate(
         plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.stable_step, *flags
     )
-    return Motion.of(recording.time, *motion, len(model.chain.lengths))
+    return Motion.from_coordinates(recording.time, *motion, len(model.chain.lengths))
 
 
-def delivered(model: Model, recording: Recording) -> tuple[Plant, np.ndarray, np.ndarray]:
+def delivered_torque(model: Model, recording: Recording) -> tuple[Plant, np.ndarray, np.ndarray]:
     """The plant, its motor as slow as the drive makes it, and what the drive delivers: instants [s], torques [N m]."""
     drive = model.drive(recording)
     # A command before the first sample stands for what the drive delivered until then.
@@ -53,7 +53,7 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
         shapes = bending_shapes(links)
         angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
     elif recording.start == "rest":
-        angles = hanging(model, start.hub_angle)
+        angles = gravity_equilibrium(model, start.hub_angle)
     phi = start.hub_angle + np.r_[0.0, np.cumsum(angles)]
     omega = start.hub_rate + np.r_[0.0, np.cumsum(rates)]
     return phi, omega
@@ -66,7 +66,7 @@ def bending_shapes(links: Chain) -> np.ndarray:
     return shapes / (levers @ shapes)
 
 
-def hanging(model: Model, hub_angle: float) -> np.ndarray:
+def gravity_equilibrium(model: Model, hub_angle: float) -> np.ndarray:
     """Hinge angles (n) of a link at rest under what gravity acts in the plane."""
     plant, size = model.plant, len(model.chain.stiffness)
     bends = np.zeros(size)
@@ -100,10 +100,10 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
     return root(unbalance, np.r_[guess, force], tol=1e-12).x[:-1]
 
 
-def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
+def sensor_readings(model: Model, recording: Recording, motion: Motion) -> Recording:
     """What the sensors report of a motion, at the samples and in the channels of the recording."""
     with np.errstate(invalid="ignore"):  # a simulation that ran away
-        true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
+        true = {channel: _true_channel(model, recording, motion, channel) for channel in recording.measured()}
     if model.plant.link.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
     since = motion.time - motion.time[0]
@@ -114,7 +114,7 @@ def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
     )
 
 
-def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> np.ndarray:
+def _true_channel(model: Model, recording: Recording, motion: Motion, channel: str) -> np.ndarray:
     links = model.chain
     hinges = np.diff(motion.angles, axis=1)
     relative = motion.angles - motion.angles[:, :1]

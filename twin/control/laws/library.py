@@ -7,7 +7,7 @@ from pathlib import Path
 
 from twin.control.laws.base import Controller
 from twin.control.laws.friction import FrictionFeedForward
-from twin.control.laws.lqi import least_damped, lqi
+from twin.control.laws.lqi import least_damped_mode, lqi
 from twin.control.laws.shaper import ShapedReference, extra_insensitive, zero_vibration
 from twin.control.laws.siso import siso
 from twin.errors import InputError, nearest
@@ -18,12 +18,12 @@ Factory = Callable[[Mapping[str, float], float], Controller]
 
 def shaped_lqi(rig: Mapping[str, float], period: float) -> Controller:
     """The LQ regulator behind a zero-vibration shaper for the least damped mode of its loop."""
-    return ShapedReference(lqi(rig, period), *zero_vibration(*least_damped(rig)), period)
+    return ShapedReference(lqi(rig, period), *zero_vibration(*least_damped_mode(rig)), period)
 
 
 def insensitive_lqi(rig: Mapping[str, float], period: float) -> Controller:
     """The LQ regulator behind an extra-insensitive shaper for the same mode."""
-    return ShapedReference(lqi(rig, period), *extra_insensitive(*least_damped(rig)), period)
+    return ShapedReference(lqi(rig, period), *extra_insensitive(*least_damped_mode(rig)), period)
 
 
 def siso_with_friction(rig: Mapping[str, float], period: float) -> Controller:

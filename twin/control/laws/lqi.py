@@ -103,7 +103,7 @@ def design(
     return A, B, C, K, L
 
 
-def least_damped(rig: Mapping[str, float]) -> tuple[float, float]:
+def least_damped_mode(rig: Mapping[str, float]) -> tuple[float, float]:
     """Returns frequency [Hz] and damping ratio of the least damped mode of the loop: what a reference makes ring.
 
     The observer is told the reference, so that it excites the poles of the regulator alone.

@@ -1,4 +1,4 @@
-"""Plants: what a controller acts on. `make` builds one for a rig by its name."""
+"""Plants: what a controller acts on. `make_plant` builds one for a rig by its name."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS: Mapping[str, str] = {
 Effects = Mapping[str, Mapping[str, float]]
 
 
-def make(
+def make_plant(
     kind: str,
     rig: Rig | None = None,
     effects: Effects | None = None,
@@ -51,7 +51,7 @@ def make(
         )
     if patch is not None:
         _check_readings(patch)
-    model = model_of(rig, effects, segments, patch)
+    model = make_model(rig, effects, segments, patch)
     if kind == "modal":
         from twin.control.plants.modal import ModalPlant
 
@@ -79,7 +79,7 @@ def _check_readings(patch: Patch) -> None:
             )
 
 
-def model_of(
+def make_model(
     rig: Rig | None = None,
     effects: Effects | None = None,
     segments: int = 8,

@@ -11,7 +11,7 @@ from twin.control.plants.drive import DriveLine
 from twin.mechanics import planar
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.rigs.model import Model
-from twin.rigs.simulate import hanging
+from twin.rigs.simulate import gravity_equilibrium
 
 
 class _Links(abc.ABC):
@@ -59,8 +59,8 @@ class _Links(abc.ABC):
         return np.concatenate([np.zeros((len(angles), 1, 2)), np.cumsum(steps, axis=1)], axis=1)
 
     def _at_rest(self, hub_angle: float) -> np.ndarray:
-        bends = hanging(self._model, hub_angle)
-        return self._model.plant.extended(hub_angle + np.r_[0.0, np.cumsum(bends)])
+        bends = gravity_equilibrium(self._model, hub_angle)
+        return self._model.plant.extend_state(hub_angle + np.r_[0.0, np.cumsum(bends)])
 
 
 class ChainPlant(_Links):
@@ -83,7 +83,7 @@ class ChainPlant(_Links):
     def advance(self, torque: float) -> None:
         """Moves on by one period under a commanded torque [N m]."""
         self._drive.command(self._engine.time, torque)
-        for piece, span in self._drive.pieces(self._engine.time, self.period):
+        for piece, span in self._drive.constant_spans(self._engine.time, self.period):
             self._engine.advance(piece, span, self._step)
 
     def time(self) -> float:
@@ -133,7 +133,7 @@ class CompiledPlant(_Links):
     def advance(self, torque: float) -> None:
         """Moves on by one period under a commanded torque [N m]."""
         self._drive.command(self._time, torque)
-        for piece, span in self._drive.pieces(self._time, self.period):
+        for piece, span in self._drive.constant_spans(self._time, self.period):
             self._mode = planar.advance(
                 self._plant,
                 self._time,

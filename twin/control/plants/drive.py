@@ -41,7 +41,7 @@ class DriveLine:
         drive = self._through(time, min(max(torque, -self._limit), self._limit))
         self._pending.append((float(drive.time[0]), float(drive.torque[0])))
 
-    def pieces(self, start: float, span: float) -> Iterator[tuple[float, float]]:
+    def constant_spans(self, start: float, span: float) -> Iterator[tuple[float, float]]:
         """Yields torque [N m] and length [s] of each stretch of constant torque within a span [s]."""
         now, end = start, start + span
         while now < end - _NO_TIME:

@@ -80,7 +80,7 @@ class ModalPlant:
     def advance(self, torque: float) -> None:
         """Moves on by one period under a commanded torque [N m]."""
         self._drive.command(self._time, torque)
-        for piece, span in self._drive.pieces(self._time, self.period):
+        for piece, span in self._drive.constant_spans(self._time, self.period):
             self._z[self._command] = piece
             count = int(np.ceil(span / self._look - 1e-9))
             for _ in range(count):

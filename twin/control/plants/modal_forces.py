@@ -33,7 +33,7 @@ class Forces:
         """Takes what a model adds to a linear rig: all of its plant but torques on the hub that are linear."""
         plant, linear = model.plant, [torque.linear for torque in model.hub_torques]
         others = np.array([part is None for part in linear], dtype=bool)
-        self._plant = plant._replace(torques=plant.torques.only(others))
+        self._plant = plant._replace(torques=plant.torques.select(others))
         self._pull = sum(part.constant for part in linear if part is not None)
         self._rig, self._hub, self._tip = rig, rig.hub, rig.tip
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
@@ -71,7 +71,7 @@ class Forces:
         """Loads (n)."""
         speed = float(self._tip @ rates)
         air = self._plant.link.drag_quadratic * abs(speed) * speed * self._tip
-        return self._of_field(planar.field(self._plant, time), q) + self._of_softening(q) - air
+        return self._of_field(planar.acceleration_field(self._plant, time), q) + self._of_softening(q) - air
 
     def hanging(self, hub_angle: float) -> np.ndarray:
         """Coordinates (n) at which the link hangs still, the hub held at an angle [rad]."""

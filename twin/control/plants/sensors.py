@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Sensors:
 
     instruments: Mapping[str, Instrument] = field(default_factory=dict)
     seed: int = 0
-    reporting: Reporting | None = None
+    reporting: SensorEffects | None = None
 
     def __post_init__(self) -> None:
         self.reset()

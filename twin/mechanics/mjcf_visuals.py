@@ -24,7 +24,9 @@ _COLOURS = {
 }
 
 
-def add_looks(spec: mujoco.MjSpec, rig: Mapping[str, float], chain: Chain, gauges: Sequence[Sensor]) -> None:
+def add_visuals(
+    spec: mujoco.MjSpec, rig: Mapping[str, float], chain: Chain, gauges: Sequence[Sensor]
+) -> None:
     for name, rgba in _COLOURS.items():
         shine = {"specular": 0.6, "shininess": 0.7} if name in ("aluminium", "steel") else {"specular": 0.2}
         spec.add_material(name=name, rgba=rgba, **shine)
@@ -136,7 +138,7 @@ _SCENE = """<mujoco model="bossi2009 scene">
 """
 
 
-def in_scene(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+def with_scene(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     name = "rig.xml"
     return mujoco.MjSpec.from_string(scene_xml(name), include={name: spec.to_xml().encode()})
 

@@ -16,7 +16,7 @@ _LONGEST_DELAY = 0.05  # s, bound of the effect `sensor-delay`
 _MORE = 4  # samples beyond it, for the spline between samples
 
 
-class Reporting:
+class SensorEffects:
     """The effects of a model on its sensors; before the first sample the rig rested as it did then."""
 
     def __init__(self, model: Model, plant: Plant) -> None:
