@@ -1,20 +1,30 @@
-"""The chain's equations of motion, compiled: what the search for missing effects integrates.
+"""The chain's equations of motion in compiled code, integrated with stick and slip of the hub located inside a step.
 
-MuJoCo is the reference that every result is reported with; this module integrates the same chain some ten
-times faster and locates every stick and slip inside the step. A test holds the two together.
+The fits and the search for missing effects integrate this module; MuJoCo, the reference with which results are
+reported, integrates the same chain some ten times slower (`twin.mechanics.mujoco_chain`). A test compares the two.
 
-Coordinates are the absolute angles phi_0 (hub) ... phi_n of n + 1 rigid segments, so that with the constants
-c_ij of `Chain.inertia` (Lagrange, planar open chain)
+Equations. Coordinates are the absolute angles phi_0 (hub) ... phi_n of n + 1 rigid segments in the plane. With the
+constants c_ij of `Chain.inertia` (Lagrange's equations of a planar open chain)
 
     sum_j c_ij cos(phi_i - phi_j) phi_j'' = - sum_j c_ij sin(phi_i - phi_j) phi_j'^2 + Q_i
 
-and the hinge moments act between neighbours. Friction acts on the hub only. Sliding, it is the Coulomb level
-against the motion; where the hub's rate crosses zero it sticks if the torque that holds it is below the static
-level, and slides again where that torque exceeds it. Both instants are located by bisection.
+`_generalised_forces` fills the mass matrix and the right-hand side except the torques on the hub: moments of the hinges
+between neighbouring segments, damping, gravity, drag. `hub_torque` adds the torques of the hub laws, `sliding_level`
+the friction. All numbers are fields of `twin.mechanics.plant.Plant`, whose module lists the terms of Q_i.
 
-Extra coordinates stand behind the segments where an effect asks for them: the absolute angle of an oscillator on
-the hub (a torsional mode), then that of a motor with play between it and the hub. The flanks of the play are
-springs with a damper that push and never pull; their numbers are assumed.
+Stick and slip. Dry friction acts on the hub only. `mode` is +1 or -1, the direction in which the hub slides, or 0 while
+it sticks. While it slides, friction is the sliding level against the motion. Where the hub's rate crosses zero, the hub
+sticks if the torque that holds it at rest does not exceed the static level; it breaks away where that torque does.
+Both instants are located by bisection, and integration restarts there.
+
+Appended coordinates follow the segments where an effect needs them: the absolute angle of an oscillator on the hub (a
+torsional mode), then that of a motor separated from the hub by backlash. The flanks of the backlash are springs with
+dampers whose force can push and not pull; their constants are assumed.
+
+Reading the code: functions with a leading underscore work in place on preallocated arrays. `phi`, `omega`, `acc` are
+angles, rates and accelerations (n + 1 + k); u is the command held now, `age` the time since it came [s], and u_before
+the torque that was delivered then, both needed for the motor's lag. Compiled functions stay in this file, because
+numba's cache does not notice a change in another one.
 """
 
 from __future__ import annotations
@@ -29,15 +39,16 @@ from twin.mechanics.plant import CONTACT_STEP, CONTACT_STIFFNESS, Plant
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
-# A `Plant` is some 70 words, passed by value: what is called at every stage is inlined.
+# Numba passes a `Plant`, some 70 words, by value: functions called at every stage of a step are inlined.
 _inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
 
 EVENT_TOLERANCE = 1e-7
-"""Width of the interval in which a stick or slip is located [s]."""
+"""Width of the interval to which the instant of a stick or slip is bisected [s]."""
 
 
 @_inlined
 def _friction_raise(plant, theta):
+    """Increase of both friction levels at hub angle theta [N m]."""
     if plant.friction.amplitude == 0.0:
         return 0.0
     return 0.5 * plant.friction.amplitude * (1 + np.sin(plant.friction.order * theta + plant.friction.phase))
@@ -45,14 +56,14 @@ def _friction_raise(plant, theta):
 
 @compiled
 def static_level(plant, theta, direction):
-    """Torque [N m] that a resting hub withstands in `direction` (+1 or -1)."""
+    """Static friction level [N m] of a hub at rest at angle theta, for a torque in `direction` (+1 or -1)."""
     level = plant.friction.static_positive if direction > 0 else plant.friction.static_negative
     return level + _friction_raise(plant, theta)
 
 
 @_inlined
 def sliding_level(plant, theta, omega, direction):
-    """Friction torque [N m] on a hub that slides in `direction` at rate `omega` [rad/s]."""
+    """Magnitude of friction [N m] on a hub at angle theta that slides in `direction` at rate `omega` [rad/s]."""
     if direction > 0:
         coulomb, static = plant.friction.coulomb_positive, plant.friction.static_positive
     else:
@@ -64,7 +75,7 @@ def sliding_level(plant, theta, omega, direction):
 
 @_inlined
 def law_torque(plant, t, theta, omega, on_motor):
-    """Torque [N m] of the laws that act on the motor, or of those that do not."""
+    """Sum of the hub laws' torques [N m] at time t: of those that act on the motor, or of the others."""
     torques, torque = plant.torques, 0.0
     since = t - torques.since
     for k in range(torques.addresses.size):
@@ -77,13 +88,13 @@ def law_torque(plant, t, theta, omega, on_motor):
 
 @_inlined
 def contact_damping(plant):
-    """Of a flank of the play [N m s/rad]."""
+    """Damping constant of a flank of the backlash [N m s/rad]."""
     return 2 * plant.motor.contact_loss * np.sqrt(CONTACT_STIFFNESS * plant.motor.inertia)
 
 
 @_inlined
 def contact_torque(plant, play, rate):
-    """Torque [N m] from the motor to the hub at their relative angle [rad] and rate [rad/s]."""
+    """Contact torque [N m] of the motor on the hub; `play` is motor less hub angle [rad], `rate` its rate [rad/s]."""
     beyond = abs(play) - 0.5 * plant.motor.gap
     if beyond <= 0.0:
         return 0.0
@@ -93,9 +104,9 @@ def contact_torque(plant, play, rate):
 
 @_inlined
 def hub_torque(plant, t, theta, omega):
-    """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link.
+    """Torque [N m] of the hub laws on the hub at time t [s]: without motor torque, dry friction and the link.
 
-    What acts on the motor is among it unless there is a play between motor and hub.
+    Laws that act on the motor are included unless there is backlash.
     """
     torque = law_torque(plant, t, theta, omega, False)
     if plant.motor.gap == 0.0:
@@ -105,9 +116,9 @@ def hub_torque(plant, t, theta, omega):
 
 @compiled
 def _relative_sines(phi, sin, cos):
-    """Fills sin and cos of the angles (n + 1) relative to the hub, which is all that the inertia depends on.
+    """Fills `sin` and `cos` of the angles phi_i - phi_0 (n + 1), which determine the mass matrix.
 
-    Hinge angles are small: their sine and cosine come from a series, good to 1e-13 below 0.5 rad.
+    Hinge angles below 0.5 rad use a power series with an error below 1e-13, which is faster.
     """
     sin[0], cos[0] = 0.0, 1.0
     for i in range(1, phi.size):
@@ -124,7 +135,7 @@ def _relative_sines(phi, sin, cos):
 
 @_inlined
 def acceleration_field(plant, t):
-    """Acceleration field on every mass [m/s^2]: gravity, and what a base that is shaken takes away."""
+    """Acceleration field (x, y) on every mass [m/s^2]: gravity less the acceleration of the base."""
     if plant.link.shake_x == 0.0 and plant.link.shake_y == 0.0:
         return plant.link.gravity_x, plant.link.gravity_y
     shake = np.sin(2 * np.pi * plant.link.shake_frequency * t + plant.link.shake_phase)
@@ -136,7 +147,7 @@ def acceleration_field(plant, t):
 
 @_inlined
 def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
-    """Fills `force` (n + 1) with all but hub torques and `mass` (n + 1, n + 1) with the mass matrix."""
+    """Fills the mass matrix `mass` (lower triangle) and the right-hand side `force` without the torques on the hub."""
     m = phi.size
     _relative_sines(phi, sin, cos)
     for i in range(m):
@@ -152,7 +163,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
             force[j] += s * squared
         force[i] -= total
         mass[i, i] = plant.link.inertia[i, i]
-    # Hinge moments: stiffness (softening with curvature) and modal damping.
+    # Hinge moments: stiffness, reduced with curvature, and damping.
     links = plant.link.stiffness.size + 1
     for i in range(1, links):
         angle = phi[i] - phi[i - 1]
@@ -183,7 +194,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
             force[i] -= drag * plant.link.lengths[i] * (cos[i] * vy - sin[i] * vx)
     field_x, field_y = acceleration_field(plant, t)
     if field_x != 0.0 or field_y != 0.0:
-        # In the hub's frame.
+        # Components in the hub's frame, as sin and cos are relative to it.
         s, c = np.sin(phi[0]), np.cos(phi[0])
         gx = c * field_x + s * field_y
         gy = c * field_y - s * field_x
@@ -193,7 +204,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
 
 @compiled
 def _solve(mass, force, first):
-    """Solves mass x = force in place for rows and columns from `first` on (Cholesky, LDL'); x in `force`."""
+    """Solves mass x = force in place (LDL' factorisation) for rows and columns from `first` on; x replaces `force`."""
     m = force.size
     for i in range(first, m):
         # Row i of L D, then of L; the inverse pivots stay on the diagonal.
@@ -220,7 +231,7 @@ def _solve(mass, force, first):
 
 @compiled
 def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch):
-    """Fills `acc` (n + 1); returns the torque [N m] that friction must bear to hold a locked hub."""
+    """Fills `acc` (n + 1) under the motor torque `drive`; returns the torque [N m] that holds a locked hub, else 0."""
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
@@ -246,7 +257,7 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch)
 
 @compiled
 def _lagged_torque(u, u_before, age, lag):
-    """Delivered torque [N m] `age` seconds after the command stepped to u from a delivered u_before."""
+    """Delivered torque [N m] of a first-order lag, `age` seconds after the command stepped to u from u_before."""
     if lag <= 0.0:
         return u
     return u + (u_before - u) * np.exp(-age / lag)
@@ -254,7 +265,7 @@ def _lagged_torque(u, u_before, age, lag):
 
 @compiled
 def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, omega1, work, scratch):
-    """One classical Runge-Kutta step of length h; the result goes to phi1, omega1."""
+    """One classical fourth-order Runge-Kutta step of length h from phi, omega to phi1, omega1."""
     m = phi.size
     k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a = work
     for i in range(m):
@@ -294,20 +305,32 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
 
 @compiled
 def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
-    """Torque [N m] that friction must bear to keep the hub at rest."""
+    """Torque [N m] of friction, reversed, that keeps the hub at rest."""
     return _accelerations(plant, t, phi, omega, drive, 0, True, acc, scratch)
 
 
 @compiled
 def _friction_holds(plant, theta, needed):
+    """Whether the static level is at least the torque `needed` to keep the hub at rest."""
     return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
 
 
 @compiled
 def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, work, scratch):
-    """Integrates phi, omega (n + 1) in place over `span` [s] under a held command u.
+    """Integrates phi, omega in place over `span` [s] under a held command u; returns the mode at the end.
 
-    `mode` is 0 while the hub sticks, else the direction +1 or -1 in which it slides. Returns the mode at the end.
+    Args:
+      plant: the `Plant`.
+      t: instant at which the span begins [s].
+      span: its length [s].
+      phi, omega: (n + 1 + k) state, overwritten.
+      u: command, held [N m].
+      u_before: torque that was delivered when the command came [N m].
+      age: time since the command came [s].
+      mode: 0 while the hub sticks, else the direction +1 or -1 in which it slides.
+      clamped: the hub is locked.
+      h_max: largest step [s].
+      work, scratch: (8, n + 1 + k) and (n + 4 + k, n + 1 + k), of any content.
     """
     m = phi.size
     phi1, omega1, acc = np.empty(m), np.empty(m), np.empty(m)
@@ -330,7 +353,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                 needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
                 slipped = not _friction_holds(plant, phi[0], needed)
             if crossed or slipped:
-                # Bisect for the instant of the event, then restart behind it.
+                # Bisect for the instant of the event, then restart just after it.
                 low, high = 0.0, h
                 while high - low > EVENT_TOLERANCE:
                     mid = 0.5 * (low + high)
@@ -365,7 +388,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
 
 
 STUCK, UNDECIDED = 0, 2
-"""What the measurement says of the hub at a sample: it rests, or no clear word; +1 and -1: it moves."""
+"""Flags of the hub at a measured sample: at rest, or neither rest nor motion is certain; +1 and -1: it moves."""
 
 
 _NO_FLAGS, _NO_ANCHOR = np.empty(0, dtype=np.int64), np.empty(0)
@@ -386,23 +409,24 @@ def simulate(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrates from out_time[0] to out_time[-1].
 
-    Free-running where `observed` is empty. Otherwise guided: where the measurement is sure that the hub rests or
-    moves and the model disagrees, the model follows; and where a measured rest ends, the whole rig is turned to
-    the measured angle. Between rests the run is free, so a stick too many or too few does not decide the rest.
+    Free-running where `observed` is empty. Otherwise guided by the measurement: where a flag says that the hub rests or
+    moves and the simulation disagrees, its mode is set to the flag; and where a measured rest ends, the whole rig is
+    rotated to the measured angle. Between rests the simulation runs freely. So one wrong stick does not offset all that
+    follows.
 
     Args:
       plant: the `Plant`.
       command_time, command: (k) instants [s] and torque [N m] held from each to the next; before the first, 0.
-      out_time: (m) instants at which the state is wanted [s].
-      phi0, omega0: (n + 1) state at out_time[0].
-      mode0: 0 hub sticks, +1 or -1 it slides.
+      out_time: (m) instants at which the state is returned [s].
+      phi0, omega0: (n + 1 + k) state at out_time[0].
+      mode0: mode at out_time[0]: 0 the hub sticks, +1 or -1 it slides.
       clamped: the hub is locked.
       h_max: largest step [s].
       observed: (m) or (0) int64, `STUCK`, +1, -1 or `UNDECIDED` at each instant.
       anchor: (m) or (0) measured hub angle while it rests [rad].
 
     Returns:
-      (m, n + 1) angles [rad], (m, n + 1) rates [rad/s], (m) mode.
+      (m, n + 1 + k) angles [rad], (m, n + 1 + k) rates [rad/s], (m) mode.
     """
     phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
     command_time, command, out_time = (
@@ -469,16 +493,16 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
 def holding_torque(
     plant: Plant, time: np.ndarray, angles: np.ndarray, rates: np.ndarray, drive: np.ndarray
 ) -> np.ndarray:
-    """Torque [N m] that friction bears while it keeps the hub at rest, at each instant.
+    """Torque that friction balances while the hub is held at rest, at each instant.
 
     Args:
       plant: the `Plant`.
       time: (m) [s].
-      angles, rates: (m, n + 1) state [rad], [rad/s].
-      drive: (m) delivered torque [N m].
+      angles, rates: (m, n + 1 + k) state [rad], [rad/s].
+      drive: (m) delivered motor torque [N m].
 
     Returns:
-      (m) positive where friction keeps the hub from turning to the positive side.
+      (m) [N m], positive where friction keeps the hub from turning to the positive side.
     """
     return _holding_torque(plant, time, angles, rates, np.ascontiguousarray(drive))
 
@@ -503,17 +527,19 @@ def simulate_prescribed_hub(
     omega0: np.ndarray,
     h_max: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Moves the link under a prescribed motion of the hub: no friction, no drive, no stick or slip.
+    """Integrates the link under a prescribed motion of the hub: no friction, no motor torque, no stick or slip.
+
+    The acceleration is linear between instants; hub angle and rate are reset to the given ones at each.
 
     Args:
       plant: the `Plant`.
       time: (m) instants [s].
       angle, rate, acceleration: (m) of the hub [rad], [rad/s], [rad/s^2].
-      phi0, omega0: (n + 1) state at the first instant.
+      phi0, omega0: (n + 1 + k) state at the first instant; rotated to angle[0].
       h_max: largest step [s].
 
     Returns:
-      (m, n + 1) angles, (m, n + 1) rates, and (m) the torque [N m] on the hub that this motion takes.
+      (m, n + 1 + k) angles [rad], (m, n + 1 + k) rates [rad/s], (m) torque on the hub that this motion takes [N m].
     """
     time, angle, rate = (np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate))
     acceleration = np.ascontiguousarray(acceleration, dtype=float)
@@ -523,7 +549,7 @@ def simulate_prescribed_hub(
 
 @compiled
 def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
-    """Fills acc (n + 1) under a hub acceleration alpha; returns the hub torque that it takes."""
+    """Fills `acc` (n + 1 + k) under the hub acceleration alpha; returns the hub torque that it takes [N m]."""
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
@@ -568,7 +594,7 @@ def _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega,
             middle, end = start + slope * h / 2, start + slope * h
             for i in range(m):
                 k1v[i] = omega[i]
-            if step > 0:  # the first is known: it gave the torque
+            if step > 0:  # those of the first step were computed above, with the torque
                 _prescribed_accelerations(plant, t, phi, omega, start, k1a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k1v[i]
@@ -593,7 +619,13 @@ def _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega,
 def hub_torque_along(
     plant: Plant, time: np.ndarray, angle: np.ndarray, rate: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
-    """Torque [N m] of the hub laws and of sliding friction along a motion of the hub (m,); direction 0: no friction."""
+    """Returns the torque (m) of hub laws and sliding friction along a motion of the hub [N m].
+
+    Args:
+      plant: the `Plant`.
+      time, angle, rate: (m) of the hub [s], [rad], [rad/s].
+      direction: (m) +1 or -1 in which it slides; 0: no friction.
+    """
     time, angle, rate, direction = (
         np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, direction)
     )
@@ -611,12 +643,12 @@ def _hub_torque_along(plant, time, angle, rate, direction):
 
 
 def mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Torque of sliding friction (m) along a motion [N m], its mean over steps in which the rate changes steadily.
+    """Returns the mean torque of sliding friction (m) over steps in each of which the rate is linear in time [N m].
 
     Args:
       plant: the `Plant`.
       angle, rate: (m) of the hub in the middle of each step [rad], [rad/s].
-      change: (m) of the rate over the step [rad/s].
+      change: (m) change of the rate over the step [rad/s].
     """
     angle, rate, change = (np.ascontiguousarray(v, dtype=float) for v in (angle, rate, change))
     return _mean_friction(plant, angle, rate, change)
@@ -639,7 +671,7 @@ def _mean_friction(plant, angle, rate, change):
 
 @_inlined
 def _torque_integral(plant, theta, omega):
-    """Integral of the friction torque over the rate, from rest to `omega` [N m rad/s]."""
+    """Integral of the friction torque over the rate from 0 to `omega` [N m rad/s], in closed form."""
     if omega > 0:
         coulomb, static = plant.friction.coulomb_positive, plant.friction.static_positive
     else:
@@ -660,16 +692,17 @@ def backlash_torque(
     mobility: float = 0.0,
     start: float = 0.0,
 ) -> np.ndarray:
-    """Mean torque [N m] in each of some short cells (c) through the play on a hub that moves as prescribed.
+    """Returns the mean torque (c) that backlash passes on to a hub with prescribed motion, in each time cell [N m].
 
-    The motor starts in the middle of the play, at rest against the hub.
+    The motor starts in the middle of the backlash, at rest relative to the hub. Free flight and contact with one flank
+    have closed forms; a cell in which contact begins or ends is integrated.
 
     Args:
-      plant: the `Plant`, with a play.
+      plant: the `Plant`, with backlash.
       period: length of a cell [s].
       acceleration, angle: (c) of the hub in the middle of each cell [rad/s^2], [rad].
-      drive: (c) delivered torque, its mean over each cell [N m].
-      mobility: acceleration of the hub per torque through the play, beside the one prescribed [1/(kg m^2)].
+      drive: (c) delivered motor torque, its mean over each cell [N m].
+      mobility: additional acceleration of the hub per transmitted torque [1/(kg m^2)].
       start: instant of the first cell [s].
     """
     acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
@@ -680,7 +713,8 @@ def backlash_torque(
 def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start):
     half, inverse = 0.5 * plant.motor.gap, 1 / plant.motor.inertia + mobility
     damping = contact_damping(plant)
-    # On a flank: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
+    # In contact: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
+    # `place` and `rate` are the motor's angle relative to the hub [rad] and its rate [rad/s].
     square, delta = CONTACT_STIFFNESS * inverse, 0.5 * damping * inverse
     omega = np.sqrt(max(square - delta * delta, 1e-12))
     kept = np.exp(-delta * period)
@@ -715,7 +749,7 @@ def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start)
 
 @compiled
 def _contact_transition(plant, period, place, rate, pushed, inverse):
-    """A cell in which a contact begins or ends: place and rate behind it, mean torque; by Runge-Kutta steps."""
+    """Integrates a cell in which contact begins or ends (Runge-Kutta); returns place and rate after it, mean torque."""
     count = int(np.ceil(period / CONTACT_STEP))
     h, total = period / count, 0.0
     for _ in range(count):
