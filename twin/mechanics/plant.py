@@ -46,14 +46,18 @@ class Link(NamedTuple):
     """
 
     lengths: np.ndarray  # (n + 1 + k) m, of the segments
-    inertia: np.ndarray  # (n + 1 + k, n + 1 + k) kg m^2, c_ij of the kinetic energy; hub, motor and payload included
+    inertia: (
+        np.ndarray
+    )  # (n + 1 + k, n + 1 + k) kg m^2, c_ij of the kinetic energy; hub, motor and payload included
     stiffness: np.ndarray  # (n) N m/rad, of the hinges
     damping: np.ndarray  # (n, n) N m s/rad, hinge moments per hinge rate
     first_moment: np.ndarray  # (n + 1 + k) kg m, mass times lever, summed over all that segment i carries
     flexibility: float  # 1/(N m^2), 1/EI: curvature of the link per bending moment
     drag_linear: float = 0.0  # N s/m, force on the tip against its velocity v: drag_linear v
     drag_quadratic: float = 0.0  # N s^2/m^2, and drag_quadratic |v| v
-    softening: float = 0.0  # s [1]: at curvature kappa, a hinge has stiffness k (1 - s kappa^2/(kappa^2 + kappa_0^2))
+    softening: float = (
+        0.0  # s [1]: at curvature kappa, a hinge has stiffness k (1 - s kappa^2/(kappa^2 + kappa_0^2))
+    )
     softening_curvature: float = 1.0  # 1/m, kappa_0
     gravity_x: float = 0.0  # m/s^2, component in the plane of motion
     gravity_y: float = 0.0  # m/s^2
