@@ -173,7 +173,7 @@ def fit_lookup(
 ) -> Patch | None:
     """Fits the remaining residual of a channel by a smooth function of one variable.
 
-    A smoothing spline through the means of bins; generalised cross-validation chooses its smoothing parameter. Bins with
+    A smoothing spline through the means of bins; its parameter is from generalised cross-validation. Bins with
     samples of one recording only are omitted. Half of the bin edges are quantiles, half are evenly spaced, because
     residuals are often large at values of the variable that are rare.
 
