@@ -65,7 +65,7 @@ def test_a_bent_link_turns_a_hub_that_the_motor_leaves():
     plant.reset()
     plant._z[1], plant._mode = 5e-4, 0  # bent, at rest
     before = plant.read()["hub_angle"]
-    pull = abs(plant._to_hold())
+    pull = abs(plant._holding_torque())
     assert RIG["coulomb_friction"] < pull < RIG["static_friction"]
     plant.advance(0.0)
     assert plant.mode != 0
@@ -78,7 +78,7 @@ def test_a_motor_above_the_static_level_is_held_together_with_the_link(motor, re
     plant.reset()
     plant._z[1], plant._mode = 1.7e-3, 0  # the link pulls back by more than the motor pushes
     plant._z[plant._command] = motor
-    needed = plant._to_hold()
+    needed = plant._holding_torque()
     assert -RIG["static_friction"] < needed < -RIG["coulomb_friction"]
     plant.advance(motor)
     assert (plant.mode == 0) == rests

@@ -93,12 +93,12 @@ def test_beyond_its_support_it_stays_what_it_was_last():
 def ran(kind, effects=None, patch=None, seconds=0.6):
     """Readings (n x channels) of a plant under two steps of torque, and what its sensors report in the end."""
     plant = plants.make_plant(kind, RIG, effects, patch=patch)
-    reporting = SensorEffects(plants.make_model(RIG, effects, patch=patch), plant)
+    effects_on_sensors = SensorEffects(plants.make_model(RIG, effects, patch=patch), plant)
     plant.reset()
     rows = []
     for k in range(round(seconds / plant.period)):
         plant.advance(0.15 if k < 60 else -0.1)
-        rows.append([reporting.read(plant.time(), plant.read())[c] for c in READINGS])
+        rows.append([effects_on_sensors.read(plant.time(), plant.read())[c] for c in READINGS])
     return np.array(rows)
 
 

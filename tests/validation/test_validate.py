@@ -236,7 +236,7 @@ def test_a_late_reading_is_what_was_true_then():
     plant = plants.make_plant("compiled", RIG, effects)
     heard = []
     law = Law(lambda error, tip, time: heard.append(-error) or 0.15)
-    sensors = Sensors(reporting=SensorEffects(model, plant))
+    sensors = Sensors(effects=SensorEffects(model, plant))
     run = closed_loop.run(plant, law, lambda time: 0.0, 0.3, sensors)
     np.testing.assert_allclose(heard[60:], run.true["hub_angle"][57:-3], atol=1e-9)
     np.testing.assert_allclose(run.measured["hub_angle"], heard, atol=1e-12)

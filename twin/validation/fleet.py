@@ -121,7 +121,7 @@ class Bench:
         model = self._believed.replace(declared=drawn.rig, effects=drawn.effects)
         plant = _ReadOnce(model, self._period)
         try:
-            sensors = Sensors(reporting=SensorEffects(model, plant))
+            sensors = Sensors(effects=SensorEffects(model, plant))
             run = closed_loop.run(
                 plant, self._law, self._scenario.reference, self._scenario.duration, sensors
             )
