@@ -30,6 +30,7 @@ _FACTOR = 30.0
 """Factor from which a ratio is a unit error: between 1, with all physics that may be missing, and 1000."""
 _ALIKE = 3.0  # factor within which ratios are taken to have one common cause
 _SHAPE = ("strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
+"""Channels of the link, which are compared with the acceleration of the hub."""
 
 
 def check_signs_and_units(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> None:

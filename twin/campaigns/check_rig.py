@@ -31,7 +31,7 @@ _TOO_LARGE = 50.0
 _HELD, _LONG = 2.0, 0.1
 """Torque in units of the declared static friction [1], and its duration [s], that should move a hub; only a note."""
 
-_SHAPE = ("strain_base", "strain_mid", "tip_deflection")
+_SHAPE = ("strain_base", "strain_mid", "tip_deflection")  # channels of the link
 
 
 # Frozen sensors

@@ -25,15 +25,13 @@ _SECOND_CHANCE = 1e-2  # the same at one end of a converter that is known to sat
 _NEIGHBOURS = 64  # readings on either side of a run, and in a window, from which the noise is estimated
 _JUMP = 12.0  # noise levels, or steps of the converter: least jump at the end of a frozen run
 _ABRUPT = 3.0  # least ratio of that jump to the changes after it: true motion from rest starts slowly
-_TOP = 3  # equal readings at an extreme that form a plateau; with a coarse converter also the least number of plateaus
+_TOP = 3  # equal readings at an extreme that form a plateau; with a coarse converter, also fewest plateaus
 _PILE = 8  # least number of equal successive pairs at an extreme
 _BEYOND = 3  # most outliers beyond the extreme
 _COARSE_RANGE = 100  # steps of the converter: least range of a channel that can be called saturated
 _NOISY = 6.0  # ratio of noise to the channel's usual noise, from which a segment is bad
 _NOISY_SPAN = 0.1  # s, window in which the noise is estimated
-_NOISY_SHARE = (
-    1 / 3
-)  # largest share of bad segments in a recording; beyond it the channel as a whole is that noisy
+_NOISY_SHARE = 1 / 3  # largest share of bad segments; beyond it the whole channel is that noisy
 _ORDERS = (4, 8)  # orders of the differences that estimate the noise
 _VIBRATES = 0.4  # autocorrelation beyond the lag of the differences from which their size is vibration
 _LISTED = 3  # most stretches that a note lists one by one
@@ -258,10 +256,8 @@ def _saturated(readings: _Readings) -> tuple[np.ndarray, str]:
                 plateaus += runs
                 levels.append(_with_unit(readings, sign * level))
                 break
-    return (
-        bad,
-        f"is saturated at {' and '.join(levels)} {_time_text(readings, sorted(plateaus))}; left out there",
-    )
+    when = _time_text(readings, sorted(plateaus))
+    return bad, f"is saturated at {' and '.join(levels)} {when}; left out there"
 
 
 def _piled_up(readings: _Readings, runs: Sequence[tuple[int, int]], sign: float, other: bool) -> bool:
@@ -331,7 +327,7 @@ def _noisy(readings: _Readings) -> tuple[np.ndarray, str]:
         limit = np.maximum(limit, _NOISY * _noise_levels(commanded, window))
     stretches, count = label(level > limit / 2)
     signed = _difference(np.arange(len(readings.lively), dtype=float), readings.values[readings.lively], 4)
-    bad, found, times = none[0].copy(), [], []
+    bad, segments, times = none[0].copy(), [], []
     for number in range(1, count + 1):
         inside = np.flatnonzero(stretches == number)
         coarse = _NOISY * _step(readings.values[readings.lively[inside]], readings.step) / np.sqrt(12)
@@ -346,11 +342,11 @@ def _noisy(readings: _Readings) -> tuple[np.ndarray, str]:
         strong = near.start + np.flatnonzero(np.abs(signed[near]) > 4 * usual)
         first, last = int(readings.lively[strong[0]]), int(readings.lively[strong[-1]])
         bad[first : last + 1] = True
-        found.append((first, last))
+        segments.append((first, last))
         times.append(float(np.median(level[inside])) / usual)
-    if not found or bad.sum() > _NOISY_SHARE * len(bad):
+    if not segments or bad.sum() > _NOISY_SHARE * len(bad):
         return none
-    return bad, f"has {max(times):.0f} times its usual noise {_time_text(readings, found)}; left out there"
+    return bad, f"has {max(times):.0f} times its usual noise {_time_text(readings, segments)}; left out there"
 
 
 def _noise_levels(sizes: np.ndarray, window: int) -> np.ndarray:

@@ -15,6 +15,7 @@ from twin.parameters import PARAMETERS
 from twin.recording import CHANNEL_UNITS
 
 FILE = "campaign.toml"
+"""Name of the file in the campaign's folder."""
 
 
 def _number(value: Any) -> Any:

@@ -66,6 +66,7 @@ class _Log:
     def add(
         self, plant: Plant, observation: Mapping[str, Any], torque: float, states: Mapping[str, float]
     ) -> None:
+        """Adds a sample: readings and reference of an environment, torque command, states of the controller."""
         values = {name: float(value) for name, value in observation.items()}
         self.rows.append((values, plant.read(), torque, dict(states), plant.mode, plant.configuration))
 

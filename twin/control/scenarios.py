@@ -114,7 +114,7 @@ def _bang_bang(degrees: int) -> Scenario:
     return Scenario(f"bang-bang-{degrees}", lambda time: angle, _DURATION, "bang-bang", angle)
 
 
-_TURN = math.radians(120.0)
+_TURN = math.radians(120.0)  # rad, section VI
 SCENARIOS: Mapping[str, Scenario] = {
     s.name: s
     for s in (

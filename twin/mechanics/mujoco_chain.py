@@ -31,9 +31,8 @@ from twin.mechanics.planar import EVENT_TOLERANCE
 from twin.mechanics.plant import Plant
 
 _NO_TIME = 1e-12  # s, remainder of a span by rounding
-_LONGEST_UNCHECKED = (
-    2.5e-3  # s, longest time between two checks for stick and slip: 1/10 of the third mode's period
-)
+_LONGEST_UNCHECKED = 2.5e-3
+"""Longest time between two checks for stick and slip [s]: 1/10 of the third mode's period."""
 
 
 class MujocoChain:
@@ -221,7 +220,7 @@ class MujocoChain:
         self._last_margin = math.nan
 
     def _delivered(self, time: float) -> float:
-        """Torque of the motor [N m], `lag` behind the command."""
+        """Delivered torque of the motor at a time [s] [N m], with its first-order lag behind the command."""
         if self._plant.motor.lag <= 0:
             return self._u
         return self._u + (self._u_before - self._u) * math.exp((self._since - time) / self._plant.motor.lag)

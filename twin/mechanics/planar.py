@@ -391,6 +391,7 @@ STUCK, UNDECIDED = 0, 2
 """Flags of the hub at a measured sample: at rest, or neither rest nor motion is certain; +1 and -1: it moves."""
 
 
+# Of a free-running simulation.
 _NO_FLAGS, _NO_ANCHOR = np.empty(0, dtype=np.int64), np.empty(0)
 
 

@@ -8,7 +8,8 @@ segment 0, which is rigidly part of the hub, then those of the n other segments.
     c_ij                 `Link.inertia`
     Q_i, hinge moments   M_k = stiffness_k (phi_k - phi_(k-1)) + sum_j damping_kj (phi_j' - phi_(j-1)'), k = 1..n:
                          -M_k on segment k, +M_k on segment k - 1
-    Q_i, gravity         first_moment_i (gravity_y cos phi_i - gravity_x sin phi_i)
+    Q_i, gravity         first_moment_i (gravity_y cos phi_i - gravity_x sin phi_i), less the same of `shake_x`, `shake_y`
+    Q_i, drag            -(drag_linear + drag_quadratic |v|) v on the tip, v its velocity
     Q_0, hub only        motor torque (`Motor`), dry friction (`Friction`), other torques (`Torques`)
 
 Each mechanism that an effect may add is a field whose default switches it off: an equation holds without the term.
@@ -46,18 +47,14 @@ class Link(NamedTuple):
     """
 
     lengths: np.ndarray  # (n + 1 + k) m, of the segments
-    inertia: (
-        np.ndarray
-    )  # (n + 1 + k, n + 1 + k) kg m^2, c_ij of the kinetic energy; hub, motor and payload included
+    inertia: np.ndarray  # (n + 1 + k, n + 1 + k) kg m^2, c_ij; hub, motor and payload included
     stiffness: np.ndarray  # (n) N m/rad, of the hinges
     damping: np.ndarray  # (n, n) N m s/rad, hinge moments per hinge rate
     first_moment: np.ndarray  # (n + 1 + k) kg m, mass times lever, summed over all that segment i carries
     flexibility: float  # 1/(N m^2), 1/EI: curvature of the link per bending moment
     drag_linear: float = 0.0  # N s/m, force on the tip against its velocity v: drag_linear v
     drag_quadratic: float = 0.0  # N s^2/m^2, and drag_quadratic |v| v
-    softening: float = (
-        0.0  # s [1]: at curvature kappa, a hinge has stiffness k (1 - s kappa^2/(kappa^2 + kappa_0^2))
-    )
+    softening: float = 0.0  # s [1]: stiffness of a hinge is k (1 - s kappa^2/(kappa^2 + kappa_0^2))
     softening_curvature: float = 1.0  # 1/m, kappa_0
     gravity_x: float = 0.0  # m/s^2, component in the plane of motion
     gravity_y: float = 0.0  # m/s^2

@@ -10,9 +10,8 @@ import numpy as np
 from twin.effects import REGISTRY, Drive
 
 _COMMANDS = (0.0, 1.0, -1.0, 0.01, -0.01, 0.3)  # N m, test commands: both signs, small and large
-_ROUNDING = (
-    1e-9  # [1] departure from a straight line, relative to the largest torque, up to which a law is linear
-)
+_ROUNDING = 1e-9
+"""Departure from a straight line, relative to the largest torque [1], up to which a drive law is linear."""
 
 
 @dataclass(frozen=True)

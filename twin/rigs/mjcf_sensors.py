@@ -61,14 +61,14 @@ def unsupported_effects(effects: Effects) -> tuple[str, ...]:
     )
 
 
-def write_sensors(spec: mujoco.MjSpec, found: Readings) -> None:
+def write_sensors(spec: mujoco.MjSpec, channels: Readings) -> None:
     """Changes the sensors of a specification such that they report the given readings.
 
     Args:
       spec: from `mjcf.build_spec`, with the gains of the strain gauges included in the gauges.
-      found: channel -> reading.
+      channels: channel -> reading.
     """
-    for channel, reading in found.items():
+    for channel, reading in channels.items():
         sensor = spec.sensor(SENSORS[channel])
         if sensor is None:
             continue
@@ -124,7 +124,6 @@ def _delay(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, delay: float) -> None:
     kind, held = mujoco.mjtSensor, sensor.type == mujoco.mjtSensor.mjSENS_ACTUATORFRC
     step = spec.option.timestep
     sensor.delay = delay if held or sensor.type == kind.mjSENS_JOINTPOS else delay + step
-    sensor.nsample = (
-        math.ceil(sensor.delay / step) + 3
-    )  # cubic interpolation needs one more sample at each end
+    # Cubic interpolation needs one more sample at each end.
+    sensor.nsample = math.ceil(sensor.delay / step) + 3
     sensor.interp = 0 if held else _CUBIC

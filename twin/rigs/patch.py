@@ -20,10 +20,8 @@ from twin.recording import HUB_TORQUE, MEASURED
 
 _HUB_VARIABLES = {"hub_angle": 1.0, "hub_rate": 2.0, "time": 3.0}
 """Variables of a patch on the hub torque -> their code among the values of `lookup_torque`."""
-_ADDED, _SAMPLES = (
-    "added_to_",
-    "samples",
-)  # columns of the CSV table: prefix of a channel, and number of samples
+_ADDED, _SAMPLES = "added_to_", "samples"
+"""Columns of the CSV table: prefix of a channel, and number of samples."""
 _BINS = 40  # bins of the variable, at most
 _FEWEST_IN_BIN = 15  # samples; bins with fewer are omitted, as their means are too uncertain
 _FEWEST_POINTS = 6  # points of a curve; with fewer there is none

@@ -31,6 +31,7 @@ def siso_with_friction(rig: Mapping[str, float], period: float) -> Controller:
     return FrictionFeedForward(siso(rig, period), rig["coulomb_friction"], period)
 
 
+# Name on the command line -> design function.
 CONTROLLERS: Mapping[str, Factory] = {
     "siso": siso,
     "lqi": lqi,

@@ -23,7 +23,7 @@ from typing import Any
 from twin.control.laws.base import Controller, LinearController
 from twin.errors import InputError, nearest
 
-_GIVEN = ("rig", "period")
+_GIVEN = ("rig", "period")  # names of parameters that a factory may have
 
 
 class UserController:
@@ -107,10 +107,10 @@ def _is_factory(thing: Any) -> bool:
     if not callable(thing):
         return False
     try:
-        asked = set(inspect.signature(thing).parameters)
+        parameters = set(inspect.signature(thing).parameters)
     except (TypeError, ValueError):
         return False
-    return inspect.isclass(thing) or asked <= set(_GIVEN)
+    return inspect.isclass(thing) or parameters <= set(_GIVEN)
 
 
 def _adapted(thing: Any, file: Path, name: str, period: float) -> Controller:

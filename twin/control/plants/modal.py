@@ -33,9 +33,9 @@ from twin.errors import InputError
 from twin.rigs.model import Model
 
 DEFAULT_MODES = 3
-_LONGEST_UNCHECKED = (
-    1e-3  # s, longest time between two checks for stick and slip: 1/20 of the third mode's period
-)
+"""Number of bending modes: up to 42 Hz on `bossi2009`."""
+_LONGEST_UNCHECKED = 1e-3
+"""Longest time between two checks for stick and slip [s]: 1/20 of the third mode's period."""
 _SHORT = 1e-9  # s, shortest step, so that an event is not found twice
 
 
