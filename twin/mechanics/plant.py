@@ -8,7 +8,7 @@ segment 0, which is rigidly part of the hub, then those of the n other segments.
     c_ij                 `Link.inertia`
     Q_i, hinge moments   M_k = stiffness_k (phi_k - phi_(k-1)) + sum_j damping_kj (phi_j' - phi_(j-1)'), k = 1..n:
                          -M_k on segment k, +M_k on segment k - 1
-    Q_i, gravity         first_moment_i (gravity_y cos phi_i - gravity_x sin phi_i), less the same of `shake_x`, `shake_y`
+    Q_i, gravity         first_moment_i (gravity_y cos phi_i - gravity_x sin phi_i), less those of `shake_x`, `shake_y`
     Q_i, drag            -(drag_linear + drag_quadratic |v|) v on the tip, v its velocity
     Q_0, hub only        motor torque (`Motor`), dry friction (`Friction`), other torques (`Torques`)
 
