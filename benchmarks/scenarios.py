@@ -100,7 +100,7 @@ def _bang_bangs() -> list[str]:
         "| --- | --- | --- | --- | --- | --- | --- |",
         f"| published | {' | '.join(f'{turn:.2f}' for turn in SIMULATED.values())} | |",
     ]
-    plant = plants.make("paper", RIG)
+    plant = plants.make_plant("paper", RIG)
     for amplitude in (0.16, 0.17, 0.18, 0.19, 0.2, 0.21):
         laws = [scenarios.bang_bang(RIG, math.radians(d), plant.period, amplitude) for d in SIMULATED]
         runs = [closed_loop.run(plant, law, lambda time: 0.0, TURNING) for law in laws]
@@ -157,7 +157,7 @@ def _geometry() -> list[str]:
 
 def _apart(rig: Rig, scale: float, modes: int) -> tuple[float, float]:
     torques = {name: scale * rig[name] for name in ("static_friction", "coulomb_friction", "torque_limit")}
-    model = plants.model_of(rig.replace(**torques))
+    model = plants.make_model(rig.replace(**torques))
     step = scenarios.scenario("filtered-step-120")
     modal, chain = (
         closed_loop.run(plant, siso(rig, PERIOD), lambda time: scale * step.reference(time), step.duration)

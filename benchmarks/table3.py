@@ -264,7 +264,7 @@ def step_end(found: TurnFit) -> float:
     own = rig.replace(**found.effects.get("rig", {}))
     effects = {name: p for name, p in found.effects.items() if name != "rig"}
     plant, chosen = (
-        plants.make("compiled", own, effects, segments=SEGMENTS),
+        plants.make_plant("compiled", own, effects, segments=SEGMENTS),
         scenarios.scenario("lq-step-120"),
     )
     law = chosen.own_controller(rig, plant.period)

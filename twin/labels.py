@@ -1,4 +1,4 @@
-"""Quantities as people read them: degrees, microstrain, digits that are known."""
+"""Names, units and numbers as people read them: degrees, microstrain, as many digits as are significant."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 
 
 @dataclass(frozen=True)
-class Shown:
-    """How a channel is shown.
+class Display:
+    """How a quantity is displayed.
 
     Attributes:
       label: its name for people.
-      unit: the unit shown.
-      factor: shown = factor * SI.
+      unit: displayed unit.
+      factor: displayed value = factor * SI value.
     """
 
     label: str
@@ -25,46 +25,46 @@ class Shown:
 
 
 _DEGREE = 180.0 / math.pi
-CHANNELS: Mapping[str, Shown] = {
-    "torque_command": Shown("commanded torque", "N m", 1.0),
-    "motor_torque": Shown("motor torque", "N m", 1.0),
-    "hub_reference": Shown("hub reference", "°", _DEGREE),
-    "hub_angle": Shown("hub angle", "°", _DEGREE),
-    "strain_base": Shown("base strain", "µε", 1e6),
-    "strain_mid": Shown("mid strain", "µε", 1e6),
-    "tip_deflection": Shown("tip deflection", "mm", 1e3),
-    "tip_acceleration": Shown("tip acceleration", "m/s²", 1.0),
+CHANNELS: Mapping[str, Display] = {
+    "torque_command": Display("commanded torque", "N m", 1.0),
+    "motor_torque": Display("motor torque", "N m", 1.0),
+    "hub_reference": Display("hub reference", "°", _DEGREE),
+    "hub_angle": Display("hub angle", "°", _DEGREE),
+    "strain_base": Display("base strain", "µε", 1e6),
+    "strain_mid": Display("mid strain", "µε", 1e6),
+    "tip_deflection": Display("tip deflection", "mm", 1e3),
+    "tip_acceleration": Display("tip acceleration", "m/s²", 1.0),
 }
-"""Every channel of the recording format as people read it."""
-_VARIABLES: Mapping[str, Shown] = {
+"""Channel of the recording format -> its display."""
+_VARIABLES: Mapping[str, Display] = {
     "hub_angle": CHANNELS["hub_angle"],
-    "hub_rate": Shown("hub rate", "rad/s", 1.0),
-    "hub_acceleration": Shown("hub acceleration", "rad/s²", 1.0),
-    "time": Shown("time", "s", 1.0),
-    "tip_rate": Shown("tip rate", "m/s", 1.0),
-    "hub_travel": Shown("hub travel since it turned round", "°", _DEGREE),
+    "hub_rate": Display("hub rate", "rad/s", 1.0),
+    "hub_acceleration": Display("hub acceleration", "rad/s²", 1.0),
+    "time": Display("time", "s", 1.0),
+    "tip_rate": Display("tip rate", "m/s", 1.0),
+    "hub_travel": Display("hub travel since it turned round", "°", _DEGREE),
 }
 
 
-def channel(name: str) -> Shown:
-    """Returns how a channel is shown; one that the format does not know keeps its name and SI unit."""
-    return CHANNELS.get(name, Shown(words(name), "SI", 1.0))
+def channel(name: str) -> Display:
+    """Returns the display of a channel; one unknown to the format keeps its name and SI unit."""
+    return CHANNELS.get(name, Display(words(name), "SI", 1.0))
 
 
-def variable(name: str) -> Shown:
-    """Returns how a variable that an unexplained force may depend on is shown."""
-    return _VARIABLES.get(name) or CHANNELS.get(name) or Shown(words(name), "", 1.0)
+def variable(name: str) -> Display:
+    """Returns the display of a variable on which an unexplained force may depend."""
+    return _VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
 
 
-def named(name: str) -> str:
-    """Returns a channel or variable as a sentence has it."""
+def with_the(name: str) -> str:
+    """Returns the name of a channel or variable for use in a sentence, with its article: "the hub angle", "time"."""
     label = variable(name).label
     return label if name == "time" else f"the {label}"
 
 
-def unmodelled(name: str) -> Shown:
-    """Returns how that is shown which a model leaves of a channel, or of the balance of the hub."""
-    shown = Shown("hub torque", "N m", 1.0) if name == HUB else channel(name)
+def unmodelled(name: str) -> Display:
+    """Returns the display of the residual of a channel, or of the hub's torque balance."""
+    shown = Display("hub torque", "N m", 1.0) if name == HUB_TORQUE else channel(name)
     return replace(shown, label=f"unmodelled {shown.label}")
 
 
@@ -74,7 +74,7 @@ def words(name: str) -> str:
 
 
 def unit(si: str) -> str:
-    """Returns a unit as it is typeset: "N*m^2" becomes "N m²"; nothing for a plain number."""
+    """Returns a typeset unit: "N*m^2" becomes "N m²"; "" for a dimensionless number."""
     shown = {"1": "", "-": ""}.get(si, si)
     for plain, typeset in (("*", " "), ("^2", "²"), ("^3", "³"), ("^4", "⁴")):
         shown = shown.replace(plain, typeset)
@@ -82,7 +82,7 @@ def unit(si: str) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Returns a value with so many significant digits and no exponent where it can be read without."""
+    """Returns a value with so many significant digits, with an exponent only where it is very large or small."""
     if value is None or not math.isfinite(value):
         return "∞" if value == math.inf else "-∞" if value == -math.inf else "–"
     if value == 0.0:
@@ -94,7 +94,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def with_error(value: float, error: float | None) -> str:
-    """Returns "0.0101 ± 0.0003": a digit of the error, or two if it starts below 3, the value to match."""
+    """Returns "0.0101 ± 0.0003": one digit of the error, two if the first is 1 or 2, and the value to match."""
     if error is None or not math.isfinite(error) or error <= 0.0 or not math.isfinite(value):
         return number(value, 4)
     exponent = math.floor(math.log10(error))
@@ -108,30 +108,31 @@ def with_error(value: float, error: float | None) -> str:
 
 
 def over_noise(error: float, noise: float) -> float:
-    """Returns an error in units of the sensor's standard deviation, or NaN where that is not known."""
+    """Returns an error divided by the standard deviation of the sensor's noise; NaN where that is unknown."""
     known = noise is not None and math.isfinite(noise) and noise > 0
     return error / noise if known and math.isfinite(error) else math.nan
 
 
 def ratio(value: float) -> str:
-    """Returns an error over noise with the digits worth reading."""
+    """Returns a ratio of error to noise, with one decimal below 100."""
     if not math.isfinite(value):
         return "–"
     return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}"
 
 
 def angle_in_degrees(value: float, si: str) -> str:
-    """Returns an angle in degrees beside its radians, or nothing for another quantity."""
+    """Returns an angle [rad] in degrees, or "" where the unit `si` is not "rad"."""
     degrees = value * _DEGREE
     return f"{degrees:.{1 if abs(degrees) >= 1 else 2}f}°" if si == "rad" and math.isfinite(degrees) else ""
 
 
 def probability(value: float) -> str:
-    """Returns a probability as a person says it, never a false certainty."""
+    """Returns a probability in percent, limited to "< 0.1 %" and "> 99.9 %"."""
     if not math.isfinite(value):
         return "–"
     return "> 99.9 %" if value > 0.999 else "< 0.1 %" if value < 0.001 else f"{100 * value:.3g} %"
 
 
-def _listed(items: list[str]) -> str:
+def join_with_and(items: list[str]) -> str:
+    """Returns "a, b and c"."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"

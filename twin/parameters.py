@@ -1,4 +1,4 @@
-"""Numbers that never travel alone: value, unit, uncertainty, bounds, source."""
+"""Physical parameters of a rig, with unit, uncertainty, bounds and source, and those of the recording format."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ class Parameter:
       name: name in the recording format, say `bending_stiffness`.
       value: value in `unit`.
       unit: SI unit.
-      uncertainty: relative standard deviation of the value [1]; None where nothing is said of it.
-      bounds: smallest and largest value that is physically possible, in `unit`.
-      source: where the value comes from: table, page, equation, "assumed".
+      uncertainty: relative standard deviation of the value [1]; None where not declared.
+      bounds: smallest and largest physically possible value, in `unit`.
+      source: origin of the value: table, page, equation, "assumed".
+
+    Raises:
+      ValueError: the value is outside its bounds, or the uncertainty negative.
     """
 
     name: str
@@ -40,9 +43,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Rig(Mapping[str, float]):
-    """The declared parameters of a rig, read as `rig["length"]`; immutable.
+    """The declared parameters of a rig; immutable.
 
-    A mapping from parameter name to value (SI); `rig.parameters` has the whole `Parameter`.
+    A mapping from parameter name to value (SI), as in `rig["length"]`; `rig.parameters` has each `Parameter`.
     """
 
     name: str
@@ -63,7 +66,7 @@ class Rig(Mapping[str, float]):
         return len(self.parameters)
 
     def replace(self, source: str = "set by the caller", **values: float) -> Rig:
-        """Returns a rig with other values of some parameters; unit, bounds and uncertainty stay."""
+        """Returns a rig with other values of some parameters; their unit, bounds and uncertainty are kept."""
         changed = {n: replace(self.parameters[n], value=v, source=source) for n, v in values.items()}
         return replace(self, parameters={**self.parameters, **changed})
 
@@ -71,7 +74,7 @@ class Rig(Mapping[str, float]):
         return (type(self), (self.name, dict(self.parameters)))
 
 
-# Standard deviations assumed where a campaign leaves them unsaid, as a careful lab would state them.
+# Relative standard deviations [1] where a campaign declares none: assumed, as a careful laboratory would state them.
 ASSUMED_UNCERTAINTY = {
     "bending_stiffness": 0.02,
     "linear_density": 0.01,
@@ -86,14 +89,17 @@ ASSUMED_UNCERTAINTY = {
 
 
 def relative_uncertainty(parameter: Parameter) -> float:
-    """Relative standard deviation of a declared parameter [1], as said or as a careful lab would say; 0 where exact."""
+    """Returns the relative standard deviation of a parameter [1], declared or assumed; 0 where it counts as exact."""
     if parameter.uncertainty is None:
         return ASSUMED_UNCERTAINTY.get(parameter.name, 0.0)
     return parameter.uncertainty
 
 
 def declared_range(parameter: Parameter, deviations: float) -> tuple[float, float]:
-    """Values so many deviations about a declared one; a rough one may be off by a factor, and stays positive."""
+    """Returns the range of a parameter within so many standard deviations, within its bounds.
+
+    It is [value / f, value * f] with f = 1 + deviations * relative uncertainty, and stays positive for a large one.
+    """
     factor = 1 + deviations * relative_uncertainty(parameter)
     low, high = parameter.bounds
     return max(parameter.value / factor, low), min(parameter.value * factor, high)
@@ -111,7 +117,8 @@ PARAMETERS: Mapping[str, tuple[str, tuple[float, float]]] = {
     "coulomb_friction": ("N*m", (0.0, 1e3)),
     "torque_limit": ("N*m", (1e-9, math.inf)),
 }
-"""Every parameter of the format with its SI unit and what is physically possible."""
+"""Parameter of the recording format -> SI unit, and smallest and largest accepted value."""
+
 DEFAULTS: Mapping[str, float] = {
     "tip_mass": 0.0,
     "tip_inertia": 0.0,
@@ -120,4 +127,4 @@ DEFAULTS: Mapping[str, float] = {
     "coulomb_friction": 0.0,
     "torque_limit": math.inf,
 }
-"""What holds for a rig that no preset describes; the other parameters are then required."""
+"""Values of parameters that a rig without a preset need not declare; all others are then required."""

@@ -1,4 +1,4 @@
-"""The waist of the design: one frozen type for what a rig measured and what a simulation predicts."""
+"""One experiment as an immutable value: the same type for what a rig measured and what a simulation predicts."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
         "tip_acceleration": "m/s^2",
     }
 )
-"""Every channel of the recording format with its SI unit."""
+"""Channel of the recording format -> its SI unit."""
 
 MEASURED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "tip_acceleration", "motor_torque")
-"""Channels that a simulation predicts, in the order used everywhere."""
+"""Channels that a simulation predicts, in the order of all tables."""
 
-HUB = "hub_torque"
-"""Name of the torque balance of the hub, which stands beside the channels."""
+HUB_TORQUE = "hub_torque"
+"""Name under which residuals of the hub's torque balance are listed beside those of the channels."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ GAUGES = (
     Sensor("strain_base", position=0.02, half_thickness=0.001),
     Sensor("strain_mid", position=0.21, half_thickness=0.001),
 )
-"""Strain bridges of the files in `models/`: at the base and in the middle of a link 2 mm thick."""
+"""Strain gauges of the files in `models/`: at the base and in the middle of a link that is 2 mm thick."""
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,18 @@ class Recording:
     """One experiment, measured or simulated, in SI units.
 
     Attributes:
-      name: for people: a file or scenario name. Nothing depends on it.
+      name: for people: name of a file or scenario. No result depends on it.
       time: (n) instants [s], strictly increasing, not necessarily uniform.
       channels: name -> (n) values, SI; NaN where a sample is missing. `torque_command` is held from its
         sample to the next.
       clamped: the hub is locked.
       loop: "open" where torque_command was prescribed, "closed" where a controller computed it.
-      initial_tip_deflection: tip deflection [m] held by a force until the first sample, then released.
+      initial_tip_deflection: tip deflection [m] held by a force until the first sample, then released; None: not so.
       start: "rest", or "unknown" where the rig was already moving at the first sample.
       command_time: (n) instants from which each torque_command sample is held [s]; None: those of `time`.
+
+    Raises:
+      ValueError: a channel is unknown, or an array is no vector of the length of `time`.
     """
 
     name: str
@@ -99,7 +102,7 @@ class Recording:
 
     @property
     def commanded_at(self) -> np.ndarray:
-        """Instants (n) from which each command is held [s]."""
+        """(n) instants from which each command is held [s]."""
         return self.time if self.command_time is None else self.command_time
 
     def __getitem__(self, channel: str) -> np.ndarray:
@@ -117,11 +120,11 @@ class Recording:
         return float(self.time[-1] - self.time[0])
 
     def measured(self) -> tuple[str, ...]:
-        """Channels of this recording that a simulation predicts."""
+        """Returns the channels of this recording that a simulation predicts."""
         return tuple(name for name in MEASURED if name in self.channels)
 
     def part(self, kept: slice | np.ndarray) -> Recording:
-        """Returns the recording of these samples alone: a slice, or whether each is kept (n)."""
+        """Returns the recording of some samples: of a slice, or of a mask (n)."""
         held = None if self.command_time is None else self.command_time[kept]
         channels = {name: values[kept] for name, values in self.channels.items()}
         return self.replace(time=self.time[kept], channels=channels, command_time=held)
@@ -136,6 +139,7 @@ class Recording:
 
 
 def _frozen(values: np.ndarray) -> np.ndarray:
+    """Returns a read-only copy of a vector of floats."""
     array = np.array(values, dtype=float)
     if array.ndim != 1:
         raise ValueError(f"expected a vector of samples, got shape {array.shape}")

@@ -82,4 +82,4 @@ def driven_against_a_spring(*frequencies):
 @pytest.mark.parametrize("frequencies", [(0.3,), (0.2, 0.5)])
 def test_a_spring_is_no_turned_sensor(frequencies):
     slow, gauge = driven_against_a_spring(*frequencies), Sensor("strain_base", 1e-6, 0.02, 0.001)
-    check_channels.check([slow], {"strain_base": gauge}, preset("bossi2009"))
+    check_channels.check_signs_and_units([slow], {"strain_base": gauge}, preset("bossi2009"))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from twin.campaigns.readings import longest_sound_stretch
-from twin.campaigns.rests import hub_motion
+from twin.campaigns.readings import longest_valid_stretch
+from twin.campaigns.rests import classify_hub_motion
 from twin.recording import Recording
 
 TIME = np.arange(0.0, 4.0, 1e-3)
@@ -21,7 +21,7 @@ def swing():
 
 def test_a_sound_recording_is_kept_whole():
     whole = recording(swing())
-    assert longest_sound_stretch(whole, NOISE, STRONGEST) == (whole, None)
+    assert longest_valid_stretch(whole, NOISE, STRONGEST) == (whole, None)
 
 
 def test_the_longest_stretch_is_kept_without_the_readings_beside_the_gap():
@@ -30,7 +30,7 @@ def test_the_longest_stretch_is_kept_without_the_readings_beside_the_gap():
     at = np.searchsorted(TIME, 1.2)
     angle[at : at + 5] += 0.07  # the wiper is not yet on its track
     angle[at + 18 : at + 24] = np.nan
-    cut, note = longest_sound_stretch(recording(angle, strain_base=TIME.copy()), NOISE, STRONGEST)
+    cut, note = longest_valid_stretch(recording(angle, strain_base=TIME.copy()), NOISE, STRONGEST)
     assert cut.time[0] == pytest.approx(1.224, abs=1e-3)
     assert np.isfinite(cut["hub_angle"]).all()
     assert cut.time[-1] == TIME[-1]
@@ -43,7 +43,7 @@ def test_the_longest_stretch_is_kept_without_the_readings_beside_the_gap():
 def test_a_turn_lost_in_unwrapping_ends_a_stretch():
     angle = swing()
     angle[3000:] += 2 * np.pi
-    cut, _ = longest_sound_stretch(recording(angle), NOISE, STRONGEST)
+    cut, _ = longest_valid_stretch(recording(angle), NOISE, STRONGEST)
     assert cut.start == "rest"
     assert cut.time[0] == 0.0
     assert cut.time[-1] == pytest.approx(2.98, abs=2e-3)
@@ -51,13 +51,13 @@ def test_a_turn_lost_in_unwrapping_ends_a_stretch():
 
 def test_a_clamped_hub_has_nothing_to_follow():
     held = recording(swing()).replace(clamped=True)
-    assert longest_sound_stretch(held, NOISE, STRONGEST) == (held, None)
+    assert longest_valid_stretch(held, NOISE, STRONGEST) == (held, None)
 
 
 @pytest.mark.parametrize("count", [3, 8, 20])
 def test_a_recording_shorter_than_a_rest_tells_what_it_can(count):
     angle = 0.1 + 1e-4 * np.random.default_rng(1).normal(size=count)
     short = Recording("", 0.002 * np.arange(count), {"hub_angle": angle})
-    seen = hub_motion(short, 1e-4)
+    seen = classify_hub_motion(short, 1e-4)
     assert seen.observed.shape == (count,)
     assert not np.isin(seen.observed, [1, -1]).any()

@@ -9,7 +9,7 @@ from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.mechanics import chain
-from twin.mechanics.modal import held_response
+from twin.mechanics.modal import zero_order_hold_response
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
@@ -67,7 +67,7 @@ def test_a_command_acts_from_its_sample_to_the_next_and_a_reading_is_of_its_inst
     recording = Recording("", time, {"torque_command": commanded(time), "hub_angle": np.zeros_like(time)})
     model = Model(RIG, {}, SHAPE, step=2.5e-4)
     angle = simulate(model, recording, Start())["hub_angle"]
-    exact = held_response(LinearChain(), time, commanded(time))[:, 0]
+    exact = zero_order_hold_response(LinearChain(), time, commanded(time))[:, 0]
     assert abs(delay_of(angle, exact, time)) < 1e-6
 
 
@@ -78,7 +78,7 @@ def test_mujoco_keeps_the_same_time():
     engine = MujocoChain(RIG, links, model.plant, model.hub_torques)
     start = np.zeros(len(links.lengths))
     angles, _, _ = engine.simulate(time, commanded(time), time, start, start, 0, False, 2.5e-4)
-    exact = held_response(LinearChain(), time, commanded(time))[:, 0]
+    exact = zero_order_hold_response(LinearChain(), time, commanded(time))[:, 0]
     assert abs(delay_of(angles[:, 0], exact, time)) < 1e-6
 
 
@@ -88,7 +88,7 @@ def test_a_delay_is_seen_as_a_delay():
     recording = Recording("", time, {"torque_command": commanded(time), "hub_angle": np.zeros_like(time)})
     late = Model(RIG, {}, SHAPE, {"actuator-delay": {"delay": 5e-4}}, step=2.5e-4)
     angle = simulate(late, recording, Start())["hub_angle"]
-    exact = held_response(LinearChain(), time, commanded(time))[:, 0]
+    exact = zero_order_hold_response(LinearChain(), time, commanded(time))[:, 0]
     assert delay_of(angle, exact, time) == pytest.approx(5e-4, rel=0.05)
 
 

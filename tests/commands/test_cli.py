@@ -19,7 +19,7 @@ from twin import cli
 from twin.commands import shared
 from twin.diagnosis.answer import Patched
 from twin.files.json import to_text
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 from twin.report.deliver import ANSWER, FILES, FOLDER, deliver
 from twin.rigs.patch import Patch
 
@@ -280,7 +280,9 @@ def test_progress_speaks_to_a_terminal_only(capsys, monkeypatch):
 
 
 def test_a_patch_is_written_with_its_gain_and_gone_when_there_is_none(tmp_path, answer):
-    lookup = Patch(HUB, "hub_angle", np.linspace(-1, 1, 8), np.linspace(0.01, -0.01, 8), np.full(8, 100))
+    lookup = Patch(
+        HUB_TORQUE, "hub_angle", np.linspace(-1, 1, 8), np.linspace(0.01, -0.01, 8), np.full(8, 100)
+    )
     file = next(iter(answer.predictions))
     patched = Patched(lookup, "N*m", {file: {"hub_angle": (0.02, 0.005)}})
     deliver(replace(answer, verdict="outside-library", patched=patched), {}, tmp_path)

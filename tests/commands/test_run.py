@@ -19,7 +19,7 @@ from twin.report.mujoco_viewer import watch
 from twin.report.run_csv import read_track, write_csv
 from twin.report.show_run import run_shown
 from twin.rigs import preset
-from twin.rigs.rig_file import header, parameter_lines
+from twin.rigs.rig_file import header_lines, parameter_lines
 
 RIG = preset("bossi2009")
 
@@ -37,7 +37,9 @@ def rig_file(path: Path, backlash: bool = False, **values: float) -> None:
     """Writes a parameter file of the rig with other values."""
     effect = ["", "[effects.backlash]", "gap = 0.01"] if backlash else []
     lines = chain.from_iterable(parameter_lines(p) for p in RIG.replace(**values).parameters.values())
-    path.write_text("\n".join([*header("mine", "for a test"), *lines, *effect]) + "\n", encoding="utf-8")
+    path.write_text(
+        "\n".join([*header_lines("mine", "for a test"), *lines, *effect]) + "\n", encoding="utf-8"
+    )
 
 
 # The paper's figures: Bossi et al. 2009, section VI

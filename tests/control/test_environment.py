@@ -8,7 +8,7 @@ from absl.testing import absltest
 from dm_env import test_utils
 
 from twin.control import plants
-from twin.control.environment import Follow, over, rig_environment
+from twin.control.environment import FollowReference, make_environment, rig_environment
 from twin.control.plants.sensors import BOSSI2009, Sensors
 
 
@@ -22,7 +22,7 @@ class ChainConformance(test_utils.EnvironmentTestMixin, absltest.TestCase):
 
 class ModalConformance(ChainConformance):
     def make_object_under_test(self):
-        return over(plants.make("modal"), Follow(lambda time: 0.5 * time), 0.1)
+        return make_environment(plants.make_plant("modal"), FollowReference(lambda time: 0.5 * time), 0.1)
 
 
 @pytest.mark.parametrize("duration", [0.1, 5.0, 0.006])

@@ -28,7 +28,7 @@ def test_every_controller_moves_every_plant_to_the_reference(name):
     law = controller(name, RIG, PERIOD)
     torques = []
     for kind in ("chain", "modal", "compiled", "paper", "chain"):
-        result = run(plants.make(kind), law, lambda time: math.radians(40) * min(time / 2, 1), 6.0)
+        result = run(plants.make_plant(kind), law, lambda time: math.radians(40) * min(time / 2, 1), 6.0)
         assert np.degrees(result.true["hub_angle"][-1]) == pytest.approx(40, abs=4), kind
         assert np.abs(result.true["motor_torque"]).max() <= RIG["torque_limit"] + 1e-12
         torques.append(result.torque_command)
@@ -104,7 +104,9 @@ def test_shaped_reference_keeps_its_sum_and_its_mean_delay():
 def test_shaped_step_leaves_less_vibration(rig, step, share):
     left = {}
     for name in ("lqi", "lqi-ei"):
-        result = run(plants.make("compiled", rig), controller(name, rig, PERIOD), lambda time: step, 3.0)
+        result = run(
+            plants.make_plant("compiled", rig), controller(name, rig, PERIOD), lambda time: step, 3.0
+        )
         left[name] = np.ptp(result.true["tip_deflection"][-500:])
     assert left["lqi-ei"] < share * left["lqi"]
 
@@ -200,7 +202,12 @@ def test_what_goes_wrong_in_a_run_is_said(tmp_path, line, message):
 def test_states_that_are_no_numbers_are_said(tmp_path, states, message):
     text = f"class make:\n    def torque(self, y, r):\n        return 0.0\n    {states}\n"
     with pytest.raises(InputError, match=message):
-        run(plants.make("modal"), controller(user_file(tmp_path, text), RIG, PERIOD), lambda time: 0.0, 0.1)
+        run(
+            plants.make_plant("modal"),
+            controller(user_file(tmp_path, text), RIG, PERIOD),
+            lambda time: 0.0,
+            0.1,
+        )
 
 
 def test_missing_file_and_unknown_name_are_said():
@@ -216,7 +223,7 @@ def test_the_example_of_the_documentation_controls_the_rig(tmp_path):
     text = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
     example = text.split("```python\n")[1].split("```")[0]
     law = controller(user_file(tmp_path, example, "Mine"), RIG, PERIOD)
-    step = run(plants.make("modal"), law, lambda time: math.radians(120), 5.0)
+    step = run(plants.make_plant("modal"), law, lambda time: math.radians(120), 5.0)
     assert np.degrees(step.true["hub_angle"][-1]) == pytest.approx(120, abs=3)
     assert "rate" in step.states
 

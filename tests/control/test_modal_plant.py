@@ -8,7 +8,7 @@ from twin.control.plants.base import READINGS
 from twin.control.plants.chain import CompiledPlant
 from twin.control.plants.modal import ModalPlant
 from twin.control.plants.modal_rig import modal_rig
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 from twin.effects import REGISTRY, Effect
 from twin.errors import InputError
 from twin.mechanics import chain
@@ -151,9 +151,9 @@ def test_a_link_hangs_as_the_chain_does_before_anything_moves():
 def test_bridges_see_the_twist_of_a_torsional_mode():
     twisted = model({"torsional-mode": MECHANICS["torsional-mode"]})
     plant = ModalPlant(twisted)
-    reporting = Reporting(twisted, plant)
+    effects_on_sensors = SensorEffects(twisted, plant)
     for _ in range(50):
         plant.advance(TORQUE)
-    said, true = reporting.read(plant.time(), plant.read()), plant.read()
+    said, true = effects_on_sensors.read(plant.time(), plant.read()), plant.read()
     assert abs(plant.twist) > 1e-4
     assert said["strain_base"] - true["strain_base"] == pytest.approx(4e-3 * plant.twist)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from twin.control.plants import model_of
+from twin.control.plants import make_model
 from twin.control.plants.modal_rig import modal_rig
 from twin.control.plants.paper import PaperPlant
 from twin.rigs import preset
@@ -20,7 +20,7 @@ def torque(time: float) -> float:
 
 def switched(window: float, duration: float) -> np.ndarray:
     """Hub angle (m) at the samples by the switch itself: its rate looked at in every step of 5 us."""
-    rig = modal_rig(model_of(RIG), 1)
+    rig = modal_rig(make_model(RIG), 1)
     n = len(rig.mass)
     A = np.zeros((2 * n + 1, 2 * n + 1))
     A[:n, n : 2 * n] = np.eye(n)
@@ -52,7 +52,7 @@ def moved(plant: PaperPlant, duration: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_the_plant_is_the_limit_of_the_switch():
     duration = 0.5
-    angles, modes = moved(PaperPlant(model_of(RIG), PERIOD), duration)
+    angles, modes = moved(PaperPlant(make_model(RIG), PERIOD), duration)
     assert {-1, 0, 1} == set(modes)
     # Within its window a hub creeps, at most as fast as the window is wide.
     wide, narrow = (np.abs(switched(window, duration) - angles).max() for window in (0.02, 0.002))
@@ -61,11 +61,11 @@ def test_the_plant_is_the_limit_of_the_switch():
 
 
 def test_a_bent_link_turns_a_hub_that_the_motor_leaves():
-    plant = PaperPlant(model_of(RIG), PERIOD)
+    plant = PaperPlant(make_model(RIG), PERIOD)
     plant.reset()
     plant._z[1], plant._mode = 5e-4, 0  # bent, at rest
     before = plant.read()["hub_angle"]
-    pull = abs(plant._to_hold())
+    pull = abs(plant._holding_torque())
     assert RIG["coulomb_friction"] < pull < RIG["static_friction"]
     plant.advance(0.0)
     assert plant.mode != 0
@@ -74,11 +74,11 @@ def test_a_bent_link_turns_a_hub_that_the_motor_leaves():
 
 @pytest.mark.parametrize(("motor", "rests"), [(0.05, False), (0.08, True)])
 def test_a_motor_above_the_static_level_is_held_together_with_the_link(motor, rests):
-    plant = PaperPlant(model_of(RIG), PERIOD)
+    plant = PaperPlant(make_model(RIG), PERIOD)
     plant.reset()
     plant._z[1], plant._mode = 1.7e-3, 0  # the link pulls back by more than the motor pushes
     plant._z[plant._command] = motor
-    needed = plant._to_hold()
+    needed = plant._holding_torque()
     assert -RIG["static_friction"] < needed < -RIG["coulomb_friction"]
     plant.advance(motor)
     assert (plant.mode == 0) == rests

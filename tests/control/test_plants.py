@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.control.plants import make
+from twin.control.plants import make_plant
 from twin.control.plants.base import READINGS
 from twin.control.plants.chain import ChainPlant, CompiledPlant
 from twin.control.plants.modal import ModalPlant
@@ -39,12 +39,12 @@ def model(effects=None, **changes) -> Model:
 )
 def test_effects_that_are_none_are_refused(effects, message):
     with pytest.raises(InputError, match=message):
-        make("modal", RIG, effects)
+        make_plant("modal", RIG, effects)
 
 
 def test_what_is_not_said_of_an_effect_is_neutral():
-    whole = make("modal", RIG, {"cable-torsion": {"stiffness": np.float32(0.25), "rest_angle": 0.0}})
-    part = make("modal", RIG, {"cable-torsion": {"stiffness": 0.25}})
+    whole = make_plant("modal", RIG, {"cable-torsion": {"stiffness": np.float32(0.25), "rest_angle": 0.0}})
+    part = make_plant("modal", RIG, {"cable-torsion": {"stiffness": 0.25}})
     for channel, values in slew(whole, 0.1)[0].items():
         np.testing.assert_array_equal(slew(part, 0.1)[0][channel], values)
 

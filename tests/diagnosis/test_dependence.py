@@ -16,7 +16,7 @@ from twin.diagnosis.dependence import (
 from twin.diagnosis.fit_patch import why_no_patch
 from twin.diagnosis.notes import drifting_parameter
 from twin.diagnosis.traces import remaining
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 
 NOISE = 1e-3
 COUNT = 3000  # readings of a recording, 2 ms apart
@@ -183,7 +183,7 @@ def test_a_parameter_that_changes_as_a_recording_goes_on_depends_on_time():
 
 
 def test_the_parameter_that_changes_is_named():
-    [note] = drifting_parameter({HUB: drifting(0.05)}, ("time", "hub_rate"))
+    [note] = drifting_parameter({HUB_TORQUE: drifting(0.05)}, ("time", "hub_rate"))
     assert "as if bending_stiffness changed while a recording goes on" in note
-    assert drifting_parameter({HUB: drifting(0.05)}, ("hub_rate", "time")) == []
-    assert drifting_parameter({HUB: drifting(0.0)}, ("time",)) == []
+    assert drifting_parameter({HUB_TORQUE: drifting(0.05)}, ("hub_rate", "time")) == []
+    assert drifting_parameter({HUB_TORQUE: drifting(0.0)}, ("time",)) == []

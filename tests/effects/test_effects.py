@@ -64,7 +64,7 @@ def test_mujoco_moves_the_same(name, planted):
     compiled = integrate(augmented, recording, Start(hub_angle=0.1))
     drive = augmented.drive(recording)
     engine = MujocoChain(augmented.rig, augmented.chain, augmented.plant, augmented.hub_torques)
-    phi = augmented.plant.extended(initial_state(augmented, recording, Start(hub_angle=0.1))[0])
+    phi = augmented.plant.extend_state(initial_state(augmented, recording, Start(hub_angle=0.1))[0])
     times, torques = np.r_[-1e3, drive.time], np.r_[drive.before, drive.torque]
     angles, _, _ = engine.simulate(times, torques, recording.time, phi, 0 * phi, 0, False, 5e-4)
     # Sticks and slips are located to 1e-7 s by either engine, in their own way.

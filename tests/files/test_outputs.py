@@ -94,8 +94,8 @@ def test_what_is_no_file_may_take_everything():
 
 def test_an_answer_may_go_where_the_folder_has_it_anyway(tmp_path):
     results = ResultsFolder("diagnosis", {"report": "page.html", "answer": "a.json"}, "a.json", frozenset())
-    own = results.written(tmp_path, tmp_path / "a.json")
+    own = results.output_files(tmp_path, tmp_path / "a.json")
     assert own == (tmp_path / "page.html",)
     check_writable(tmp_path / "a.json", made=tmp_path, beside=own)
     with pytest.raises(InputError, match=r"another result goes to"):
-        check_writable(tmp_path / "a.json", made=tmp_path, beside=results.written(tmp_path))
+        check_writable(tmp_path / "a.json", made=tmp_path, beside=results.output_files(tmp_path))

@@ -98,7 +98,7 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
     exact = CubicSpline(fine, shaken(fine))
     at_rest = np.zeros(len(coarse.chain.lengths))
     given = fine, exact(fine), exact(fine, 1), exact(fine, 2), at_rest, at_rest
-    bend = planar.driven(coarse.plant, *given, 1e-4)[0][::20] @ [-1, 0, 0, 0, 0, 1]
+    bend = planar.simulate_prescribed_hub(coarse.plant, *given, 1e-4)[0][::20] @ [-1, 0, 0, 0, 0, 1]
     off = []
     for step in (2e-3, 2.5e-4):
         motion, _ = move(view, prepared, coarse.replace(step=step), prepared.start)
@@ -451,7 +451,7 @@ def test_profile_of_a_likelihood_that_is_no_ellipse():
 def test_how_long_a_break_away_is_unseen(gain):
     # Readings in noise levels; each hub leaves its rest at sample 200.
     rng, age = np.random.default_rng(6), np.clip(np.arange(260) - 200, 0, None)
-    observed = np.where(np.arange(260) < 150, planar.STUCK, planar.UNSURE)
+    observed = np.where(np.arange(260) < 150, planar.STUCK, planar.UNDECIDED)
     seen = []
     for _ in range(400):
         reading = gain * age**2 / 2 + rng.standard_normal(260)

@@ -40,7 +40,7 @@ from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared, prepare
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.rigs.rig_file import effect_lines, header, parameter_lines, read_rig_file
+from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines, read_rig_file
 from twin.rigs.simulate import simulate
 from twin.virtual_rig import UNCERTAINTY, Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import Experiment, free_release
@@ -477,7 +477,7 @@ def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
     truth = make_campaign(tmp_path / "rig-8", planted, 8, perturb=1.0, experiments=experiments()).true
     declared = read_campaign(tmp_path / "rig-8").rig
     lines = [
-        *header("rig-8", "as declared"),
+        *header_lines("rig-8", "as declared"),
         *(li for p in declared.parameters.values() for li in parameter_lines(p)),
     ]
     lines += effect_lines("viscous-friction", {"viscous": 0.015}, {"viscous": 0.01}, {}, "roughly known")
@@ -549,7 +549,7 @@ def test_a_folder_of_something_else_is_not_written_into(run, twin, tmp_path):
 
 def test_its_own_folder_is_known_again(run):
     _, root, _, _ = run
-    assert FOLDER.chosen(root / "out", root / "rig-7") == root / "out"
+    assert FOLDER.choose(root / "out", root / "rig-7") == root / "out"
 
 
 def test_bad_input_is_one_message_and_writes_nothing(twin, tmp_path):

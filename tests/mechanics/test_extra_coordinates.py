@@ -86,10 +86,10 @@ def test_play_passes_on_what_the_hub_takes():
     angles, rates, _ = planar.simulate(plant, time, command, time, phi, 0 * phi, 1, False, period)
     acceleration = np.gradient(rates[:, 0], period)
     held = np.append(command[0], (command[1:] + command[:-1]) / 2)
-    passed = planar.transmitted(plant, period, acceleration, angles[:, 0], held)
+    passed = planar.backlash_torque(plant, period, acceleration, angles[:, 0], held)
     behind = plant.without_motor()
     hub = (angles[:, 0], rates[:, 0], acceleration)
-    _, _, taken = planar.driven(behind, time, *hub, REST, REST, 2.5e-4)
+    _, _, taken = planar.simulate_prescribed_hub(behind, time, *hub, REST, REST, 2.5e-4)
     missing = low_passed(taken - passed, period)
     # Without the play and its motor, what is missing is ten times as much.
     assert np.std(missing) < 0.1 * np.std(low_passed(taken - held, period))

@@ -12,9 +12,9 @@ from twin.mechanics.beam import modes, rigid_inertia, static_tip_compliance
 from twin.mechanics.modal import (
     clamped_damping_ratios,
     clamped_state_space,
-    held_response,
     released_state,
     state_space,
+    zero_order_hold_response,
 )
 from twin.recording import Sensor
 from twin.rigs import preset
@@ -85,7 +85,7 @@ def test_response_to_torque_agrees_with_finite_elements(rig, hz):
 def test_constant_torque_turns_the_whole_inertia_and_swings_the_modes(rig):
     system, flexible = state_space(rig.replace(damping_ratio=0.0), 2), modes(rig, 2)
     time, torque = np.linspace(0, 1, 30), 0.01
-    angle = held_response(system, time, np.full(30, torque))[:, 0]
+    angle = zero_order_hold_response(system, time, np.full(30, torque))[:, 0]
     compliance = flexible.shape(0.0, 1)[:, 0] ** 2 / flexible.frequencies**2
     swing = (1 - np.cos(np.outer(time, flexible.frequencies))) @ compliance
     np.testing.assert_allclose(angle, torque * (0.5 * time**2 / rigid_inertia(rig) + swing), atol=1e-12)
@@ -153,7 +153,7 @@ def test_ring_down_decays_by_the_clamped_damping(rig):
     omega, zeta = modes(rig, 1, "clamped").frequencies[0], clamped_damping_ratios(rig, 1)[0]
     period = 2 * np.pi / (omega * np.sqrt(1 - zeta**2))
     time = np.arange(11) * period
-    swing = held_response(system, time, np.zeros(11), released_state(rig, 1, 0.02))[:, 0]
+    swing = zero_order_hold_response(system, time, np.zeros(11), released_state(rig, 1, 0.02))[:, 0]
     decrement = 2 * np.pi * zeta / np.sqrt(1 - zeta**2)
     np.testing.assert_allclose(np.log(swing[:-1] / swing[1:]), decrement, rtol=1e-8)
 
@@ -168,14 +168,14 @@ def test_given_clamped_damping_is_used(rig):
 def test_held_step_is_the_closed_form():
     system = Oscillator()
     time = np.array([0.0, 0.1, 0.35, 0.36, 2.0])  # not uniform
-    y = held_response(system, time, np.ones(5))
+    y = zero_order_hold_response(system, time, np.ones(5))
     expected = np.stack([(1 - np.cos(3 * time)) / 9, np.sin(3 * time) / 3], axis=1)
     np.testing.assert_allclose(y, expected, atol=1e-14)
 
 
 def test_input_acts_from_its_sample_on():
     system = Oscillator()
-    y = held_response(system, np.array([0.0, 0.1, 0.2]), [0.0, 1.0, 0.0])
+    y = zero_order_hold_response(system, np.array([0.0, 0.1, 0.2]), [0.0, 1.0, 0.0])
     np.testing.assert_array_equal(y[:2], 0)
     np.testing.assert_allclose(y[2], [(1 - np.cos(0.3)) / 9, np.sin(0.3) / 3], atol=1e-15)
 
@@ -189,7 +189,7 @@ def test_held_response_agrees_with_zero_order_hold(rig):
     for torque in u:
         expected.append(C @ x)
         x = A @ x + B[:, 0] * torque
-    np.testing.assert_allclose(held_response(system, time, u), expected, atol=1e-10)
+    np.testing.assert_allclose(zero_order_hold_response(system, time, u), expected, atol=1e-10)
 
 
 def test_finer_sampling_of_the_same_torque_changes_nothing(rig):
@@ -198,10 +198,12 @@ def test_finer_sampling_of_the_same_torque_changes_nothing(rig):
     fine = np.linspace(0, 0.5, 501)
     u = np.sin(20 * coarse)
     held = np.append(np.repeat(u[:-1], 10), u[-1])
-    y = held_response(system, coarse, u)
-    np.testing.assert_allclose(held_response(system, fine, held)[::10], y, atol=1e-11 * np.abs(y).max())
+    y = zero_order_hold_response(system, coarse, u)
+    np.testing.assert_allclose(
+        zero_order_hold_response(system, fine, held)[::10], y, atol=1e-11 * np.abs(y).max()
+    )
 
 
 def test_wrong_number_of_inputs_is_refused():
     with pytest.raises(ValueError, match=r"inputs have shape \(3, 2\); expected \(3, 1\)"):
-        held_response(Oscillator(), np.arange(3.0), np.zeros((3, 2)))
+        zero_order_hold_response(Oscillator(), np.arange(3.0), np.zeros((3, 2)))

@@ -7,7 +7,7 @@ from finite_elements import FiniteElementLink
 from scipy.linalg import eigh
 
 from twin.mechanics import mjcf, planar
-from twin.mechanics.chain import build, curvature_row, with_root
+from twin.mechanics.chain import build, curvature_row, with_root_compliance
 from twin.mechanics.plant import declared_plant
 from twin.rigs import preset
 
@@ -17,7 +17,7 @@ SOFT, STIFF = 12.0, 45.0  # N m/rad, where the clamp is a hinge of its own, and 
 
 
 def compliant(stiffness, links=CHAIN):
-    return with_root(links, RIG["hub_inertia"], stiffness)
+    return with_root_compliance(links, RIG["hub_inertia"], stiffness)
 
 
 def exact(stiffness, boundary):

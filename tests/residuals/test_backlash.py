@@ -16,7 +16,7 @@ from twin.residuals import backlash
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import prepare
 from twin.rigs import preset
-from twin.rigs.model import Model, fine
+from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
 _RATE = 500.0
@@ -40,7 +40,7 @@ def _data(gap: float, torque: np.ndarray) -> DrivenData:
     """A recording of a hub with a play, as the search looks at it."""
     time = np.arange(len(torque)) / _RATE
     asked = Recording("", time, {"torque_command": torque, "hub_angle": 0 * time}, loop="open")
-    hub = simulate(fine(_model(gap)), asked, Start())["hub_angle"]
+    hub = simulate(with_fine_chain(_model(gap)), asked, Start())["hub_angle"]
     noise = np.random.default_rng(5).normal(0, _NOISE["hub_angle"], len(time))
     prepared, _ = prepare(
         asked.replace(channels={"torque_command": torque, "hub_angle": hub + noise}), _NOISE

@@ -141,10 +141,10 @@ def test_samples_that_share_an_instant_have_the_noise_of_one(plain):
 def test_a_closed_play_is_a_hub_with_its_motor():
     rig = preset("bossi2009")
     plant = declared_plant(rig, chain.build(rig, 5))
-    shut = plant.with_backlash(0.02, 1e-4).closed()
+    shut = plant.with_backlash(0.02, 1e-4).with_backlash_closed()
     assert shut.motor.gap == 0
     np.testing.assert_allclose(shut.link.inertia, plant.link.inertia)
-    assert plant.closed() is plant
+    assert plant.with_backlash_closed() is plant
 
 
 def test_the_mean_of_a_falling_friction_over_a_step_is_its_integral():
@@ -195,7 +195,7 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
     view = View(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, {}, ())
     links = len(twin.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in seen[:2])
-    motion = Motion.of(time, angles, rates, np.sign(seen[1]), links)
+    motion = Motion.from_coordinates(time, angles, rates, np.sign(seen[1]), links)
 
     def error():
         return np.std((low_passed(hub_balance.hub_laws(view, twin, motion), GRID) - exact)[100:-100])
@@ -218,6 +218,8 @@ def test_what_friction_seems_to_do_where_a_rest_ends_does_not_turn_a_creeping_hu
     view = View(time, angle, rate, nothing, np.sign(rate), surely, {}, {}, {}, ())
     links = len(twin.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in (angle, rate))
-    found = hub_balance.hub_laws(view, twin, Motion.of(time, angles, rates, np.sign(rate), links))
+    found = hub_balance.hub_laws(
+        view, twin, Motion.from_coordinates(time, angles, rates, np.sign(rate), links)
+    )
     level = planar.sliding_level(twin.plant, 0.0, 0.015, 1)
     np.testing.assert_allclose(found[surely & (time < 1.9)], -level, rtol=0.01)

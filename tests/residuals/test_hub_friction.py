@@ -195,14 +195,14 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     )
     links = len(twin.chain.lengths)
     angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
-    motion = Motion.of(time, angles, rates, np.sign(rate), links)
+    motion = Motion.from_coordinates(time, angles, rates, np.sign(rate), links)
     inner = slice(200, -200)
     mean = hub_balance.hub_laws(view, twin, motion)[inner].mean()
     instants = np.linspace(time[200] - GRID / 2, time[-201] + GRID / 2, 200_000)
     ahead = np.cos(omega * instants) > 0
     exact = np.where(ahead, -LEVELS["coulomb_positive"], LEVELS["coulomb_negative"]).mean()
     assert mean == pytest.approx(exact, abs=1.5e-5)
-    assert planar.hub_laws(twin.plant, time, angle, rate, nothing).max() == 0
+    assert planar.hub_torque_along(twin.plant, time, angle, rate, nothing).max() == 0
 
 
 def test_a_break_away_torque_a_little_off_is_none_that_the_hub_slides_against():

@@ -13,11 +13,11 @@ from twin.control.closed_loop import Run
 from twin.control.laws.base import LinearController
 from twin.control.laws.library import CONTROLLERS, controller
 from twin.control.plants.base import READINGS
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.correlations import Correlations
 from twin.errors import InputError
-from twin.mechanics.modal import held_response, state_space
+from twin.mechanics.modal import state_space, zero_order_hold_response
 from twin.rigs import preset
 from twin.validation.figures import figures
 from twin.validation.fleet import Bench, Job
@@ -31,7 +31,7 @@ from twin.virtual_rig import make_campaign
 
 RIG = preset("bossi2009")
 T = 2e-3
-MODEL = plants.model_of(RIG)
+MODEL = plants.make_model(RIG)
 MODEL_RIG = sampled_modes(MODEL, T, 3)
 
 
@@ -112,7 +112,7 @@ def test_a_constant_torque_does_not_hide_a_linear_form():
 
 @pytest.mark.parametrize("delay", [0.0, 1.3e-3, 2e-3, 5.3e-3])
 def test_sampled_rig_moves_as_the_continuous_one(delay):
-    rig = sampled_modes(plants.model_of(RIG, {"actuator-delay": {"delay": delay}}), T, 3)
+    rig = sampled_modes(plants.make_model(RIG, {"actuator-delay": {"delay": delay}}), T, 3)
     command = np.random.default_rng(0).standard_normal(60)
     x, found = np.zeros(len(rig.A)), []
     for u in command:
@@ -121,12 +121,12 @@ def test_sampled_rig_moves_as_the_continuous_one(delay):
     fine = np.arange(60 * 20) * 1e-4
     index = np.floor((fine - delay) / T + 1e-6).astype(int)
     late = np.where(index < 0, 0.0, command[index])
-    expected = held_response(state_space(RIG), fine, late)[::20]
+    expected = zero_order_hold_response(state_space(RIG), fine, late)[::20]
     np.testing.assert_allclose(np.array(found)[:, :2], expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_motor_torque_is_what_acts_before_the_next_command():
-    lag = sampled_modes(plants.model_of(RIG, {"actuator-lag": {"time_constant": 0.01}}), T, 3)
+    lag = sampled_modes(plants.make_model(RIG, {"actuator-lag": {"time_constant": 0.01}}), T, 3)
     place = READINGS.index("motor_torque")
     np.testing.assert_allclose((lag.C @ lag.B)[place], 1 - math.exp(-T / 0.01))
     assert (MODEL_RIG.C @ MODEL_RIG.B)[place] == pytest.approx(1.0)
@@ -148,7 +148,7 @@ def test_margins_are_those_of_python_control(name):
 
 
 def test_a_drive_of_twice_the_gain_takes_6_db(lqi):
-    double = sampled_modes(plants.model_of(RIG, {"torque-gain": {"gain": 2.0}}), T, 3)
+    double = sampled_modes(plants.make_model(RIG, {"torque-gain": {"gain": 2.0}}), T, 3)
     lost = margins(lqi, MODEL_RIG, T).gain - margins(lqi, double, T).gain
     assert lost == pytest.approx(20 * math.log10(2), abs=0.02)
 
@@ -157,7 +157,7 @@ def test_a_loop_at_its_gain_margin_is_at_the_edge(lqi):
     margin = margins(lqi, MODEL_RIG, T).gain
     for part, stable in ((0.99, True), (1.01, False)):
         more = sampled_modes(
-            plants.model_of(RIG, {"torque-gain": {"gain": 10 ** (part * margin / 20)}}), T, 3
+            plants.make_model(RIG, {"torque-gain": {"gain": 10 ** (part * margin / 20)}}), T, 3
         )
         assert (margins(lqi, more, T).growth < 0) == stable
 
@@ -180,7 +180,7 @@ def test_a_neglected_mode_that_destabilises_is_seen():
     ],
 )
 def test_linearised_chain_has_the_margins_of_the_modes(lqi, effects):
-    model = plants.model_of(RIG, effects)
+    model = plants.make_model(RIG, effects)
     chain, left_out = sampled_chain(model, T)
     one, other = (margins(lqi, rig, T) for rig in (chain, sampled_modes(model, T, 3)))
     assert one.growth == pytest.approx(other.growth, rel=1e-4)
@@ -196,7 +196,7 @@ def test_a_late_sensor_costs_what_a_late_drive_does(lqi):
         "actuator-delay": {"delay": 0.0053},
     }
     one, other = (
-        margins(lqi, sampled_chain(plants.model_of(RIG, {name: p}), T)[0], T) for name, p in late.items()
+        margins(lqi, sampled_chain(plants.make_model(RIG, {name: p}), T)[0], T) for name, p in late.items()
     )
     assert one.phase == pytest.approx(other.phase, abs=0.01)
     assert one.phase < margins(lqi, MODEL_RIG, T).phase - 0.5
@@ -204,16 +204,16 @@ def test_a_late_sensor_costs_what_a_late_drive_does(lqi):
 
 def test_a_torsional_mode_is_in_the_linear_loop_and_seen_by_the_strains():
     torsion = {"frequency": 28.0, "damping_ratio": 0.02, "inertia_share": 0.3, "strain_base": 0.5}
-    model = plants.model_of(RIG, {"torsional-mode": {**torsion, "strain_mid": 0.0}})
+    model = plants.make_model(RIG, {"torsional-mode": {**torsion, "strain_mid": 0.0}})
     with_it, without = (sampled_chain(m, T)[0] for m in (model, MODEL))
     assert len(with_it.A) == len(without.A) + 2
-    blind = plants.model_of(RIG, {"torsional-mode": {**torsion, "strain_base": 0.0, "strain_mid": 0.0}})
+    blind = plants.make_model(RIG, {"torsional-mode": {**torsion, "strain_base": 0.0, "strain_mid": 0.0}})
     seen = (with_it.C - sampled_chain(blind, T)[0].C) != 0
     assert set(np.flatnonzero(seen.any(axis=1))) == {READINGS.index("strain_base")}
 
 
 def test_play_is_left_out_of_the_linear_loop_and_said_so():
-    model = plants.model_of(RIG, {"backlash": {"gap": 0.01, "motor_inertia_share": 0.3}})
+    model = plants.make_model(RIG, {"backlash": {"gap": 0.01, "motor_inertia_share": 0.3}})
     rig, left_out = sampled_chain(model, T)
     assert left_out == ("backlash",)
     np.testing.assert_allclose(rig.A, sampled_chain(MODEL, T)[0].A)
@@ -232,16 +232,16 @@ def test_a_hub_sensor_with_another_gain_turns_the_hub_too_little():
 
 def test_a_late_reading_is_what_was_true_then():
     effects = {"sensor-delay": {"delay": 0.006, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}}
-    model = plants.model_of(RIG, effects)
-    plant = plants.make("compiled", RIG, effects)
+    model = plants.make_model(RIG, effects)
+    plant = plants.make_plant("compiled", RIG, effects)
     heard = []
     law = Law(lambda error, tip, time: heard.append(-error) or 0.15)
-    sensors = Sensors(reporting=Reporting(model, plant))
+    sensors = Sensors(effects=SensorEffects(model, plant))
     run = closed_loop.run(plant, law, lambda time: 0.0, 0.3, sensors)
     np.testing.assert_allclose(heard[60:], run.true["hub_angle"][57:-3], atol=1e-9)
     np.testing.assert_allclose(run.measured["hub_angle"], heard, atol=1e-12)
     true = {name: 0.1 for name in READINGS}
-    assert Reporting(MODEL, plant).read(0.0, true) is true
+    assert SensorEffects(MODEL, plant).read(0.0, true) is true
 
 
 def test_drawn_rigs_repeat_and_follow_their_uncertainty():

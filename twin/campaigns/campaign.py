@@ -1,4 +1,4 @@
-"""A campaign: the recordings of one rig, and what is known of the rig, read from a folder."""
+"""A campaign, the recordings of one rig with its declared parameters, read from a folder and checked."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from twin.files.table import Table, read_table, read_text
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
 from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
 
-STATIC = "static.csv"
+STATIC_FILE = "static.csv"
+"""File name of the static load test."""
 _COMMAND = "torque_command"
-_SLOWEST = 0.1
-"""Longest sample period [s]: five samples of a swing at 2 Hz; periods are longer where time is in ms."""
+_LONGEST_PERIOD = 0.1
+"""Longest accepted sample period [s]: five samples per period at 2 Hz; a longer one suggests a time in ms."""
 
 
 @dataclass(frozen=True)
 class StaticTest:
-    """A static load test, its columns as they were recorded.
+    """A static load test, its columns as recorded.
 
     Attributes:
-      columns: name -> (n) values, in whatever unit the column has; NaN where one is missing.
-      second_moment: I of the link's section [m^4]; None where it was not said.
+      columns: name -> (n) values in the unit of the file; NaN where one is missing.
+      second_moment: second moment of area I of the link's section [m^4]; None where not declared.
     """
 
     columns: Mapping[str, np.ndarray] = field(repr=False)
@@ -57,13 +58,13 @@ class Campaign:
 
     Attributes:
       name: for people.
-      rig: declared parameters; the uncertainty of a parameter is None where the campaign leaves it unsaid.
+      rig: declared parameters; the uncertainty of a parameter is None where the campaign does not declare it.
       sensors: channel -> how it was measured, SI.
-      fit: recordings that may be used to find and fit.
+      fit: recordings that may be used to find and fit effects.
       static: static load test, if there is one.
-      warnings: what is odd in the data, a sentence each.
-      effects: effects that are known to act on the rig -> their parameters, SI.
-      effect_errors: the same -> standard errors of these; a parameter without one is known only roughly.
+      warnings: a sentence for each oddity of the data.
+      effects: name of each effect known to act on the rig -> parameter -> value, SI.
+      effect_errors: name of effect -> parameter -> standard error, SI; without one, the value is only a rough one.
     """
 
     name: str
@@ -80,12 +81,12 @@ class Campaign:
         object.__setattr__(self, "sensors", MappingProxyType(dict(self.sensors)))
 
     def holdout(self) -> tuple[Recording, ...]:
-        """Recordings on which errors are reported. Nothing may be found or fitted with them."""
+        """Returns the held-out recordings, on which prediction errors are reported; they may not be used for fits."""
         return self._held_out
 
     def __reduce__(self):
-        seen = (self.name, self.rig, dict(self.sensors), self.fit, self.static, self.warnings)
-        return (type(self), (*seen, self._held_out, self.effects, self.effect_errors))
+        first = (self.name, self.rig, dict(self.sensors), self.fit, self.static, self.warnings)
+        return (type(self), (*first, self._held_out, self.effects, self.effect_errors))
 
 
 def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
@@ -98,28 +99,28 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
       InputError: the campaign cannot be used; the message names file and line or field.
     """
     root = _folder(Path(folder))
-    said = schema.parse(read_text(root / schema.FILE, schema.FILE))
-    rig = _rig(said)
-    _check_channels(said, rig)
-    _check_recordings(said, rig)
-    read = [_read_recording(root, entry, said.channels) for entry in said.recordings]
-    _check_columns(said, [table for _, table, _ in read])
-    recordings, stuck = check_rig.without_stuck_channels([r for r, _, _ in read], _sensors(said), rig)
-    check_channels.check(recordings, _sensors(said), rig)
-    check_rig.check_torque(recordings, _sensors(said), rig)
+    content = schema.parse(read_text(root / schema.FILE, schema.FILE))
+    rig = _declared_rig(content)
+    _check_channels(content, rig)
+    _check_recordings(content, rig)
+    read = [_read_recording(root, entry, content.channels) for entry in content.recordings]
+    _check_columns(content, [table for _, table, _ in read])
+    recordings, stuck = check_rig.without_stuck_channels([r for r, _, _ in read], _sensors(content), rig)
+    check_channels.check_signs_and_units(recordings, _sensors(content), rig)
+    check_rig.check_torque(recordings, _sensors(content), rig)
     check_rig.check_distinct(recordings)
-    fit, held_out = _by_role(said, recordings)
-    check_rig.check_motion(fit, _sensors(said))
-    idle = check_rig.held_fast(recordings, _sensors(said), rig)
+    fit, held_out = _by_role(content, recordings)
+    check_rig.check_motion(fit, _sensors(content))
+    idle = check_rig.immobile_hub_notes(recordings, _sensors(content), rig)
     return Campaign(
-        name=said.name,
+        name=content.name,
         rig=rig,
-        sensors=_sensors(said),
+        sensors=_sensors(content),
         fit=fit,
-        static=_read_static(root, said.static.second_moment),
+        static=_read_static(root, content.static.second_moment),
         warnings=(
-            *_noise_free(said),
-            *_vague(said),
+            *_zero_noise_warnings(content),
+            *_uncertainty_warnings(content),
             *chain.from_iterable(notes for *_, notes in read),
             *stuck,
             *idle,
@@ -128,18 +129,19 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     )
 
 
-def files_of(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Returns the files of the campaign in a folder, whether they are there or not.
+def campaign_files(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Returns the paths of all files of the campaign in a folder, whether they exist or not.
 
     Raises:
       InputError: its `campaign.toml` cannot be used.
     """
     root = _folder(Path(folder))
-    said = schema.parse(read_text(root / schema.FILE, schema.FILE))
-    return (root / schema.FILE, root / STATIC, *(root / entry.file for entry in said.recordings))
+    content = schema.parse(read_text(root / schema.FILE, schema.FILE))
+    return (root / schema.FILE, root / STATIC_FILE, *(root / entry.file for entry in content.recordings))
 
 
 def _folder(path: Path) -> Path:
+    """Returns the path; raises InputError where it is no folder with a `campaign.toml`."""
     if path.is_file():
         hint = f"; did you mean '{path.parent}'?" if path.name == schema.FILE else ""
         raise InputError(f"{path} is a file; expected a folder with {schema.FILE}{hint}")
@@ -151,10 +153,10 @@ def _folder(path: Path) -> Path:
 
 
 def _by_role(
-    said: schema.CampaignFile, recordings: Iterable[Recording]
+    content: schema.CampaignFile, recordings: Iterable[Recording]
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    # The only place that knows roles: what it hands on as `fit` is all that finding and fitting ever see.
-    pairs = list(zip(said.recordings, recordings, strict=True))
+    # Roles are known here only: the search and the fits receive the first tuple alone.
+    pairs = list(zip(content.recordings, recordings, strict=True))
     fit = tuple(recording for entry, recording in pairs if entry.role == "fit")
     if not fit:
         raise InputError(f'{schema.FILE}: no recording has role = "fit"; expected at least one to fit with')
@@ -164,37 +166,37 @@ def _by_role(
 # The rig
 
 
-def _rig(said: schema.CampaignFile) -> Rig:
-    if said.rig in rigs.PRESETS:
-        start = rigs.preset(said.rig).parameters
-        # How well a published value is known of another specimen is for the campaign to say.
+def _declared_rig(content: schema.CampaignFile) -> Rig:
+    if content.rig in rigs.PRESETS:
+        start = rigs.preset(content.rig).parameters
+        # A published uncertainty is of another specimen: the campaign has to declare its own.
         base = {name: replace(parameter, uncertainty=None) for name, parameter in start.items()}
     else:
-        base = _undescribed(said)
-    declared = {name: _declared(name, value, base) for name, value in said.parameters.items()}
+        base = _default_parameters(content)
+    declared = {name: _declared_parameter(name, value, base) for name, value in content.parameters.items()}
     parameters = {**base, **declared}
-    return Rig(said.rig, {name: _with_uncertainty(p, said) for name, p in parameters.items()})
+    return Rig(content.rig, {name: _with_uncertainty(p, content) for name, p in parameters.items()})
 
 
-def _undescribed(said: schema.CampaignFile) -> dict[str, Parameter]:
-    """Returns the parameters that a rig without a preset has when nothing is said of them."""
+def _default_parameters(content: schema.CampaignFile) -> dict[str, Parameter]:
+    """Returns the default parameters of a rig without a preset; raises InputError where required ones are missing."""
     required = [name for name in PARAMETERS if name not in DEFAULTS]
-    lacking = [name for name in required if name not in said.parameters]
+    lacking = [name for name in required if name not in content.parameters]
     if lacking:
         raise InputError(
-            f"{schema.FILE}: rig '{said.rig}' is not a preset ({', '.join(rigs.PRESETS)}), so [parameters] "
-            f"must give {', '.join(required)}; missing: {', '.join(lacking)}{nearest(said.rig, rigs.PRESETS)}"
+            f"{schema.FILE}: rig '{content.rig}' is not a preset ({', '.join(rigs.PRESETS)}), so [parameters] "
+            f"must give {', '.join(required)}; missing: {', '.join(lacking)}{nearest(content.rig, rigs.PRESETS)}"
         )
-    return {name: _default(name, value) for name, value in DEFAULTS.items()}
+    return {name: _default_parameter(name, value) for name, value in DEFAULTS.items()}
 
 
-def _default(name: str, value: float) -> Parameter:
+def _default_parameter(name: str, value: float) -> Parameter:
     unit, bounds = PARAMETERS[name]
     uncertainty = 1.0 if name == "damping_ratio" else None
     return Parameter(name, value, unit, uncertainty, bounds, "default of the recording format")
 
 
-def _declared(name: str, value: float, base: Mapping[str, Parameter]) -> Parameter:
+def _declared_parameter(name: str, value: float, base: Mapping[str, Parameter]) -> Parameter:
     unit, bounds = PARAMETERS[name]
     if name in base:
         unit, bounds = base[name].unit, base[name].bounds
@@ -204,26 +206,26 @@ def _declared(name: str, value: float, base: Mapping[str, Parameter]) -> Paramet
         raise InputError(f"{schema.FILE}: parameters.{error}") from None
 
 
-def _with_uncertainty(parameter: Parameter, said: schema.CampaignFile) -> Parameter:
-    if parameter.name not in said.uncertainty:
+def _with_uncertainty(parameter: Parameter, content: schema.CampaignFile) -> Parameter:
+    if parameter.name not in content.uncertainty:
         return parameter
-    return replace(parameter, uncertainty=said.uncertainty[parameter.name])
+    return replace(parameter, uncertainty=content.uncertainty[parameter.name])
 
 
 # Channels
 
 
-def _check_channels(said: schema.CampaignFile, rig: Rig) -> None:
-    for name, channel in said.channels.items():
+def _check_channels(content: schema.CampaignFile, rig: Rig) -> None:
+    for name, channel in content.channels.items():
         _check_channel(f"{schema.FILE}: channels.{name}", name, channel, rig)
-    if _COMMAND not in said.channels:
+    if _COMMAND not in content.channels:
         raise InputError(
             f"{schema.FILE}: channels.{_COMMAND} is missing; expected the torque that drives the rig"
         )
-    if not any(name in said.channels for name in MEASURED):
+    if not any(name in content.channels for name in MEASURED):
         expected = ", ".join(MEASURED)
         raise InputError(f"{schema.FILE}: channels has no measurement; expected one of: {expected}")
-    columns = Counter(channel.column or name for name, channel in said.channels.items())
+    columns = Counter(channel.column or name for name, channel in content.channels.items())
     column, uses = columns.most_common(1)[0]
     if uses > 1:
         raise InputError(
@@ -247,7 +249,7 @@ def _check_channel(where: str, name: str, channel: schema.Channel, rig: Rig) -> 
 
 
 def _check_time(where: str, channel: schema.Channel) -> None:
-    # Time is what the clock of the card says: only its column may have another name.
+    # Time is read from the card's clock: only the name of its column can be declared.
     for key in channel.model_fields_set - {"column", "unit"}:
         raise InputError(f"{where}.{key} has no meaning for the time; expected column and unit only")
 
@@ -270,25 +272,25 @@ def _check_gauge(where: str, channel: schema.Channel, rig: Rig) -> None:
         )
 
 
-def _sensors(said: schema.CampaignFile) -> dict[str, Sensor]:
-    return {name: _sensor(name, ch) for name, ch in said.channels.items() if name != units.TIME}
+def _sensors(content: schema.CampaignFile) -> dict[str, Sensor]:
+    return {name: _sensor(name, ch) for name, ch in content.channels.items() if name != units.TIME}
 
 
 def _sensor(name: str, channel: schema.Channel) -> Sensor:
-    # The noise is that of the raw signal where the unit is: volts reach SI through the gain.
+    # The noise is declared in the channel's unit: where that is V or A, the gain converts it.
     raw = abs(channel.gain or 1.0) if channel.unit in units.RAW_UNITS else 1.0
     noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
     return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0)
 
 
-def _noise_free(said: schema.CampaignFile) -> Iterator[str]:
-    for name, channel in said.channels.items():
+def _zero_noise_warnings(content: schema.CampaignFile) -> Iterator[str]:
+    for name, channel in content.channels.items():
         if channel.noise == 0.0:
             yield f"{schema.FILE}: channels.{name}.noise is 0, which no sensor has; taken as not declared"
 
 
-def _vague(said: schema.CampaignFile) -> Iterator[str]:
-    for name, relative in said.uncertainty.items():
+def _uncertainty_warnings(content: schema.CampaignFile) -> Iterator[str]:
+    for name, relative in content.uncertainty.items():
         if relative > 1.0:
             yield (
                 f"{schema.FILE}: uncertainty.{name} is {relative:g}, which is {100 * relative:g} % of its value, so "
@@ -303,13 +305,13 @@ def _factor(name: str, channel: schema.Channel) -> float:
 # Recordings
 
 
-def _check_recordings(said: schema.CampaignFile, rig: Rig) -> None:
-    # One experiment in two roles would report as a prediction what has been fitted.
-    file, uses = Counter(os.path.normpath(entry.file) for entry in said.recordings).most_common(1)[0]
+def _check_recordings(content: schema.CampaignFile, rig: Rig) -> None:
+    # A file in both roles would be reported as a prediction although it was fitted.
+    file, uses = Counter(os.path.normpath(entry.file) for entry in content.recordings).most_common(1)[0]
     if uses > 1:
         raise InputError(f"{schema.FILE}: recordings: {file} is listed {uses} times; expected each file once")
-    for i, entry in enumerate(said.recordings, start=1):
-        if "hub_angle" not in said.channels and not _dispensable("hub_angle", entry):
+    for i, entry in enumerate(content.recordings, start=1):
+        if "hub_angle" not in content.channels and not _may_be_absent("hub_angle", entry):
             raise InputError(
                 f"{schema.FILE}: channels.hub_angle is missing; expected it for {entry.file}: "
                 "only a recording with clamped = true may lack it"
@@ -325,17 +327,17 @@ def _check_recordings(said: schema.CampaignFile, rig: Rig) -> None:
 def _read_recording(
     root: Path, entry: schema.RecordingEntry, channels: Mapping[str, schema.Channel]
 ) -> tuple[Recording, Table, list[str]]:
-    """Returns the recording, the table it came from, and what is odd about it."""
+    """Returns the recording, the table from which it was read, and notes on its oddities."""
     columns = {name: channel.column or name for name, channel in channels.items()}
     columns.setdefault(units.TIME, units.TIME)
     table = read_table(root / entry.file, entry.file, set(columns.values()))
     time = _time(table, columns[units.TIME])
-    present = {n: c for n, c in columns.items() if n != units.TIME and not _absent(n, c, table, entry)}
-    values = {n: _physical(n, channels[n], table.columns[c]) for n, c in present.items()}
+    present = {n: c for n, c in columns.items() if n != units.TIME and not _is_absent(n, c, table, entry)}
+    values = {n: _si_values(n, channels[n], table.columns[c]) for n, c in present.items()}
     if not any(name in values for name in MEASURED):
         expected = [columns[name] for name in MEASURED if name in columns]
         raise InputError(f"{entry.file} has no measurement; expected a column: {', '.join(expected)}")
-    values[_COMMAND], notes = _held(values.get(_COMMAND), time, entry.file)
+    values[_COMMAND], notes = _hold_command(values.get(_COMMAND), time, entry.file)
     recording = Recording(
         name=entry.file,
         time=time,
@@ -345,18 +347,18 @@ def _read_recording(
         initial_tip_deflection=entry.initial_tip_deflection,
         start=entry.start,
     )
-    return recording, table, notes + _near_misses(columns, table)
+    return recording, table, notes + _similar_column_notes(columns, table)
 
 
 def _time(table: Table, column: str) -> np.ndarray:
     """Returns the instants as measured, jitter and gaps included (n) [s]."""
     if column not in table.header:
-        found = nearest(column, table.header)
-        raise InputError(f"{table.name}, line 1: column '{column}' is missing; expected the time in s{found}")
+        hint = nearest(column, table.header)
+        raise InputError(f"{table.name}, line 1: column '{column}' is missing; expected the time in s{hint}")
     time = table.columns[column]
     if len(time) < 2:
-        found = "one sample" if len(time) else "no samples"
-        raise InputError(f"{table.name} has {found} after its header; expected at least 2")
+        count = "one sample" if len(time) else "no samples"
+        raise InputError(f"{table.name} has {count} after its header; expected at least 2")
     missing = np.flatnonzero(np.isnan(time))
     if missing.size:
         line = table.lines[missing[0]]
@@ -369,59 +371,60 @@ def _time(table: Table, column: str) -> np.ndarray:
             "expected it to increase strictly"
         )
     period = float(np.median(np.diff(time)))
-    if period > _SLOWEST:
+    if period > _LONGEST_PERIOD:
         raise InputError(
-            f"{table.name}: the samples are {period:g} s apart by {column}; expected at most {_SLOWEST:g} s: "
+            f"{table.name}: the samples are {period:g} s apart by {column}; expected at most {_LONGEST_PERIOD:g} s: "
             "is it in s?"
         )
     return time
 
 
-def _absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) -> bool:
-    """Whether a recording lacks a channel that it may lack.
+def _is_absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) -> bool:
+    """Whether a recording lacks a channel that may be absent.
 
     Raises:
-      InputError: it may not lack it, or the column is there and empty.
+      InputError: the channel may not be absent, or its column is there and empty.
     """
-    dispensable = _dispensable(name, entry)
+    optional = _may_be_absent(name, entry)
     if column not in table.header:
-        if name in ("hub_angle", _COMMAND) and not dispensable:
+        if name in ("hub_angle", _COMMAND) and not optional:
             raise InputError(
-                f"{table.name}, line 1: column '{column}'{_called(name, column)} is missing; "
+                f"{table.name}, line 1: column '{column}'{_channel_suffix(name, column)} is missing; "
                 f"only a recording with clamped = true may lack it{nearest(column, table.header)}"
             )
         return True
     if not np.isnan(table.columns[column]).all():
         return False
-    if dispensable:
+    if optional:
         return True
     raise InputError(
-        f"{table.name}: {column}{_called(name, column)} is missing in all {len(table)} samples; "
+        f"{table.name}: {column}{_channel_suffix(name, column)} is missing in all {len(table)} samples; "
         "expected numbers, or a file without this column"
     )
 
 
-def _called(name: str, column: str) -> str:
+def _channel_suffix(name: str, column: str) -> str:
+    """Name of the channel in brackets, where its column has another name."""
     return "" if name == column else f" ({name})"
 
 
-def _dispensable(name: str, entry: schema.RecordingEntry) -> bool:
-    # A locked hub does not turn, whatever torque it withstands; only a controller has a reference.
+def _may_be_absent(name: str, entry: schema.RecordingEntry) -> bool:
+    # A locked hub does not turn whatever its torque, and only a closed loop has a reference.
     if name in ("hub_angle", _COMMAND, "motor_torque"):
         return entry.clamped
     return name == "hub_reference" and entry.loop == "open"
 
 
-def _physical(name: str, channel: schema.Channel, raw: np.ndarray) -> np.ndarray:
-    """Returns the values in SI units: gain * (raw - offset) in `unit`, or in SI where the unit is V or A."""
+def _si_values(name: str, channel: schema.Channel, raw: np.ndarray) -> np.ndarray:
+    """Returns values (n) in SI units: gain * (raw - offset), converted from `unit` unless that is V or A."""
     gain = 1.0 if channel.gain is None else channel.gain
     return gain * (raw - channel.offset) * _factor(name, channel)
 
 
-def _held(command: np.ndarray | None, time: np.ndarray, file: str) -> tuple[np.ndarray, list[str]]:
-    """Returns the command without gaps: it is held from its sample to the next one that is there.
+def _hold_command(command: np.ndarray | None, time: np.ndarray, file: str) -> tuple[np.ndarray, list[str]]:
+    """Returns the command (n) without gaps, each value held until the next present one, and notes on gaps.
 
-    Before the first sample that is there, the first value holds.
+    Before the first present value, that value holds. Without a command column, the command is zero.
     """
     if command is None:
         return np.zeros_like(time), []
@@ -434,30 +437,33 @@ def _held(command: np.ndarray | None, time: np.ndarray, file: str) -> tuple[np.n
     return filled, [f"{file}: {_COMMAND} is missing in {missing.sum()} samples; the value before is held"]
 
 
-def _near_misses(columns: Mapping[str, str], table: Table) -> list[str]:
-    """Returns a note for every column that is missing where another, unused one has almost its name."""
+def _similar_column_notes(columns: Mapping[str, str], table: Table) -> list[str]:
+    """Returns a note for every missing column where an unused one has a similar name."""
     unused = set(table.header) - set(columns.values())
     absent = [column for column in columns.values() if column not in table.header]
     hints = ((column, nearest(column, unused)) for column in absent)
     return [f"{table.name}: there is no column '{column}'{hint}" for column, hint in hints if hint]
 
 
-def _check_columns(said: schema.CampaignFile, tables: list[Table]) -> None:
-    found = set(chain.from_iterable(table.header for table in tables))
-    for name, channel in said.channels.items():
-        if (column := channel.column or name) not in found:
+def _check_columns(content: schema.CampaignFile, tables: list[Table]) -> None:
+    """Raises InputError where no recording has the column of a declared channel."""
+    present = set(chain.from_iterable(table.header for table in tables))
+    for name, channel in content.channels.items():
+        if (column := channel.column or name) not in present:
             raise InputError(
                 f"{schema.FILE}: channels.{name}: no recording has a column '{column}'; "
-                f"the columns are: {', '.join(sorted(found))}{nearest(column, found)}"
+                f"the columns are: {', '.join(sorted(present))}{nearest(column, present)}"
             )
 
 
 def _read_static(root: Path, second_moment: float | None) -> StaticTest | None:
-    if not (root / STATIC).exists():
+    if not (root / STATIC_FILE).exists():
         return None
-    table = read_table(root / STATIC, STATIC)
+    table = read_table(root / STATIC_FILE, STATIC_FILE)
     if not len(table):
-        raise InputError(f"{STATIC} has no rows after its header; expected one per load, or no such file")
+        raise InputError(
+            f"{STATIC_FILE} has no rows after its header; expected one per load, or no such file"
+        )
     return StaticTest(table.columns, second_moment)
 
 

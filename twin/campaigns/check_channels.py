@@ -1,8 +1,9 @@
-"""Channels that count the wrong way round, or in another unit than is said.
+"""Channels with the wrong sign, or in another unit than declared.
 
-Slower than the vibrations a planar link on a hub knows three proportions: torque speeds the hub up by its inertia, the
-link lags behind, and the drive gives what is commanded. Springs, dry and viscous friction and gravity are allowed for
-by regression; what still goes against these proportions, or by far too little or too much, is a channel.
+Below the frequencies of vibration, three ratios of a planar link on a hub are known: torque per hub acceleration from
+the inertia, quasi-static bending per hub acceleration from the stiffness, and delivered per commanded torque, 1. Each
+is estimated by regression from low-passed channels, with springs, dry and viscous friction and gravity as nuisance
+regressors. A ratio with the wrong sign, or off by a large factor, is a fault of a channel.
 """
 
 from __future__ import annotations
@@ -14,45 +15,47 @@ import numpy as np
 
 from twin.campaigns import check_rig, schema
 from twin.errors import InputError
+from twin.mechanics import beam
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 
-_SPAN = 4.0  # periods of the first mode over which a vibration averages out
-_SAMPLES = 32  # instants in a span
-_SHORTEST = 6.0  # spans
+_SPAN = 4.0  # periods of the first mode; half the width of the triangular mean, which averages vibrations out
+_SAMPLES = 32  # grid points per span
+_SHORTEST = 6.0  # spans; shorter recordings are not judged
 _CLEAR = 0.6
-"""Partial correlation from which a proportion is clear; channels that count the right way have 0.07 to 1."""
+"""Least partial correlation [1] with which a ratio is judged; channels with the right sign have 0.07 to 1."""
 _SHARE = 0.3
-"""Share of a channel's variation that has to be slower than the vibrations for it to be judged."""
+"""Least low-passed share of a channel's standard deviation [1] with which it is judged."""
 _FACTOR = 30.0
-"""Times too large or too small from which it is the unit; between 1, with all physics that may be missing, and 1000."""
-_ALIKE = 3.0  # times by which proportions may differ that have one cause
+"""Factor from which a ratio is a unit error: between 1, with all physics that may be missing, and 1000."""
+_ALIKE = 3.0  # factor within which ratios are taken to have one common cause
 _SHAPE = ("strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
+"""Channels of the link, which are compared with the acceleration of the hub."""
 
 
-def check(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> None:
-    """Makes sure that no channel counts the wrong way round or in another unit than is said.
+def check_signs_and_units(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> None:
+    """Makes sure that no channel has the wrong sign or another unit than declared.
 
     Raises:
-      InputError: one does, in at least one recording.
+      InputError: one has, in at least one recording.
     """
     faults: dict[str, dict[str, float]] = {}
     for recording in recordings:
-        for channel, times in _faults(_proportions(recording, sensors, rig)).items():
-            faults.setdefault(channel, {})[recording.name] = times
-    for channel, found in faults.items():
-        raise InputError(f"{schema.FILE}: channels.{channel}: {_complaint(channel, found)}")
+        for channel, ratio in _faults(_ratios(recording, sensors, rig)).items():
+            faults.setdefault(channel, {})[recording.name] = ratio
+    for channel, ratios in faults.items():
+        raise InputError(f"{schema.FILE}: channels.{channel}: {_error_text(channel, ratios)}")
 
 
-def _complaint(channel: str, found: Mapping[str, float]) -> str:
-    """What is wrong with a channel, and what would be right. `found`: recording -> times too large, signed."""
-    files, times = ", ".join(found), float(np.median(list(found.values())))
-    if not _far(times):
+def _error_text(channel: str, ratios: Mapping[str, float]) -> str:
+    """What is wrong with a channel, and what is expected. `ratios`: recording -> factor too large, signed."""
+    files, ratio = ", ".join(ratios), float(np.median(list(ratios.values())))
+    if not _is_unit_error(ratio):
         return (
             f"it counts the wrong way round in {files}: {_WHY[channel]}. Expected {_EXPECTED[channel]}; turn the "
             "sign of its gain (no gain is a gain of 1)"
         )
-    size, way = (abs(times), "large") if abs(times) > 1 else (1 / abs(times), "small")
+    size, way = (abs(ratio), "large") if abs(ratio) > 1 else (1 / abs(ratio), "small")
     unit = CHANNEL_UNITS[channel]
     return (
         f"it is some {float(f'{size:.1g}'):.0f} times too {way} in {files}, beside the other channels and the declared "
@@ -79,62 +82,63 @@ _EXPECTED = {
 }
 
 
-# Which channel it is
+# Channels at fault
 
 
-def _faults(times: Mapping[str, float]) -> dict[str, float]:
-    """Channel -> times too large, of those at fault, as far as it can be told which.
+def _faults(ratios: Mapping[str, float]) -> dict[str, float]:
+    """Returns the channels at fault -> factor too large; empty where the ratios do not tell which channel it is.
 
     Args:
-      times: channel -> its proportion to what it goes with, in units of what is declared; the torque's and those of
-        the link are to the acceleration of the hub.
+      ratios: channel -> measured ratio per expected ratio: of motor_torque to the command, of all others to the
+        acceleration of the hub.
     """
-    shape = [c for c in _SHAPE if c in times]
-    wrong = {c: times[c] for c in shape if _is_wrong(times[c])}
-    pushed, read = times.get("torque_command"), times.get("motor_torque", 1.0)
-    if pushed is None:
+    shape = [c for c in _SHAPE if c in ratios]
+    wrong = {c: ratios[c] for c in shape if _is_wrong(ratios[c])}
+    command, motor = ratios.get("torque_command"), ratios.get("motor_torque", 1.0)
+    if command is None:
         return wrong if len(wrong) < len(shape) else {}
-    if not _is_wrong(pushed):
-        return wrong | ({"motor_torque": read} if _is_wrong(read) else {})
-    one_cause = all(1 / _ALIKE < times[c] / pushed < _ALIKE for c in shape)
-    if one_cause and (shape or not _is_wrong(read)):
-        return {"hub_angle": 1 / pushed}
-    return {"torque_command": pushed} | wrong
+    if not _is_wrong(command):
+        return wrong | ({"motor_torque": motor} if _is_wrong(motor) else {})
+    # If all ratios to the hub's acceleration are wrong alike, the hub angle is at fault.
+    one_cause = all(1 / _ALIKE < ratios[c] / command < _ALIKE for c in shape)
+    if one_cause and (shape or not _is_wrong(motor)):
+        return {"hub_angle": 1 / command}
+    return {"torque_command": command} | wrong
 
 
-def _is_wrong(times: float) -> bool:
-    return times < 0 or _far(times)
+def _is_wrong(ratio: float) -> bool:
+    return ratio < 0 or _is_unit_error(ratio)
 
 
-def _far(times: float) -> bool:
-    return abs(math.log(abs(times))) > math.log(_FACTOR)
+def _is_unit_error(ratio: float) -> bool:
+    return abs(math.log(abs(ratio))) > math.log(_FACTOR)
 
 
-# Proportions
+# Ratios
 
 
-def _proportions(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> dict[str, float]:
-    """Channel -> its slow proportion to the hub's acceleration, or the command, per declared one; only clear ones."""
+def _ratios(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> dict[str, float]:
+    """Channel -> low-passed ratio to the hub's acceleration, or the command, per expected ratio; only clear ones."""
     span = _SPAN * check_rig.vibration_period(recording, rig)
     if recording.clamped or "hub_angle" not in recording or recording.duration < _SHORTEST * span:
         return {}
-    slow = _Slow(recording, span)
+    slow = _LowPassed(recording, span)
     ones = np.ones_like(slow.acceleration)
-    at_hub = (ones, slow.mean("hub_angle"), slow.rate, slow.direction)
-    found = {"torque_command": slow.slope("torque_command", at_hub) / check_rig.inertia(rig)}
+    nuisance = (ones, slow.mean("hub_angle"), slow.rate, slow.direction)
+    ratios = {"torque_command": slow.slope("torque_command", nuisance) / beam.rigid_inertia(rig)}
     for channel in _SHAPE:
         if channel in recording:
-            found[channel] = slow.slope(channel, at_hub[:2]) / _declared(sensors[channel], rig)
+            ratios[channel] = slow.slope(channel, nuisance[:2]) / _quasi_static_reading(sensors[channel], rig)
     if "motor_torque" in recording:
-        found["motor_torque"] = slow.slope("motor_torque", (ones,), slow.mean("torque_command"))
-    return {channel: times for channel, times in found.items() if times}
+        ratios["motor_torque"] = slow.slope("motor_torque", (ones,), slow.mean("torque_command"))
+    return {channel: ratio for channel, ratio in ratios.items() if ratio}
 
 
-def _declared(sensor: Sensor, rig: Rig) -> float:
-    """What a sensor of the link reads per acceleration of the hub, while nothing vibrates [SI s^2].
+def _quasi_static_reading(sensor: Sensor, rig: Rig) -> float:
+    """Reading of a sensor on the link per acceleration of the hub, without vibration [SI s^2].
 
-    The link bears its own inertia and that of the payload (Euler-Bernoulli beam under a load that grows with the
-    distance from the hub).
+    Static bending of an Euler-Bernoulli beam under the inertial load of link and payload, which is proportional to the
+    distance from the hub.
     """
     length, density, stiffness = rig["length"], rig["linear_density"], rig["bending_stiffness"]
     mass, inertia = rig["tip_mass"], rig["tip_inertia"]
@@ -148,10 +152,17 @@ def _declared(sensor: Sensor, rig: Rig) -> float:
     return -sensor.half_thickness * (moment + mass * length * (length - x) + inertia) / stiffness
 
 
-class _Slow:
-    """A recording behind a triangular mean that no vibration passes; its second difference is the acceleration."""
+class _LowPassed:
+    """A recording on a uniform grid, low-passed by a triangular mean that averages vibrations out.
+
+    Attributes:
+      acceleration: (m) of the hub [rad/s^2]: the second difference of the angle over `span`, which has the same mean.
+      rate: (m) of the hub [rad/s].
+      direction: (m) mean sign of the rate [1].
+    """
 
     def __init__(self, recording: Recording, span: float):
+        """Takes the recording and half the width of the mean [s]."""
         self._recording, self._step = recording, span / _SAMPLES
         self._instants = np.arange(recording.time[0], recording.time[-1], self._step)
         angle = self._on_grid("hub_angle")
@@ -159,39 +170,48 @@ class _Slow:
         self.acceleration = (angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n]) / span**2
         rate = np.full_like(angle, np.nan)
         rate[near:-near] = (angle[2 * near :] - angle[: -2 * near]) / (2 * near * self._step)
-        self.rate = _averaged(rate)
-        self.direction = _averaged(np.sign(rate))
+        self.rate = _triangular_mean(rate)
+        self.direction = _triangular_mean(np.sign(rate))
 
     def mean(self, channel: str) -> np.ndarray:
-        """Triangular mean of a channel (m); NaN near a gap."""
-        return _averaged(self._on_grid(channel))
+        """Returns the triangular mean of a channel (m); NaN near a gap."""
+        return _triangular_mean(self._on_grid(channel))
 
     def slope(self, channel: str, others: Sequence[np.ndarray], cause: np.ndarray | None = None) -> float:
-        """Change of a channel with a cause (m), the acceleration unless said, given others (m each); 0 if unclear."""
+        """Returns the partial regression slope of a channel; 0 where too little varies, or the correlation is unclear.
+
+        Args:
+          channel: the channel.
+          others: nuisance regressors (m each).
+          cause: (m) regressor; None for the acceleration of the hub.
+        """
         cause = self.acceleration if cause is None else cause
         values = self.mean(channel)
         known = np.isfinite(np.stack([values, cause, *others])).all(axis=0)
         if np.count_nonzero(known) < 2 * _SAMPLES:
             return 0.0
         basis = np.linalg.qr(np.column_stack([other[known] for other in others]))[0]
-        left, pushed = (v[known] - basis @ (basis.T @ v[known]) for v in (values, cause))
-        if np.sqrt(np.mean(left**2)) < _SHARE * np.nanstd(self._recording[channel]):
+        # Both without what the nuisance regressors explain (Frisch-Waugh-Lovell).
+        response, regressor = (v[known] - basis @ (basis.T @ v[known]) for v in (values, cause))
+        if np.sqrt(np.mean(response**2)) < _SHARE * np.nanstd(self._recording[channel]):
             return 0.0
-        length = float(np.linalg.norm(left) * np.linalg.norm(pushed))
-        product = float(left @ pushed)
-        return product / float(pushed @ pushed) if abs(product) > _CLEAR * length else 0.0
+        length = float(np.linalg.norm(response) * np.linalg.norm(regressor))
+        product = float(response @ regressor)
+        return product / float(regressor @ regressor) if abs(product) > _CLEAR * length else 0.0
 
     def _on_grid(self, channel: str) -> np.ndarray:
+        """A channel interpolated to the grid; NaN farther than an eighth of a span from any sample."""
         time, values = self._recording.time, self._recording[channel]
         known = np.isfinite(values)
         if not known.any():
             return np.full_like(self._instants, np.nan)
-        found = np.interp(self._instants, time[known], values[known])
-        far = check_rig.distance(self._instants, time[known]) > self._step * _SAMPLES / 8
-        return np.where(far, np.nan, found)
+        gridded = np.interp(self._instants, time[known], values[known])
+        far = check_rig.distance_to_nearest(self._instants, time[known]) > self._step * _SAMPLES / 8
+        return np.where(far, np.nan, gridded)
 
 
-def _averaged(values: np.ndarray) -> np.ndarray:
+def _triangular_mean(values: np.ndarray) -> np.ndarray:
+    """Triangular mean of half width `_SAMPLES`; that many values are cut off at each end."""
     rising = np.arange(1, _SAMPLES + 1)
     kernel = np.concatenate([rising, rising[-2::-1]]) / _SAMPLES**2
     return np.convolve(values, kernel, "same")[_SAMPLES:-_SAMPLES]

@@ -1,7 +1,8 @@
-"""What the declared rig says about its recordings: dead sensors, copies, rigs that do not move, torque in another unit.
+"""Recordings checked against the declared rig: dead sensors, copies, rigs that do not move, torque in another unit.
 
-What is refused or left out is judged with margins of at least 10 against physics that every planar link obeys, so
-that no effect a rig may have, friction, play, back-EMF, a moving payload, is mistaken for a fault of the data.
+A recording is rejected, or a channel left out, only where it violates physics that every planar link obeys by a factor
+of at least 10, so that no effect of a rig, such as friction, backlash, back-EMF or a moving payload, is mistaken for a
+fault of the data.
 """
 
 from __future__ import annotations
@@ -15,40 +16,41 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from twin.campaigns import schema
 from twin.errors import InputError
+from twin.mechanics import beam
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 
-# Gaussian noise alone spans 8 standard deviations in 50 000 samples.
+# Range of a channel, in standard deviations of its noise, from which it moves: noise alone spans 8 in 50 000 samples.
 _NOISE_SPAN = 12.0
 
-# Halfway, on a logarithmic scale, between right and wrong by a factor of 1000.
+# Factor from which a torque is too small for its unit: halfway, on a logarithmic scale, between 1 and 1000.
 _TOO_SMALL = 30.0
-# More generous, as undeclared viscous losses can take most of a torque.
+# Factor from which it is too large; more, as undeclared viscous friction can balance most of a torque.
 _TOO_LARGE = 50.0
 
 _HELD, _LONG = 2.0, 0.1
-"""Times the declared static friction, and s, from which a torque should have moved a hub. It is said, no more."""
+"""Torque in units of the declared static friction [1], and its duration [s], that should move a hub; only a note."""
 
-_SHAPE = ("strain_base", "strain_mid", "tip_deflection")
+_SHAPE = ("strain_base", "strain_mid", "tip_deflection")  # channels of the link
 
 
-# Sensors that hang
+# Frozen sensors
 
 
 def without_stuck_channels(
     recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig
 ) -> tuple[list[Recording], list[str]]:
-    """Returns the recordings, NaN where a channel hangs while the rig moves, and a sentence for each of them.
+    """Returns the recordings, NaN in channels that never change although the rig moves, and a note on each of these.
 
-    Each recording is judged by itself, so that none has an influence on what another one is fitted with.
+    Each recording is judged by itself, so that held-out recordings have no influence on those that are fitted.
 
     Raises:
-      InputError: a sensor is dead: its channel never changes, in any recording.
+      InputError: a sensor is dead: its channel changes in no recording.
     """
     for channel in sensors:
         _refuse_dead(channel, recordings, sensors, rig)
-    stuck = [[c for c in r.measured() if _stuck(c, r, sensors, rig)] for r in recordings]
-    kept = [_blank(recording, channels) for recording, channels in zip(recordings, stuck, strict=True)]
+    stuck = [[c for c in r.measured() if _is_stuck(c, r, sensors, rig)] for r in recordings]
+    kept = [_with_missing(recording, channels) for recording, channels in zip(recordings, stuck, strict=True)]
     notes = [_note(r, c) for r, channels in zip(recordings, stuck, strict=True) for c in channels]
     return kept, notes
 
@@ -59,11 +61,11 @@ def _refuse_dead(
     present = [r for r in recordings if channel in r.measured()]
     if channel == "hub_angle":
         present = [r for r in present if not r.clamped]
-    if not present or not all(_constant(r[channel]) for r in present):
+    if not present or not all(_is_constant(r[channel]) for r in present):
         return
-    # A strain gauge has noise: a number that never changes is none. A hub may have rested all the time.
+    # Strain gauges are never without noise, but a hub may rest throughout.
     may_rest = channel in ("hub_angle", "motor_torque")
-    if may_rest and not any(_stuck(channel, recording, sensors, rig) for recording in present):
+    if may_rest and not any(_is_stuck(channel, recording, sensors, rig) for recording in present):
         return
     value = _value(present[0], channel)
     files = ", ".join(recording.name for recording in present)
@@ -73,29 +75,31 @@ def _refuse_dead(
     )
 
 
-def _stuck(channel: str, recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
-    if not _constant(recording[channel]):
+def _is_stuck(channel: str, recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
+    if not _is_constant(recording[channel]):
         return False
     if channel == "hub_angle":
         return _hub_must_turn(recording, sensors, rig)
     if channel == "motor_torque":
         return not recording.clamped and float(np.ptp(recording["torque_command"])) > 0
     others = [c for c in ("hub_angle", *_SHAPE) if c != channel and c in recording]
-    return bool(recording.initial_tip_deflection) or any(_moves(recording[c], sensors[c]) for c in others)
+    return bool(recording.initial_tip_deflection) or any(
+        _exceeds_noise(recording[c], sensors[c]) for c in others
+    )
 
 
 def _hub_must_turn(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> bool:
-    """Whether the link shows that the hub turned: from rest, only a turning hub can excite it.
+    """Whether vibration of the link shows that the hub turned: from rest, nothing else can excite it.
 
-    A command below the static friction moves nothing: there a hub angle that stays is a measurement.
+    Under a command below the static friction nothing moves, and a constant hub angle is a valid measurement.
     """
     excited = recording.start == "unknown" or recording.initial_tip_deflection
-    if recording.clamped or excited or _peak(recording) <= 3 * rig["static_friction"]:
+    if recording.clamped or excited or _peak_torque(recording) <= 3 * rig["static_friction"]:
         return False
-    return any(_moves(recording[c], sensors[c]) for c in _SHAPE if c in recording)
+    return any(_exceeds_noise(recording[c], sensors[c]) for c in _SHAPE if c in recording)
 
 
-def _blank(recording: Recording, channels: Sequence[str]) -> Recording:
+def _with_missing(recording: Recording, channels: Sequence[str]) -> Recording:
     missing = {channel: np.full(len(recording), np.nan) for channel in channels}
     return recording.replace(channels={**recording.channels, **missing}) if missing else recording
 
@@ -114,40 +118,40 @@ def _finite(values: np.ndarray) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _constant(values: np.ndarray) -> bool:
+def _is_constant(values: np.ndarray) -> bool:
     known = _finite(values)
     return known.size > 1 and float(np.ptp(known)) == 0.0
 
 
-def _moves(values: np.ndarray, sensor: Sensor) -> bool:
+def _exceeds_noise(values: np.ndarray, sensor: Sensor) -> bool:
     known = _finite(values)
     return known.size > 1 and float(np.ptp(known)) > _NOISE_SPAN * _noise(known, sensor)
 
 
 def _noise(known: np.ndarray, sensor: Sensor) -> float:
-    """Returns the declared noise, or else the one that the differences of successive samples show."""
+    """Returns the declared noise, or else a robust estimate from differences of successive samples."""
     if sensor.noise is not None:
         return sensor.noise
     return 1.4826 * float(np.median(np.abs(np.diff(known)))) / math.sqrt(2)
 
 
-# Recordings that are there twice
+# Duplicate recordings
 
 
 def check_distinct(recordings: Sequence[Recording]) -> None:
-    """Makes sure that no recording is a copy of another: what was fitted is no prediction, and counts once.
+    """Makes sure that no recording is a copy of another, as a copy of a fitted recording would pass for a prediction.
 
     Raises:
       InputError: two recordings hold the same samples.
     """
     for first, second in combinations(recordings, 2):
-        if _same(first, second):
+        if _same_samples(first, second):
             raise InputError(
                 f"{second.name} holds the same samples as {first.name}; expected each recording once in {schema.FILE}"
             )
 
 
-def _same(first: Recording, second: Recording) -> bool:
+def _same_samples(first: Recording, second: Recording) -> bool:
     channels = first.measured()
     return channels == second.measured() and all(
         np.array_equal(first[c], second[c], equal_nan=True) for c in channels
@@ -163,7 +167,9 @@ def check_motion(fit: Sequence[Recording], sensors: Mapping[str, Sensor]) -> Non
     Raises:
       InputError: neither hub nor link moves in any of these recordings.
     """
-    if not any(_moves(r[c], sensors[c]) for r in fit for c in ("hub_angle", *_SHAPE) if c in r.measured()):
+    if not any(
+        _exceeds_noise(r[c], sensors[c]) for r in fit for c in ("hub_angle", *_SHAPE) if c in r.measured()
+    ):
         files = ", ".join(recording.name for recording in fit)
         raise InputError(
             f"nothing moves in {files}: every channel stays within {_NOISE_SPAN:g} times its noise; expected "
@@ -171,17 +177,17 @@ def check_motion(fit: Sequence[Recording], sensors: Mapping[str, Sensor]) -> Non
         )
 
 
-def held_fast(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> list[str]:
-    """Returns a sentence for each recording whose hub rests throughout a torque that should have moved it."""
-    return [note for r in recordings if (note := _held_fast(r, sensors, rig))]
+def immobile_hub_notes(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> list[str]:
+    """Returns a note for each recording whose hub rests under a torque that should have moved it."""
+    return [note for r in recordings if (note := _immobile_hub_note(r, sensors, rig))]
 
 
-def _held_fast(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> str:
+def _immobile_hub_note(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> str:
     static = rig["static_friction"]
     if recording.clamped or "hub_angle" not in recording.measured() or static <= 0:
         return ""
-    torque = _sustained(recording)
-    if _moves(recording["hub_angle"], sensors["hub_angle"]) or torque < _HELD * static:
+    torque = _sustained_torque(recording)
+    if _exceeds_noise(recording["hub_angle"], sensors["hub_angle"]) or torque < _HELD * static:
         return ""
     return (
         f"{recording.name}: the hub rests throughout though {torque:.3g} N*m are commanded for {_LONG:g} s, "
@@ -190,8 +196,8 @@ def _held_fast(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) ->
     )
 
 
-def _sustained(recording: Recording) -> float:
-    """Returns the largest torque that is commanded for a while, one way [N m]."""
+def _sustained_torque(recording: Recording) -> float:
+    """Returns the largest torque of one sign that is commanded for at least `_LONG` [N m]."""
     samples = max(1, round(_LONG / recording.period))
     torque = recording["torque_command"]
     lowest, highest = minimum_filter1d(torque, samples), maximum_filter1d(torque, samples)
@@ -202,47 +208,47 @@ def _sustained(recording: Recording) -> float:
 
 
 def check_torque(recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig) -> None:
-    """Holds the command against the amplifier's limit, the declared friction and the motion.
+    """Checks the unit of the command against the amplifier's limit, the declared friction and the motion.
 
-    The angular momentum about the hub axis changes by the torque alone, whatever the link does in between:
-    speeding up takes at least J a, J being that of the straight link.
+    The angular momentum about the hub axis changes by the torque alone, however the link bends: an acceleration a takes
+    at least the torque J a, J being the inertia of the rig with a straight link.
 
     Raises:
-      InputError: the command cannot be in the declared unit; a factor of 1000 is found, one of 3 is not.
+      InputError: the command cannot be in the declared unit; a factor of 1000 is recognised, one of 3 is not.
     """
     for recording in recordings:
-        for complaint in _torque_complaints(recording, sensors, rig):
+        for complaint in _torque_errors(recording, sensors, rig):
             raise InputError(
                 f"{schema.FILE}: channels.torque_command.unit: in {recording.name} the command {complaint}; "
                 "expected N*m at the hub: check the unit or the gain"
             )
 
 
-def _torque_complaints(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> Iterator[str]:
-    peak, limit = _peak(recording), rig["torque_limit"]
+def _torque_errors(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> Iterator[str]:
+    peak, limit = _peak_torque(recording), rig["torque_limit"]
     if peak > _TOO_LARGE * limit > 0:
         yield f"peaks at {peak:.3g} N*m, {peak / limit:.0f} times the torque_limit of {limit:.3g} N*m"
     if recording.clamped or "hub_angle" not in recording:
         return
-    if not _moves(recording["hub_angle"], sensors["hub_angle"]):
+    if not _exceeds_noise(recording["hub_angle"], sensors["hub_angle"]):
         return
     rms = float(np.sqrt(np.mean(recording["torque_command"] ** 2)))
-    felt = _largest_torque(recording, sensors, rig)
-    if rms > _TOO_LARGE * felt > 0:
-        yield f"is {rms:.3g} N*m rms, where motion, bending and declared friction show {felt:.3g} N*m at most"
-    needed = _least_torque(recording, sensors, rig)
+    shown = _largest_torque_shown(recording, sensors, rig)
+    if rms > _TOO_LARGE * shown > 0:
+        yield f"is {rms:.3g} N*m rms, where motion, bending and declared friction show {shown:.3g} N*m at most"
+    needed = _least_torque_needed(recording, sensors, rig)
     if needed > _TOO_SMALL * peak:
         yield f"peaks at {peak:.3g} N*m, where the motion of hub_angle takes {needed:.3g} N*m at least"
 
 
-def _largest_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
-    """Returns the largest torque of which there is any sign [N m]: acceleration, bending, friction."""
+def _largest_torque_shown(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
+    """Returns the largest torque that acceleration, bending moment or declared friction indicate [N m]."""
     period = vibration_period(recording, rig)
     signs = [rig["static_friction"], rig["coulomb_friction"]]
     for span in (2 * period, 4 * period):
-        before, after = _steps(recording, span)
+        before, after = _successive_turns(recording, span)
         if before.size:
-            signs.append(inertia(rig) * float(np.max(np.abs(after - before))) / span**2)
+            signs.append(beam.rigid_inertia(rig) * float(np.max(np.abs(after - before))) / span**2)
     for channel in ("strain_base", "strain_mid"):
         if channel in recording and (known := _finite(recording[channel])).size:
             strain = float(np.max(np.abs(known - np.median(known))))
@@ -250,66 +256,61 @@ def _largest_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Ri
     return max(signs)
 
 
-def _least_torque(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
-    """Returns the torque that made the hub speed up, or leave its rest, as it did [N m]."""
+def _least_torque_needed(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> float:
+    """Returns the least torque that explains the acceleration of the hub, and its break-away [N m]."""
     if recording.initial_tip_deflection:
         return 0.0  # the released link turns the hub
     known = _finite(recording["hub_angle"])
     sigma = max(_noise(known, sensors["hub_angle"]), _resolution(known))
     # Over four periods of the first mode the vibration of the hub averages out.
     span = 4 * vibration_period(recording, rig)
-    before, after = _steps(recording, span)
+    before, after = _successive_turns(recording, span)
     gain = np.abs(after) - np.abs(before)
     speeding = float(np.max(gain, initial=0.0)) - _NOISE_SPAN * math.sqrt(6) * sigma
     if speeding <= 0:
         return 0.0
     leaving = rig["static_friction"] if recording.start == "rest" else 0.0
-    return max(inertia(rig) * speeding / span**2, leaving)
+    return max(beam.rigid_inertia(rig) * speeding / span**2, leaving)
 
 
-def _steps(recording: Recording, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the angles by which the hub turned in pairs of successive spans [rad]; gaps are left out."""
+def _successive_turns(recording: Recording, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the rotations of the hub in pairs of successive spans (m each) [rad]; those near gaps are omitted."""
     time, angle = recording.time, recording["hub_angle"]
     known = np.isfinite(angle)
     middle = np.arange(time[0] + span, time[-1] - span, span / 8)
     instants = np.add.outer((-span, 0.0, span), middle)
     values = np.interp(instants, time[known], angle[known])
-    near = distance(instants, time[known]) <= span / 8
+    near = distance_to_nearest(instants, time[known]) <= span / 8
     a, b, c = values[:, near.all(axis=0)]
     return b - a, c - b
 
 
-def distance(instants: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Returns how far each of the instants is from the nearest sample [s]; samples rise."""
+def distance_to_nearest(instants: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Returns the distance of each instant from the nearest of the samples, which are ascending [s]."""
     after = np.clip(np.searchsorted(samples, instants), 1, len(samples) - 1)
     return np.minimum(np.abs(instants - samples[after - 1]), np.abs(samples[after] - instants))
 
 
 def _resolution(known: np.ndarray) -> float:
+    """Smallest change between successive readings; 0 where none changes."""
     changes = np.abs(np.diff(known))
     return float(np.min(changes[changes > 0], initial=np.inf)) if (changes > 0).any() else 0.0
 
 
-def _peak(recording: Recording) -> float:
+def _peak_torque(recording: Recording) -> float:
     return float(np.max(np.abs(recording["torque_command"])))
 
 
-def inertia(rig: Rig) -> float:
-    """Returns the inertia of hub, straight link and payload about the hub axis [kg m^2]."""
-    link = rig["linear_density"] * rig["length"] ** 3 / 3
-    return rig["hub_inertia"] + link + rig["tip_mass"] * rig["length"] ** 2 + rig["tip_inertia"]
-
-
 def vibration_period(recording: Recording, rig: Rig) -> float:
-    """Returns an estimate of the period of the first mode with the hub free [s], or what the samples can show."""
-    # A vibration faster than the samples would only make the windows many.
+    """Returns an estimate of the period of the first free mode [s], but at least two samples."""
+    # Windows shorter than that would only be more numerous.
     return max(1 / _first_frequency(rig), 2 * recording.period)
 
 
 def _first_frequency(rig: Rig) -> float:
-    """Returns an estimate of the first frequency with the hub free [Hz]: one mass on a massless beam.
+    """Returns an estimate of the first free frequency [Hz]: a mass on a massless beam, on a hub with inertia.
 
-    A bar bends as if 33/140 of its mass were at its tip (Rayleigh); the hub opposite raises the frequency.
+    The beam's own mass counts as 33/140 of it at the tip (Rayleigh); the free hub raises the frequency.
     """
     mass = rig["tip_mass"] + 33 / 140 * rig["linear_density"] * rig["length"]
     locked = math.sqrt(3 * rig["bending_stiffness"] / rig["length"] ** 3 / mass) / (2 * math.pi)

@@ -1,4 +1,4 @@
-"""When commands act: on which clock a card holds them, and how late within a sample."""
+"""Clock on which a card outputs its commands: the time stamps, or a uniform clock about which these jitter."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from twin.campaigns.readings import sample_clock
 from twin.recording import Recording
 
 Clock = Literal["stamped", "mean", "earliest"]
-"""When commands are held: at their time stamps, or on the uniform clock about which these scatter."""
+"""Commands are held from their time stamps ("stamped"), from the ticks of the uniform clock about which these jitter
+("mean"), or from that clock shifted to the earliest stamp ("earliest")."""
 
 
 def possible_clocks(recordings: Sequence[Recording]) -> tuple[Clock, ...]:
-    """Clocks on which the card may have put out its commands: their time stamps, unless these scatter about another."""
+    """Returns the possible clocks of the commands: the time stamps, and the uniform ones if the stamps jitter."""
     jittered = any(sample_clock(r.time) is not None for r in recordings)
     return ("stamped", "mean", "earliest") if jittered else ("stamped",)
 
 
-def on_clock(recording: Recording, clock: Clock) -> Recording:
-    """The recording with its commands held on this clock."""
+def with_command_clock(recording: Recording, clock: Clock) -> Recording:
+    """Returns the recording with its commands held from the ticks of a clock."""
     ticks = sample_clock(recording.time)
     if clock == "stamped" or ticks is None:
         return recording
@@ -30,7 +31,7 @@ def on_clock(recording: Recording, clock: Clock) -> Recording:
 
 
 def clock_notes(clock: Clock) -> list[str]:
-    """What is said of a clock other than the time stamps."""
+    """Returns a note for a clock other than the time stamps."""
     if clock == "stamped":
         return []
     return ["Time stamps scatter about a uniform clock; commands are taken to be held on that clock."]

@@ -1,8 +1,9 @@
-"""Defects that the readings of a channel show by themselves: frozen, saturated or noisy stretches, missing rows.
+"""Defects that the readings of one channel show without a model: frozen, saturated or noisy stretches, missing rows.
 
-A resting hub behind a coarse converter repeats its reading, and so does a bridge that nothing bends. Where the noise
-s of a channel is not below the step q of its converter, two successive readings are equal with probability
-q / (s sqrt(4 pi)): a long run of equal readings is no measurement. Elsewhere equal readings alone say nothing.
+Equal successive readings alone prove no defect: a resting hub behind a coarse analogue-to-digital converter repeats its
+reading, and so does the gauge of a link at rest. But where the noise s of a channel is at least the step q of its
+converter, two successive readings are equal with probability q / (s sqrt(4 pi)), so that a long run of equal readings
+is practically impossible unless the channel is frozen.
 """
 
 from __future__ import annotations
@@ -17,37 +18,37 @@ from scipy.ndimage import label, median_filter
 from twin.campaigns.readings import sample_clock
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 
-_FEWEST = 200  # readings of a channel that can be judged
-_RUN = 12  # equal readings in a row that may be a frozen channel
-_CHANCE = 1e-9  # probability in a recording below which equal readings are no measurement
-_ONCE_MORE = 1e-2  # the same at the other end of a converter that saturates
-_BESIDE = 64  # readings on either side of a run, and of a window, that tell the noise
-_JUMP = 12.0  # noise levels, or steps of the converter, of a jump on release
-_ABRUPT = 3.0  # times the steps behind it: what leaves a rest by itself starts slowly
-_TOP = 3  # equal readings at the extreme that make a plateau; behind a coarse converter, plateaus
-_PILE = 8  # equal pairs of readings at the extreme
-_BEYOND = 3  # outliers that may lie beyond it
-_COARSE_RANGE = 100  # steps of its converter that a saturated channel covers
-_NOISY = 6.0  # times its usual noise that a channel has in a bad segment
-_NOISY_SPAN = 0.1  # s, window in which the noise is told
-_NOISY_SHARE = 1 / 3  # of a recording; what is noisy for longer is noisy
-_ORDERS = (4, 8)
-_RINGS = 0.4  # correlation beyond the reach of the differences from which it is a vibration
-_LISTED = 3  # stretches that a note names
+_FEWEST = 200  # readings; a channel with fewer is not judged
+_RUN = 12  # equal readings in a row from which a channel may be frozen
+_CHANCE = 1e-9  # probability per recording of equal readings by chance, below which they are a defect
+_SECOND_CHANCE = 1e-2  # the same at one end of a converter that is known to saturate at the other
+_NEIGHBOURS = 64  # readings on either side of a run, and in a window, from which the noise is estimated
+_JUMP = 12.0  # noise levels, or steps of the converter: least jump at the end of a frozen run
+_ABRUPT = 3.0  # least ratio of that jump to the changes after it: true motion from rest starts slowly
+_TOP = 3  # equal readings at an extreme that form a plateau; with a coarse converter, also fewest plateaus
+_PILE = 8  # least number of equal successive pairs at an extreme
+_BEYOND = 3  # most outliers beyond the extreme
+_COARSE_RANGE = 100  # steps of the converter: least range of a channel that can be called saturated
+_NOISY = 6.0  # ratio of noise to the channel's usual noise, from which a segment is bad
+_NOISY_SPAN = 0.1  # s, window in which the noise is estimated
+_NOISY_SHARE = 1 / 3  # largest share of bad segments; beyond it the whole channel is that noisy
+_ORDERS = (4, 8)  # orders of the differences that estimate the noise
+_VIBRATES = 0.4  # autocorrelation beyond the lag of the differences from which their size is vibration
+_LISTED = 3  # most stretches that a note lists one by one
 
 
 def without_defects(
     recordings: Iterable[Recording], sensors: Mapping[str, Sensor]
 ) -> tuple[list[Recording], list[str]]:
-    """Returns the recordings, NaN where a channel is frozen, saturated or in a bad segment, and what was found.
+    """Returns the recordings, NaN where a channel is frozen, saturated or too noisy, and notes on what was found.
 
     Each channel of each recording is judged by itself. Missing rows and readings are noted too.
     """
     kept, notes = [], []
     for recording in recordings:
-        clean, said = _cleaned(recording, sensors)
+        clean, found = _cleaned(recording, sensors)
         kept.append(clean)
-        notes += [*_missing(recording), *said]
+        notes += [*_missing_notes(recording), *found]
     return kept, notes
 
 
@@ -57,32 +58,32 @@ def _cleaned(recording: Recording, sensors: Mapping[str, Sensor]) -> tuple[Recor
         if channel == "hub_angle" and recording.clamped:
             continue
         noise = sensors[channel].noise or 0.0
-        readings = _Readings.of(recording, channel, channels[channel], noise)
-        for kind in (_saturated, _frozen, _noisy):
+        readings = _Readings.from_channel(recording, channel, channels[channel], noise)
+        for defect in (_saturated, _frozen, _noisy):
             if readings is None:
                 break
-            bad, said = kind(readings)
+            bad, note = defect(readings)
             if bad.any():
                 channels[channel] = channels[channel].copy()
                 channels[channel][readings.index[bad]] = np.nan
-                notes.append(f"{recording.name}: {channel} {said}")
-                readings = _Readings.of(recording, channel, channels[channel], noise)
+                notes.append(f"{recording.name}: {channel} {note}")
+                readings = _Readings.from_channel(recording, channel, channels[channel], noise)
     return recording.replace(channels=channels) if notes else recording, notes
 
 
 @dataclass(frozen=True)
 class _Readings:
-    """The readings of one channel that are there (n).
+    """The present readings of one channel (n).
 
     Attributes:
       channel: its name.
-      index: (n) of each in the recording.
-      time, values, command: (n), SI.
-      declared: standard deviation of its noise, 0 where not declared.
-      step: of its converter, as successive readings show it.
-      runs: (first, last) of each run of `_RUN` equal readings.
-      lively: readings outside these runs (m).
-      noise: (k x m) of these, the sizes of differences that white noise of variance 1 gives variance 1.
+      index: (n) index of each in the recording.
+      time, values, command: (n) instants, readings, commanded torque, SI.
+      declared: declared standard deviation of its noise; 0 without one.
+      step: step of its converter, estimated from successive readings.
+      runs: first and last index of each run of at least `_RUN` equal readings.
+      lively: (m) indices of the readings outside these runs.
+      noise: (k, m) absolute differences of these, normalised to variance 1 for white noise of variance 1.
     """
 
     channel: str
@@ -97,45 +98,47 @@ class _Readings:
     noise: np.ndarray
 
     @classmethod
-    def of(cls, recording: Recording, channel: str, raw: np.ndarray, declared: float) -> _Readings | None:
-        """The readings of a channel (n, some NaN); None where they are too few or never change."""
+    def from_channel(
+        cls, recording: Recording, channel: str, raw: np.ndarray, declared: float
+    ) -> _Readings | None:
+        """Returns the present readings of a channel, `raw` (some NaN); None where they are too few or never change."""
         index = np.flatnonzero(np.isfinite(raw))
         if len(index) < _FEWEST or np.ptp(raw[index]) == 0:
             return None
         time, values = recording.time[index], raw[index]
         changes = np.sort(np.abs(np.diff(values)))
         changes = changes[changes > 0]
-        # A turn lost or found in unwrapping makes a few changes that are no multiple of the step.
+        # Not the smallest change: unwrapping an angle makes a few changes that are no multiple of the step.
         step = float(changes[min(4, len(changes) - 1)])
         runs = tuple((a, b) for a, b in _equal_runs(values) if b - a + 1 >= _RUN)
         alive = np.ones(len(values), dtype=bool)
         for first, last in runs:
             alive[first : last + 1] = False
         lively = np.flatnonzero(alive)
-        if len(lively) < _BESIDE:
+        if len(lively) < _NEIGHBOURS:
             return None
         noise = np.abs(_differences(time[lively], values[lively]))
         command = recording["torque_command"][index]
         return cls(channel, index, time, values, command, declared, step, runs, lively, noise)
 
     def chance(self, noise: float, pairs: np.ndarray) -> float:
-        """Probability that two successive readings are equal, at least the share that is among these pairs (k)."""
+        """Probability that two successive readings are equal; at least the observed share, of the mask `pairs` (k)."""
         share = (np.count_nonzero(pairs) + 1) / (len(pairs) + 2)
         return max(self.step / (noise * np.sqrt(4 * np.pi)), share)
 
     def noisy_at_rest(self) -> bool:
-        """Whether the channel is seen to have its noise where it does not move."""
-        windows = len(self.lively) // _BESIDE
-        values = self.values[self.lively][: windows * _BESIDE].reshape(windows, _BESIDE)
-        sizes = self.noise[:, : windows * _BESIDE].reshape(-1, windows, _BESIDE)
+        """Whether at least two windows without motion show noise of at least one step of the converter."""
+        windows = len(self.lively) // _NEIGHBOURS
+        values = self.values[self.lively][: windows * _NEIGHBOURS].reshape(windows, _NEIGHBOURS)
+        sizes = self.noise[:, : windows * _NEIGHBOURS].reshape(-1, windows, _NEIGHBOURS)
         level = 1.4826 * np.median(sizes, axis=2).min(axis=0)
         return bool(np.count_nonzero((level >= self.step) & (values.std(axis=1) < 1.5 * level)) >= 2)
 
 
 def _differences(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Divided differences (k x n) that pass white noise with its variance and hardly anything that is smooth.
+    """Normalised divided differences (k, n), which pass white noise with its variance and suppress smooth signals.
 
-    By the time stamps and by the count: it may be the stamps that scatter.
+    By the time stamps and by the sample number, as it may be the stamps that jitter.
     """
     count = np.arange(len(time), dtype=float)
     stamps = (time - time[0]) / np.median(np.diff(time))
@@ -143,16 +146,19 @@ def _differences(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _difference(axis: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
+    """Divided difference (n) of an order over an axis (n), normalised to unit noise gain, padded at both ends."""
     at = sliding_window_view(axis, order + 1)
     weights = np.empty(at.shape)
     for j in range(order + 1):
         weights[:, j] = 1 / np.prod(np.delete(at[:, j : j + 1] - at, j, axis=1), axis=1)
-    found = (weights * sliding_window_view(values, order + 1)).sum(axis=1) / np.linalg.norm(weights, axis=1)
-    return np.pad(found, order // 2, mode="edge")
+    differences = (weights * sliding_window_view(values, order + 1)).sum(axis=1) / np.linalg.norm(
+        weights, axis=1
+    )
+    return np.pad(differences, order // 2, mode="edge")
 
 
 def _equal_runs(values: np.ndarray) -> list[tuple[int, int]]:
-    """(first, last) of each run of at least two equal values."""
+    """First and last index of each run of at least two equal values."""
     stretches, count = label(np.diff(values) == 0)
     edges = np.flatnonzero(np.diff(np.r_[0, stretches > 0, 0]))
     return [(int(a), int(b)) for a, b in edges.reshape(count, 2)]
@@ -162,20 +168,23 @@ def _equal_runs(values: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _frozen(readings: _Readings) -> tuple[np.ndarray, str]:
-    """Readings (n) that repeat one another though the channel has noise, or though it moves."""
-    found = [(a, b) for a, b in readings.runs if _noise_is_gone(readings, a, b) or _moves_on(readings, a, b)]
+    """Mask (n) of readings that repeat although the channel has noise or moves, and a note on them."""
+    runs = [
+        (a, b) for a, b in readings.runs if _noise_vanishes(readings, a, b) or _moves_around(readings, a, b)
+    ]
     bad = np.zeros(len(readings.values), dtype=bool)
-    for first, last in found:
+    for first, last in runs:
         bad[first : last + 1] = True
-    held = ", ".join(dict.fromkeys(_said(readings, readings.values[a]) for a, _ in found[:_LISTED]))
-    return bad, f"stays at {held} {_when(readings, found)}; left out there"
+    held = ", ".join(dict.fromkeys(_with_unit(readings, readings.values[a]) for a, _ in runs[:_LISTED]))
+    return bad, f"stays at {held} {_time_text(readings, runs)}; left out there"
 
 
-def _noise_is_gone(readings: _Readings, first: int, last: int) -> bool:
+def _noise_vanishes(readings: _Readings, first: int, last: int) -> bool:
+    """Whether a run of equal readings is too long to occur by chance, given the noise before and after it."""
     middle = int(np.searchsorted(readings.lively, first))
-    before, after = slice(max(0, middle - _BESIDE), middle), slice(middle, middle + _BESIDE)
-    sides = [s for s in (before, after) if len(readings.lively[s]) >= _BESIDE // 2]
-    at_start = len(readings.lively[before]) < _BESIDE // 2
+    before, after = slice(max(0, middle - _NEIGHBOURS), middle), slice(middle, middle + _NEIGHBOURS)
+    sides = [s for s in (before, after) if len(readings.lively[s]) >= _NEIGHBOURS // 2]
+    at_start = len(readings.lively[before]) < _NEIGHBOURS // 2
     if not sides:
         return False
     noise = 1.4826 * min(float(np.median(readings.noise[:, s], axis=1).min()) for s in sides)
@@ -186,22 +195,22 @@ def _noise_is_gone(readings: _Readings, first: int, last: int) -> bool:
     if len(readings.values) * chance ** (last - first) > _CHANCE:
         return False
     if readings.channel == "motor_torque":
-        # An amplifier that is asked for nothing may deliver exactly that.
+        # Without a command, an amplifier may deliver exactly zero.
         return float(np.ptp(readings.command[first : last + 1])) > _JUMP * noise
     if readings.channel != "hub_angle" and not at_start:
         return True
-    # A wiper may be noisy in motion alone.
+    # The wiper of a potentiometer may be noisy in motion only.
     return readings.noisy_at_rest() or _jumps(readings, last, noise)
 
 
 def _step(values: np.ndarray, least: float) -> float:
-    """Step of the converter among these readings (n): decimals may be cut where a value is large."""
+    """Step of the converter among these readings (n), at least `least`: large values may have fewer decimals."""
     levels = np.unique(values)
     return max(least, float(np.diff(levels).min())) if len(levels) > 1 else least
 
 
-def _moves_on(readings: _Readings, first: int, last: int) -> bool:
-    """Whether a channel that repeats itself moves steadily right before, and elsewhere right behind."""
+def _moves_around(readings: _Readings, first: int, last: int) -> bool:
+    """Whether a channel moves steadily right before and right after a run of equal readings, and jumps at its end."""
     if readings.channel == "motor_torque" or first < 4 or last + 6 > len(readings.values):
         return False
     before = np.diff(readings.values[first - 4 : first + 1])
@@ -211,30 +220,32 @@ def _moves_on(readings: _Readings, first: int, last: int) -> bool:
 
 
 def _steady(steps: np.ndarray, least: float) -> bool:
+    """Whether changes (n) have one sign and similar sizes, all above 1.5 times `least`."""
     sizes = np.abs(steps)
     one_way = abs(np.sign(steps).sum()) == len(steps)
     return bool(one_way and sizes.min() > 1.5 * least and sizes.max() < 3 * sizes.min())
 
 
 def _jumps(readings: _Readings, last: int, noise: float) -> bool:
-    behind = np.abs(np.diff(readings.values[last : last + 6]))
-    if len(behind) < 5:
+    """Whether the change after reading `last` is large, and abrupt compared with those that follow."""
+    after = np.abs(np.diff(readings.values[last : last + 6]))
+    if len(after) < 5:
         return False
-    return bool(behind[0] > _JUMP * max(noise, readings.step) and behind[0] > _ABRUPT * behind[1:].max())
+    return bool(after[0] > _JUMP * max(noise, readings.step) and after[0] > _ABRUPT * after[1:].max())
 
 
 # Saturated converters
 
 
 def _saturated(readings: _Readings) -> tuple[np.ndarray, str]:
-    """Readings (n) that pile up at exactly the largest or the smallest value."""
+    """Mask (n) of readings that accumulate at exactly the largest or smallest value, and a note on them."""
     values = readings.values
     bad = np.zeros(len(values), dtype=bool)
     plateaus: list[tuple[int, int]] = []
     levels: list[str] = []
     if readings.channel == "motor_torque":
-        return bad, ""  # a torque stays at its limit, and at 0
-    # A converter that surely ends on one side does on the other, be it reached but once.
+        return bad, ""  # a torque may truly rest at its limit, and at 0
+    # Once one side is known to saturate, weaker evidence suffices on the other: so the first side is tried again.
     for sign in (1.0, -1.0, 1.0):
         for level in np.unique(sign * values)[::-1][: _BEYOND + 1]:
             runs = [(a, b) for a, b in _equal_runs(values) if sign * values[a] == level]
@@ -243,17 +254,25 @@ def _saturated(readings: _Readings) -> tuple[np.ndarray, str]:
             if new and beyond <= _BEYOND and _piled_up(readings, runs, sign, bool(levels)):
                 bad |= sign * values == level
                 plateaus += runs
-                levels.append(_said(readings, sign * level))
+                levels.append(_with_unit(readings, sign * level))
                 break
-    return bad, f"is saturated at {' and '.join(levels)} {_when(readings, sorted(plateaus))}; left out there"
+    when = _time_text(readings, sorted(plateaus))
+    return bad, f"is saturated at {' and '.join(levels)} {when}; left out there"
 
 
 def _piled_up(readings: _Readings, runs: Sequence[tuple[int, int]], sign: float, other: bool) -> bool:
-    """Whether these runs of equal readings at an extreme are too many; `other`: those at the other one are."""
-    # What never moved before its first change lies at an extreme too.
+    """Whether equal readings at an extreme are too many for chance.
+
+    Args:
+      readings: of the channel.
+      runs: first and last index of each run of equal readings at the extreme.
+      sign: 1 at the largest value, -1 at the smallest.
+      other: whether the channel is known to saturate at the other extreme.
+    """
+    # A run at the start may be a rest before the first motion.
     flat = [(a, b) for a, b in runs if b - a + 1 >= _TOP and a > 0]
     pairs = sum(b - a for a, b in runs if a > 0)
-    # A single stretch of a hub that does not move is a frozen one, if anything.
+    # A hub may rest at its extreme once.
     fewest = 2 if readings.channel == "hub_angle" else 1
     if len(flat) < fewest or pairs < (_TOP - 1 if other else _PILE):
         return False
@@ -265,16 +284,17 @@ def _piled_up(readings: _Readings, runs: Sequence[tuple[int, int]], sign: float,
         elsewhere = readings.values != readings.values[runs[0][0]]
         equal = (np.diff(readings.values) == 0)[elsewhere[:-1]]
         chance = readings.chance(noise, equal) ** pairs
-        return bool(len(readings.values) * chance < (_ONCE_MORE if other else _CHANCE))
+        return bool(len(readings.values) * chance < (_SECOND_CHANCE if other else _CHANCE))
     if readings.channel == "hub_angle":
-        return False  # it may rest at its farthest
-    # Behind a coarse converter a peak is flat too, but not where the channel comes and leaves at full speed.
+        return False  # it may rest at its extreme
+    # A coarse converter flattens true peaks too, but not where the channel arrives and leaves at full speed.
     if np.ptp(readings.values) < _COARSE_RANGE * readings.step:
         return False
     return sum(_cut_off(sign * readings.values, a, b, 6 * readings.step) for a, b in flat) >= _TOP
 
 
 def _cut_off(values: np.ndarray, first: int, last: int, least: float) -> bool:
+    """Whether values rise to a plateau and fall from it by more than `least` per sample."""
     if first < 3 or last + 4 > len(values):
         return False
     rise, fall = np.diff(values[first - 3 : first]), -np.diff(values[last + 1 : last + 4])
@@ -285,77 +305,77 @@ def _cut_off(values: np.ndarray, first: int, last: int, least: float) -> bool:
 
 
 def _noisy(readings: _Readings) -> tuple[np.ndarray, str]:
-    """Readings (n) in stretches with many times the channel's usual noise."""
+    """Mask (n) of readings in segments with many times the channel's usual noise, and a note on them."""
     period = float(np.median(np.diff(readings.time)))
-    window = 2 * max(_BESIDE, round(_NOISY_SPAN / period)) // 2 + 1
+    window = 2 * max(_NEIGHBOURS, round(_NOISY_SPAN / period)) // 2 + 1
     none = np.zeros(len(readings.values), dtype=bool), ""
     if len(readings.lively) < 4 * window:
         return none
-    # Most channels have no noisy half of a window anywhere.
+    # Early exit, for most channels: noise of non-overlapping half windows.
     halves = len(readings.lively) // (window // 2)
     blocks = readings.noise[:, : halves * (window // 2)].reshape(-1, halves, window // 2)
     level = 1.4826 * np.median(blocks, axis=2).min(axis=0)
     least = max(readings.declared, readings.step / np.sqrt(12), float(np.median(level)))
     if level.max() < _NOISY * least / 2:
         return none
-    level = _levels(readings.noise, window)
+    level = _noise_levels(readings.noise, window)
     usual = np.maximum(np.median(level), max(readings.declared, readings.step / np.sqrt(12)))
     limit = np.full(len(level), _NOISY * usual)
     if readings.channel == "motor_torque":
-        # A torque follows its command, with the noise that a controller puts into it.
-        asked = np.abs(_differences(readings.time[readings.lively], readings.command[readings.lively]))
-        limit = np.maximum(limit, _NOISY * _levels(asked, window))
+        # A torque follows its command, including the noise that a controller feeds back.
+        commanded = np.abs(_differences(readings.time[readings.lively], readings.command[readings.lively]))
+        limit = np.maximum(limit, _NOISY * _noise_levels(commanded, window))
     stretches, count = label(level > limit / 2)
     signed = _difference(np.arange(len(readings.lively), dtype=float), readings.values[readings.lively], 4)
-    bad, found, times = none[0].copy(), [], []
+    bad, segments, times = none[0].copy(), [], []
     for number in range(1, count + 1):
         inside = np.flatnonzero(stretches == number)
         coarse = _NOISY * _step(readings.values[readings.lively[inside]], readings.step) / np.sqrt(12)
         if (
             np.count_nonzero((level > limit)[inside]) < window * 3 // 4
             or np.median(level[inside]) < coarse
-            or _rings(signed[inside])
+            or _is_vibration(signed[inside])
         ):
             continue
-        # Within half a window of its ends the differences tell where the noise begins and ends.
+        # Single large differences within half a window of its ends locate the segment's first and last reading.
         near = slice(max(0, inside[0] - window // 2), inside[-1] + window // 2 + 1)
         strong = near.start + np.flatnonzero(np.abs(signed[near]) > 4 * usual)
         first, last = int(readings.lively[strong[0]]), int(readings.lively[strong[-1]])
         bad[first : last + 1] = True
-        found.append((first, last))
+        segments.append((first, last))
         times.append(float(np.median(level[inside])) / usual)
-    if not found or bad.sum() > _NOISY_SHARE * len(bad):
+    if not segments or bad.sum() > _NOISY_SHARE * len(bad):
         return none
-    return bad, f"has {max(times):.0f} times its usual noise {_when(readings, found)}; left out there"
+    return bad, f"has {max(times):.0f} times its usual noise {_time_text(readings, segments)}; left out there"
 
 
-def _levels(sizes: np.ndarray, window: int) -> np.ndarray:
-    """Noise about each reading (m) from the sizes of differences (k x m), the least that any of them tells."""
+def _noise_levels(sizes: np.ndarray, window: int) -> np.ndarray:
+    """Local noise (m) from absolute differences (k, m): scaled moving median, the smallest of the k estimates."""
     return 1.4826 * median_filter(sizes, (1, window), mode="nearest").min(axis=0)
 
 
-def _rings(differences: np.ndarray) -> bool:
-    """Whether differences of order 4 (n) go on beyond the noise: a vibration does, white noise does not."""
+def _is_vibration(differences: np.ndarray) -> bool:
+    """Whether differences of order 4 (n) are correlated beyond their order: of vibration, not of white noise."""
     centred = np.clip(differences, *np.quantile(differences, (0.02, 0.98)))
     lags = range(_ORDERS[0] + 1, min(4 * _ORDERS[0] + 9, len(centred) // 2))
     power = float(centred @ centred)
-    return any(abs(float(centred[lag:] @ centred[:-lag])) > _RINGS * power for lag in lags)
+    return any(abs(float(centred[lag:] @ centred[:-lag])) > _VIBRATES * power for lag in lags)
 
 
 # Missing rows and readings
 
 
-def _missing(recording: Recording) -> list[str]:
-    """A note on the rows and readings that are missing, if any are."""
+def _missing_notes(recording: Recording) -> list[str]:
+    """Returns a note on missing rows and readings, if there are any."""
     rows = _rows_missing(recording.time)
     empty = {c: int(np.count_nonzero(np.isnan(recording[c]))) for c in recording.measured()}
     counts = [(rows, "rows"), *((n, f"readings of {c}") for c, n in empty.items() if n < len(recording))]
-    said = [f"{n} {what}" for n, what in counts if n]
-    return [f"{recording.name}: {', '.join(said)} are missing"] if said else []
+    parts = [f"{n} {what}" for n, what in counts if n]
+    return [f"{recording.name}: {', '.join(parts)} are missing"] if parts else []
 
 
 def _rows_missing(time: np.ndarray) -> int:
-    """Ticks of a uniform clock without a row; 0 where the stamps follow no clock."""
+    """Number of ticks of a uniform clock without a row; 0 where the time stamps follow no clock."""
     if len(time) < _FEWEST:
         return 0
     ticks = sample_clock(time)
@@ -365,16 +385,16 @@ def _rows_missing(time: np.ndarray) -> int:
     return int(np.sum(np.round(steps) - 1)) if on_clock.mean() > 0.98 else 0
 
 
-# What is said
+# Texts
 
 
-def _said(readings: _Readings, value: float) -> str:
+def _with_unit(readings: _Readings, value: float) -> str:
     unit = CHANNEL_UNITS[readings.channel]
     return f"{value:g}{'' if unit == '1' else f' {unit}'}"
 
 
-def _when(readings: _Readings, stretches: Sequence[tuple[int, int]]) -> str:
-    """When the stretches are; many as a whole."""
+def _time_text(readings: _Readings, stretches: Sequence[tuple[int, int]]) -> str:
+    """Times of stretches: of each, or of the first to the last where there are more than `_LISTED`."""
     if len(stretches) > _LISTED:
         first, last = readings.time[stretches[0][0]], readings.time[stretches[-1][1]]
         return f"in {len(stretches)} stretches from {first:.2f} to {last:.2f} s"

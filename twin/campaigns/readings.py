@@ -1,4 +1,4 @@
-"""Single readings of a recording: their noise, outliers, sound stretches, and the clock they were taken on."""
+"""Properties of readings without a model: noise, converter step, outliers, gaps and jumps, and the sampling clock."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ from scipy.ndimage import maximum_filter, median_filter
 
 from twin.recording import Recording
 
-_LONG_GAP = 0.1  # s without a reading of the hub beyond which its motion is not known
-_BESIDE_GAP = 0.02  # s beside a gap or jump that are left out with it
-_OUTLIER = 12.0  # noise standard deviations beyond which a lone sample is no measurement
+_LONG_GAP = 0.1  # s, longest gap of the hub angle that may be interpolated
+_BESIDE_GAP = 0.02  # s on either side of a gap or jump that are left out with it
+_OUTLIER = 12.0  # noise standard deviations from the neighbours, beyond which a single sample is an outlier
 
 
-def noise_of(values: np.ndarray) -> float:
-    """Standard deviation of the noise on a smooth signal (n), from its fourth differences.
+def estimate_noise(values: np.ndarray) -> float:
+    """Returns the standard deviation of the noise on a smooth signal (n), from the median of its fourth differences.
 
-    The fourth difference of white noise has variance 70 sigma^2; a smooth signal hardly adds to it.
+    The fourth difference of white noise has variance 70 sigma^2; that of a smooth signal is small. The result is at
+    least the quantisation noise, step/sqrt(12); 0 where there are fewer than 20 values.
     """
     known = values[np.isfinite(values)]
     if len(known) < 20:
         return 0.0
     differences = np.diff(known, 4)
     scatter = 1.4826 * np.median(np.abs(differences - np.median(differences))) / np.sqrt(70.0)
-    return float(max(scatter, converter_step(known) / np.sqrt(12.0)))
+    return float(max(scatter, quantisation_step(known) / np.sqrt(12.0)))
 
 
-def converter_step(values: np.ndarray) -> float:
-    """Step of the converter that the readings (n) came through; 0 where they are not visibly quantised."""
+def quantisation_step(values: np.ndarray) -> float:
+    """Returns the quantisation step of readings (n); 0 where they take too many different values to show one."""
     levels = np.unique(values)
     if len(levels) > len(values) / 4 or len(levels) < 2:
         return 0.0
@@ -34,11 +35,11 @@ def converter_step(values: np.ndarray) -> float:
 
 
 def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Recording, list[str]]:
-    """Returns the recording with lone outliers as missing samples, and what was left out."""
+    """Returns the recording with single outliers replaced by NaN, and notes on them; `noise`: channel -> sigma, SI."""
     channels, notes = dict(recording.channels), []
     for name in recording.measured():
         values, sigma = channels[name], noise.get(name, 0.0)
-        # A measured torque jumps with its command: a jump is no outlier.
+        # A measured torque jumps with its command.
         if name == "motor_torque" or not sigma > 0 or np.isfinite(values).sum() < 20:
             continue
         far = _outliers(values, sigma)
@@ -50,42 +51,42 @@ def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Rec
 
 
 def _outliers(values: np.ndarray, sigma: float) -> np.ndarray:
-    """Lone samples (n) far from the cubic through their four neighbours, the farthest of a group first."""
+    """Mask (n) of single samples far from the cubic through their four neighbours; of a group, the farthest first."""
     index = np.arange(len(values))
-    found = np.zeros(len(values), dtype=bool)
+    outliers = np.zeros(len(values), dtype=bool)
     for _ in range(5):
-        known = np.isfinite(values) & ~found
+        known = np.isfinite(values) & ~outliers
         x = np.interp(index, index[known], values[known])
-        off = np.zeros(len(x))
-        off[2:-2] = np.abs(x[2:-2] - (4 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6)
-        # In a fast stretch the cubic itself is off: an outlier stands out from its surroundings too.
-        level = np.maximum(_OUTLIER * sigma, 6 * median_filter(off, 15, mode="nearest"))
-        far = known & (off > level) & (off >= maximum_filter(off, 5, mode="nearest"))
+        distance = np.zeros(len(x))
+        distance[2:-2] = np.abs(x[2:-2] - (4 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6)
+        # During fast motion the cubic is inaccurate: an outlier also has to exceed the distances around it.
+        level = np.maximum(_OUTLIER * sigma, 6 * median_filter(distance, 15, mode="nearest"))
+        far = known & (distance > level) & (distance >= maximum_filter(distance, 5, mode="nearest"))
         if not far.any():
             break
-        found |= far
-    return found
+        outliers |= far
+    return outliers
 
 
-def longest_sound_stretch(
+def longest_valid_stretch(
     recording: Recording, noise: float, strongest: float
 ) -> tuple[Recording, str | None]:
-    """Cuts a recording at long gaps of the hub angle and at motion that no torque could make.
+    """Returns the longest part of a recording without long gaps of the hub angle or jumps that no torque could cause.
 
     Args:
-      recording: with a free hub.
+      recording: the recording; returned whole if its hub is clamped.
       noise: standard deviation of the hub angle [rad].
-      strongest: acceleration beyond which a reading is no motion [rad/s^2].
+      strongest: largest possible acceleration of the hub [rad/s^2].
 
     Returns:
-      The longest stretch without either, and what was left out, or None where nothing was.
+      The part, and a note on what was left out; None where nothing was.
     """
     if recording.clamped or "hub_angle" not in recording:
         return recording, None
     time, reading = recording.time, recording["hub_angle"]
     known = np.flatnonzero(np.isfinite(reading))
     steps, spans = np.diff(reading[known]), np.diff(time[known])
-    # Over a short gap a jump shows as a rate that differs from those around it by more than a torque can make.
+    # A jump is a rate between two readings that differs from the rates around it by more than any torque could cause.
     rates = steps / spans
     usual = median_filter(rates, 9, mode="nearest")
     jump = np.abs(rates - usual) * spans > 12 * noise + strongest / 2 * (spans + 0.02) ** 2
@@ -97,7 +98,7 @@ def longest_sound_stretch(
         np.argmax([time[known[b]] - time[known[a + 1]] for a, b in zip(edges[:-1], edges[1:], strict=True)])
     )
     first, last = known[edges[longest] + 1], known[edges[longest + 1]]
-    # A wiper at the edge of its gap reads anything.
+    # The wiper of a potentiometer gives arbitrary readings at the edge of its gap.
     long = time[last] - time[first] > 10 * _BESIDE_GAP
     if long and longest > 0:
         first = known[np.searchsorted(time[known], time[first] + _BESIDE_GAP)]
@@ -111,9 +112,10 @@ def longest_sound_stretch(
 
 
 def sample_clock(time: np.ndarray) -> np.ndarray | None:
-    """Instants (n) of the uniform clock about which jittered time stamps scatter; None where they do not.
+    """Returns the ticks (n) of the uniform clock about which time stamps (n) jitter [s]; None where they do not.
 
-    A card's output may keep to its clock while the instants of its readings scatter. Samples may be missing.
+    A card may output its commands on a uniform clock although the time stamps of its readings jitter. Samples may be
+    missing. The jitter has to have a standard deviation of 0.001 to 0.3 sample periods.
     """
     period = float(np.median(np.diff(time)))
     ticks = np.round((time - time[0]) / period)

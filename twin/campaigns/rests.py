@@ -1,4 +1,4 @@
-"""What a recording says by itself, before any model: its noise, its outliers, when the hub rests and moves."""
+"""Rests and motion of the hub, classified from its measured angle without a model."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import binary_dilation, binary_erosion, label
 from scipy.signal import savgol_filter
 
-from twin.mechanics.planar import STUCK, UNSURE
+from twin.mechanics.planar import STUCK, UNDECIDED
 from twin.mechanics.state import Guide, Start
 from twin.recording import Recording
 
-_REST_SPAN = 0.08  # s, shortest rest that counts
-_EDGE = 0.02  # s, margin to a change between rest and motion
-_SURE = 6.0  # standard errors of the rate beyond which the hub surely moves
-ONSET, IN_A_ROW = 4.0, 4
-"""Noise levels, and readings in a row beyond them, by which the hub has left its rest."""
-BEFORE_ONSET = 2
-"""Samples from the last instant at rest to the first visible motion."""
-_RATE_SPAN = 0.024  # s, over which the rate is estimated
+_REST_SPAN = 0.08  # s, window of the test for rest, so the shortest rest that is recognised
+_EDGE = 0.02  # s before and after a change between rest and motion that are undecided
+_CERTAIN = 6.0  # standard errors of the rate, from which the hub moves
+ONSET_LEVEL, ONSET_SAMPLES = 4.0, 4
+"""Distance from the rest reading in standard deviations, and consecutive readings beyond it, that show an onset."""
+SAMPLES_BEFORE_ONSET = 2
+"""Samples between the last one that is still at rest and the first visible motion."""
+_RATE_SPAN = 0.024  # s, window of the rate estimate
 
 
 @dataclass(frozen=True)
 class HubMotion:
-    """Rests and motion of the hub, seen in its own measurement.
+    """Rests and motion of the hub in its measured angle.
 
     Attributes:
-      observed: (n) int64, `STUCK`, +1, -1 or `UNSURE`.
-      tight: (n) the same, sure up to two samples before a rest visibly ends.
-      reading: (n) mean reading while it rests, elsewhere the reading [rad].
-      onsets: (sample, direction) at which the reading first leaves a rest for good.
+      observed: (n) int64, `STUCK`, +1 or -1 (direction of motion), or `UNDECIDED`, as near every change.
+      tight: (n) the same, with rests extended to `SAMPLES_BEFORE_ONSET` samples before their visible end.
+      reading: (n) mean reading of each rest, the reading itself elsewhere [rad].
+      onsets: (sample, direction) where the reading departs from each rest.
     """
 
     observed: np.ndarray
@@ -40,11 +40,15 @@ class HubMotion:
     onsets: tuple[tuple[int, int], ...]
 
 
-def hub_motion(recording: Recording, noise: float) -> HubMotion:
-    """Classifies each sample: rest, motion to either side, or no clear word.
+def classify_hub_motion(recording: Recording, noise: float) -> HubMotion:
+    """Classifies each sample of a recording as rest, motion in one direction, or undecided.
 
-    A rest is a stretch over which the smoothed reading stays within the noise; a motion is a local slope
-    beyond six standard errors.
+    The hub rests where the local slope is insignificant and the scatter within the noise; it moves where the local
+    slope exceeds six standard errors.
+
+    Args:
+      recording: with a hub angle.
+      noise: its standard deviation [rad].
     """
     time = recording.time
     reading = np.array(recording["hub_angle"])
@@ -54,25 +58,31 @@ def hub_motion(recording: Recording, noise: float) -> HubMotion:
     window = _window(_RATE_SPAN / dt, 7, len(time))
     rate = savgol_filter(filled, window, 1, deriv=1, delta=dt)
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
-    observed = np.full(len(time), UNSURE, dtype=np.int64)
-    observed[np.abs(rate) > _SURE * error] = 0
-    moving = np.abs(rate) > _SURE * error
+    observed = np.full(len(time), UNDECIDED, dtype=np.int64)
+    observed[np.abs(rate) > _CERTAIN * error] = 0
+    moving = np.abs(rate) > _CERTAIN * error
     observed[moving] = np.sign(rate[moving]).astype(np.int64)
     resting = _resting(filled, noise, dt)
     observed[resting] = STUCK
-    observed[~resting & (observed == STUCK)] = UNSURE
+    observed[~resting & (observed == STUCK)] = UNDECIDED
     loose, rest = _with_margins(observed, dt), _rest_reading(filled, resting)
     onsets = _onsets(loose, rest, reading, noise)
     return HubMotion(loose, _tightened(loose, onsets), rest, onsets)
 
 
-def guide(motion: HubMotion, angle: np.ndarray, tight: bool) -> Guide:
-    """The guide of a simulation: `angle` (n) is the hub angle [rad] that the sensor reports as `motion.reading`."""
+def simulation_guide(motion: HubMotion, angle: np.ndarray, tight: bool) -> Guide:
+    """Returns the guide of a simulation.
+
+    Args:
+      motion: classified samples.
+      angle: (n) hub angle for which the sensor reports `motion.reading` [rad].
+      tight: use `motion.tight` instead of `motion.observed`.
+    """
     return Guide(motion.tight if tight else motion.observed, np.ascontiguousarray(angle))
 
 
 def first_reading(recording: Recording, motion: HubMotion | None) -> float:
-    """Hub reading at the first sample [rad]: the mean of the rest with which the recording starts."""
+    """Returns the hub reading at the first sample [rad]: the mean of the initial rest, else of up to five readings."""
     if "hub_angle" not in recording:
         return 0.0
     reading = recording["hub_angle"]
@@ -82,8 +92,8 @@ def first_reading(recording: Recording, motion: HubMotion | None) -> float:
     return float(known[:5].mean()) if len(known) else 0.0
 
 
-def moving_start(recording: Recording) -> Start:
-    """First guess of the state of a rig that was already moving: slope and level of the first readings."""
+def estimate_moving_start(recording: Recording) -> Start:
+    """Returns an initial guess of the state of a moving rig: a line through the hub readings of the first 0.04 s."""
     if "hub_angle" not in recording:
         return Start()
     first = recording.time < recording.time[0] + 0.04
@@ -95,69 +105,72 @@ def moving_start(recording: Recording) -> Start:
 
 
 def _window(count: float, least: int, most: int) -> int:
-    """An odd number of samples about `count`, no less than `least`, unless there are fewer."""
+    """Returns an odd number of samples near `count`, at least `least` and at most `most`."""
     return min(max(least, 2 * int(count / 2) + 1), most - 1 + most % 2)
 
 
 def _resting(filled: np.ndarray, noise: float, dt: float) -> np.ndarray:
-    """Samples within stretches over which the reading is constant to within its noise."""
+    """Mask (n) of samples in windows over which the reading is constant within its noise [rad]."""
     window = _window(_REST_SPAN / dt, 9, len(filled))
     slope = savgol_filter(filled, window, 1, deriv=1, delta=dt)
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
     mean = savgol_filter(filled, window, 0)
     spread = np.sqrt(np.maximum(savgol_filter(filled**2, window, 0) - mean**2, 0))
     still = (np.abs(slope) < 3.5 * error) & (spread < 1.6 * noise)
-    # `still` marks the middles of quiet windows: a rest reaches half a window beyond them.
+    # `still` marks the centres of windows at rest: rests extend half a window beyond.
     still = binary_erosion(still, iterations=2, border_value=1)
     return binary_dilation(still, iterations=window // 2 - 2)
 
 
 def _with_margins(observed: np.ndarray, dt: float) -> np.ndarray:
-    """Takes the certainty away next to every change between rest and motion."""
+    """Returns the flags (n) with samples within `_EDGE` of a change undecided."""
     margin = max(1, int(round(_EDGE / dt)))
-    sure = observed.copy()
+    eroded = observed.copy()
     for flag in (STUCK, 1, -1):
         inside = observed == flag
         core = binary_erosion(inside, iterations=margin, border_value=1)
-        sure[inside & ~core] = UNSURE
-    return sure
+        eroded[inside & ~core] = UNDECIDED
+    return eroded
 
 
 def _onsets(
     observed: np.ndarray, rest: np.ndarray, reading: np.ndarray, noise: float
 ) -> tuple[tuple[int, int], ...]:
+    """Sample and direction at which the reading departs from each rest by `ONSET_LEVEL` for `ONSET_SAMPLES` samples."""
     ends = np.flatnonzero((observed[:-1] == STUCK) & (observed[1:] != STUCK))
     starts = np.flatnonzero((observed[:-1] != STUCK) & (observed[1:] == STUCK)) + 1
-    found = []
+    onsets = []
     for end in ends:
         until = starts[starts > end]
         stop = int(until[0]) if len(until) else len(observed)
         away = np.nan_to_num((reading[end:stop] - rest[end]) / noise, nan=0.0)
-        out = np.abs(away) > ONSET
-        if len(out) < IN_A_ROW:
+        out = np.abs(away) > ONSET_LEVEL
+        if len(out) < ONSET_SAMPLES:
             continue
-        lasting = sliding_window_view(out, IN_A_ROW).all(axis=1)
+        lasting = sliding_window_view(out, ONSET_SAMPLES).all(axis=1)
         if lasting.any():
             first = int(np.argmax(lasting))
-            found.append((int(end) + first, 1 if away[first] > 0 else -1))
-    return tuple(found)
+            onsets.append((int(end) + first, 1 if away[first] > 0 else -1))
+    return tuple(onsets)
 
 
 def _tightened(observed: np.ndarray, onsets: tuple[tuple[int, int], ...]) -> np.ndarray:
+    """Returns the flags (n) with rests extended to shortly before each onset, and motion from there on."""
     tight = observed.copy()
     for onset, direction in onsets:
         last = np.flatnonzero(observed[: onset + 1] == STUCK)[-1]
-        tight[last : max(last, onset - BEFORE_ONSET) + 1] = STUCK
-        tight[max(last + 1, onset - BEFORE_ONSET + 1) : onset + 1] = direction
-        # From here to where the motion is sure in itself.
+        tight[last : max(last, onset - SAMPLES_BEFORE_ONSET) + 1] = STUCK
+        tight[max(last + 1, onset - SAMPLES_BEFORE_ONSET + 1) : onset + 1] = direction
+        # Continue to where motion is certain from the slope, but not far.
         ahead = onset + 1
-        while ahead < len(observed) and observed[ahead] == UNSURE and ahead < onset + BEFORE_ONSET:
+        while ahead < len(observed) and observed[ahead] == UNDECIDED and ahead < onset + SAMPLES_BEFORE_ONSET:
             tight[ahead] = direction
             ahead += 1
     return tight
 
 
 def _rest_reading(filled: np.ndarray, resting: np.ndarray) -> np.ndarray:
+    """Returns the readings (n) with each rest replaced by its mean [rad]."""
     reading = filled.copy()
     stretches, count = label(resting)
     for index in range(1, count + 1):

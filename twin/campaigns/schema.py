@@ -1,4 +1,4 @@
-"""What `campaign.toml` may say, and what is said to the author of one that says something else."""
+"""The format of `campaign.toml` as pydantic models, and error messages in terms of the file."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from twin.parameters import PARAMETERS
 from twin.recording import CHANNEL_UNITS
 
 FILE = "campaign.toml"
+"""Name of the file in the campaign's folder."""
 
 
 def _number(value: Any) -> Any:
-    # TOML knows integers and floats; True is neither, and "0.2" is a text.
+    # pydantic would accept True and "0.2" as numbers.
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError("expected a number")
     return value
@@ -55,7 +56,14 @@ class Channel(_Table):
 
 
 class RecordingEntry(_Table):
-    """One `[[recordings]]` table; `experiment` is a label for people."""
+    """One `[[recordings]]` table.
+
+    Attributes:
+      file: name of the CSV file in the folder.
+      role: "fit", or "holdout" for a recording on which predictions are tested.
+      experiment: label for people.
+      clamped, loop, start, initial_tip_deflection: see `Recording`.
+    """
 
     file: Annotated[str, Field(min_length=1)]
     role: Literal["fit", "holdout"]
@@ -98,10 +106,10 @@ _TABLES: Mapping[str, type[_Table]] = {
 
 
 def parse(text: str) -> CampaignFile:
-    """Returns what a `campaign.toml` says.
+    """Returns the content of a `campaign.toml`.
 
     Raises:
-      InputError: it is not TOML, or it says something that the format does not know; one line per complaint.
+      InputError: it is not TOML, or not in the format; one line per error.
     """
     try:
         content = tomllib.loads(text)
@@ -113,7 +121,7 @@ def parse(text: str) -> CampaignFile:
     try:
         return CampaignFile.model_validate(content)
     except ValidationError as error:
-        raise InputError("\n".join(_complaints(error, content))) from None
+        raise InputError("\n".join(_error_lines(error, content))) from None
 
 
 def _syntax(message: str) -> str:
@@ -133,16 +141,16 @@ def _unknown_names(content: Mapping[str, Any]) -> Iterator[str]:
                 yield f"{FILE}: {table}.{name} is not a {kind}; {expected}"
 
 
-def _complaints(error: ValidationError, content: Mapping[str, Any]) -> Iterator[str]:
-    # An unknown key first: where it is a slip of the pen, the missing one follows from it.
+def _error_lines(error: ValidationError, content: Mapping[str, Any]) -> Iterator[str]:
+    # Unknown keys first: a misspelt key is also reported as missing.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     for detail in details:
-        yield f"{FILE}: {_complaint(detail['type'], detail['loc'], detail, content)}"
+        yield f"{FILE}: {_error_text(detail['type'], detail['loc'], detail, content)}"
 
 
-def _complaint(kind: str, loc: tuple[int | str, ...], detail: Any, content: Mapping[str, Any]) -> str:
+def _error_text(kind: str, loc: tuple[int | str, ...], detail: Any, content: Mapping[str, Any]) -> str:
     field = _field(loc, content)
-    found = _toml(detail["input"])
+    value = _toml(detail["input"])
     if kind == "extra_forbidden":
         known = tuple(_model(loc).model_fields)
         return f"unknown key {field}; expected one of: {', '.join(known)}{nearest(str(loc[-1]), known)}"
@@ -152,13 +160,14 @@ def _complaint(kind: str, loc: tuple[int | str, ...], detail: Any, content: Mapp
         choices = get_args(_model(loc).model_fields[str(loc[-1])].annotation)
         expected = ", ".join(_toml(choice) for choice in choices)
         hint = nearest(str(detail["input"]), map(str, choices))
-        return f"{field} is {found}; expected one of: {expected}{hint}"
+        return f"{field} is {value}; expected one of: {expected}{hint}"
     if kind == "too_short":
         return f"{field} is empty; expected at least one"
     expected = _EXPECTED.get(kind, detail["msg"]).format(**detail.get("ctx", {}))
-    return f"{field} is {found}; expected {expected}"
+    return f"{field} is {value}; expected {expected}"
 
 
+# Kind of pydantic error -> what is expected.
 _EXPECTED = {
     "value_error": "a number",
     "float_type": "a number",
@@ -174,6 +183,7 @@ _EXPECTED = {
     "list_type": "a list of [[...]] tables",
 }
 
+# Missing key -> what is expected.
 _MEANINGS = {
     "format": "; expected format = 1",
     "name": '; expected name = "..." of the campaign',
@@ -195,7 +205,7 @@ def _model(loc: tuple[int | str, ...]) -> type[_Table]:
 
 
 def _field(loc: tuple[int | str, ...], content: Mapping[str, Any]) -> str:
-    """Returns the place as an author calls it: the third recording is `recordings[3] (multisine.csv)`."""
+    """Returns the location of an error as in the file, counted from 1: `recordings[3] (multisine.csv)`."""
     words: list[str] = []
     for key in loc:
         if isinstance(key, int) and words:
@@ -212,6 +222,7 @@ def _file_of(content: Mapping[str, Any], index: int) -> str:
 
 
 def _toml(value: Any) -> str:
+    """Returns a value as it is written in TOML; tables and lists by name."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):

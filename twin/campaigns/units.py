@@ -1,4 +1,4 @@
-"""Units of the recording format: the single place where measured numbers become SI."""
+"""Units of the recording format and their conversion to SI."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ RAW_UNITS = ("V", "A")
 """Units of a raw sensor signal: the channel's `gain` turns them into the SI unit of the channel."""
 
 TIME = "time"
+"""Name of the time column, which is declared like a channel."""
 
-# A registry of its own: pint's default one takes 0.2 s to build and calls an angle dimensionless, so that
-# it would convert degrees into strain. Here an angle is a dimension; a strain is a plain number.
+# Definitions of a separate pint registry: the default one takes 0.2 s to build, and takes angles as dimensionless, so
+# that it would convert degrees to strain. Here an angle is a dimension, and a strain a plain number.
 _DEFINITIONS = (
     "micro- = 1e-6",
     "milli- = 1e-3 = m-",
@@ -33,7 +34,7 @@ _DEFINITIONS = (
 
 @cache
 def _registry():
-    import pint  # 0.2 s: a campaign in SI units need not wait for it
+    import pint  # takes 0.2 s: only where a unit is not SI
 
     registry: pint.UnitRegistry = pint.UnitRegistry(None)
     for definition in _DEFINITIONS:
@@ -43,7 +44,7 @@ def _registry():
 
 @cache
 def factor(unit: str, target: str) -> float:
-    """Returns how many `target` one `unit` is.
+    """Returns the number of `target` units in one `unit`.
 
     Raises:
       InputError: the two measure different quantities, or one of them is not a unit of the format.
@@ -65,7 +66,7 @@ def factor(unit: str, target: str) -> float:
 def allowed(channel: str) -> tuple[str, ...]:
     """Returns the units in which a channel may be recorded, its SI unit first.
 
-    A strain gauge may be calibrated in curvature, "1/m": strain = half_thickness * w''.
+    A strain gauge may be calibrated in curvature w'', "1/m": strain = half_thickness * w''.
     """
     if channel == TIME:
         return ("s",)
@@ -117,7 +118,7 @@ def _refusal(channel: str, unit: str) -> str:
     return f"'{unit}' {what}; expected one of: {', '.join(expected)}{advice}"
 
 
-# What people write for the units of the format.
+# Common spellings, lower case -> the unit that a message suggests.
 _SPELLINGS = {
     "radian": "rad",
     "radians": "rad",

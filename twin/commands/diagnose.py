@@ -66,11 +66,11 @@ def _diagnose(
     rate: float = 0.01,
     rig: Path | None = None,
 ) -> None:
-    from twin.campaigns.campaign import files_of, read_campaign
+    from twin.campaigns.campaign import campaign_files, read_campaign
     from twin.report import deliver, print_summary
 
-    folder = deliver.FOLDER.chosen(out, campaign, force)
-    written, read = deliver.FOLDER.written(folder, json_file), (*files_of(campaign), rig)
+    folder = deliver.FOLDER.choose(out, campaign, force)
+    written, read = deliver.FOLDER.output_files(folder, json_file), (*campaign_files(campaign), rig)
     check_writable(json_file, made=folder, beside=written, read=read)
     given = read_campaign(campaign)
     if rig is not None:

@@ -43,12 +43,12 @@ def identify(
     rig: DeclaredRig = None,
 ) -> None:
     """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
-    from twin.campaigns.campaign import files_of, read_campaign
+    from twin.campaigns.campaign import campaign_files, read_campaign
     from twin.identification import deliver
 
-    folder = deliver.FOLDER.chosen(out, campaign, force)
-    read = (*files_of(campaign), rig, *(() if against is None else files_of(against)))
-    written = deliver.FOLDER.written(folder, json_file)
+    folder = deliver.FOLDER.choose(out, campaign, force)
+    read = (*campaign_files(campaign), rig, *(() if against is None else campaign_files(against)))
+    written = deliver.FOLDER.output_files(folder, json_file)
     check_writable(json_file, made=folder, beside=written, read=read)
     given = _known(read_campaign(campaign), rig)
     other = read_campaign(against) if against is not None else None

@@ -32,9 +32,9 @@ def plan_experiment(
     json_file: JsonFile = None,
 ) -> None:
     """Find the experiment that would separate two explanations of a campaign, and write its torque."""
-    from twin.campaigns.campaign import files_of, read_campaign
+    from twin.campaigns.campaign import campaign_files, read_campaign
 
-    check_writable(torque_file, json_file, read=files_of(campaign))
+    check_writable(torque_file, json_file, read=campaign_files(campaign))
     given = read_campaign(campaign)
     with progress() as report:
         report(COMPILING)

@@ -137,7 +137,7 @@ def run(
 def _patch(file: Path) -> Patch:
     from twin.rigs import patch
 
-    return patch.read(file)
+    return patch.read_patch(file)
 
 
 def _read_for(ghost: str) -> tuple[Path, ...]:

@@ -95,9 +95,9 @@ def _read(
     if rig is not None:
         yield rig_file(rig)
     if campaign is not None:
-        from twin.campaigns.campaign import files_of
+        from twin.campaigns.campaign import campaign_files
 
-        yield from files_of(campaign)
+        yield from campaign_files(campaign)
 
 
 def _believed(rig: str) -> Believed:

@@ -1,1 +1,1 @@
-"""Controllers, each an object that neither knows nor sees which plant it acts on."""
+"""Controllers, the plants on which they run, and the closed loop; a controller does not know which plant it acts on."""

@@ -1,6 +1,6 @@
-"""A controller on a plant: one run, recorded whole.
+"""A controller on a plant: one closed-loop run, recorded completely.
 
-Sample k is read at t_k = k * period; the controller's torque for it is held until t_{k+1}.
+Sample k is read at t_k = k * period; the torque that the controller computes from it is held until t_{k+1}.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from twin.control.environment import Follow, Reference, over
+from twin.control.environment import FollowReference, Reference, make_environment
 from twin.control.laws.base import Controller
 from twin.control.plants.base import READINGS, Plant
 from twin.control.plants.sensors import Sensors
 from twin.recording import Recording
 
-_PIECE = 0.5  # s of a run, watched at a time
+_PIECE = 0.5  # s, length of the pieces of a run that are passed to `watch`
 
 
 @dataclass(frozen=True)
@@ -26,17 +26,17 @@ class Run:
     """One run; m samples, k points along the link.
 
     Attributes:
-      plant: its name.
+      plant: name of the plant.
       time: (m) [s].
-      reference: (m) wanted hub angle [rad].
-      torque_command: (m) what the controller asked for [N m]; the last is never applied.
+      reference: (m) reference of the hub angle [rad].
+      torque_command: (m) torque that the controller computed [N m]; the last one is never applied.
       true: channel -> (m) true values, SI.
-      measured: channel -> (m) what the sensors read, SI.
-      modes: (m) 0 while the hub sticks, else the direction in which it slides.
-      states: name -> (m) what the controller says of its state.
+      measured: channel -> (m) sensor readings, SI.
+      modes: (m) 0 while the hub sticks, else the direction +1 or -1 in which it slides.
+      states: name -> (m) states that the controller reports.
       outline: (m, k, 2) centre line of the link [m].
       torque_limit: of the amplifier [N m].
-      wall: time that the loop took [s].
+      wall: wall-clock time of the loop [s].
     """
 
     plant: str
@@ -52,13 +52,13 @@ class Run:
     wall: float
 
     def recording(self, name: str) -> Recording:
-        """What the sensors and the command line of the rig would have recorded."""
+        """Returns the run as a recording of command, reference and sensor readings."""
         channels = {"torque_command": self.torque_command, "hub_reference": self.reference, **self.measured}
         return Recording(name, self.time, channels, loop="closed")
 
 
 class _Log:
-    """Rows of a run while it goes on."""
+    """Collects the samples of a run."""
 
     def __init__(self) -> None:
         self.rows: list[tuple] = []
@@ -66,11 +66,12 @@ class _Log:
     def add(
         self, plant: Plant, observation: Mapping[str, Any], torque: float, states: Mapping[str, float]
     ) -> None:
+        """Adds a sample: readings and reference of an environment, torque command, states of the controller."""
         values = {name: float(value) for name, value in observation.items()}
         self.rows.append((values, plant.read(), torque, dict(states), plant.mode, plant.configuration))
 
     def run(self, plant: Plant, wall: float, first: int = 0) -> Run:
-        """The run from row `first` on."""
+        """Returns the run from sample `first` on; `wall` [s] is the time it took."""
         values, true, torque, states, modes, configurations = zip(*self.rows[first:], strict=True)
         return Run(
             plant.name,
@@ -98,28 +99,28 @@ def run(
     """Runs a controller on a plant from rest at zero; both are reset.
 
     Args:
-      plant: what it acts on.
+      plant: the plant.
       controller: called at every sample.
-      reference: wanted hub angle [rad] by time [s].
+      reference: reference of the hub angle [rad] as a function of time [s].
       duration: of the run [s].
-      sensors: what the controller's readings pass through; without, they are true.
-      watch: called every half second of the run, and at its end, with the piece that is new.
+      sensors: sensors between plant and controller; None for true values.
+      watch: called every half second of the run, and at its end, with the new piece of it.
 
     Raises:
-      InputError: the controller of a user cannot be used.
+      InputError: a user's controller fails.
     """
-    environment = over(plant, Follow(reference, sensors), duration)
+    environment = make_environment(plant, FollowReference(reference, sensors), duration)
     controller.reset()
-    log, seen, began = _Log(), 0, time.perf_counter()
+    log, watched, began = _Log(), 0, time.perf_counter()
     step = environment.reset()
     while True:
         readings = {name: float(value) for name, value in step.observation.items()}
-        wanted = readings.pop("reference")
-        torque = float(controller.torque(readings, wanted))
+        target = readings.pop("reference")
+        torque = float(controller.torque(readings, target))
         log.add(plant, step.observation, torque, getattr(controller, "states", {}))
-        if watch is not None and (step.last() or len(log.rows) - seen >= _PIECE / plant.period):
-            watch(log.run(plant, time.perf_counter() - began, seen))
-            seen = len(log.rows)
+        if watch is not None and (step.last() or len(log.rows) - watched >= _PIECE / plant.period):
+            watch(log.run(plant, time.perf_counter() - began, watched))
+            watched = len(log.rows)
         if step.last():
             return log.run(plant, time.perf_counter() - began)
         step = environment.step(torque)

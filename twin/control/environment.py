@@ -1,6 +1,6 @@
 """The rig as a dm_env environment, for closed loops and for learning: dm_control's Physics and Task over a plant.
 
-from twin.environment import rig_environment
+from twin.control.environment import rig_environment
 environment = rig_environment()            # MuJoCo chain of the default rig, a step of 120 degrees
 timestep = environment.reset()
 timestep = environment.step(0.1)           # torque [N m], held for one sample
@@ -17,20 +17,20 @@ from dm_control.rl import control
 from dm_env import specs
 
 from twin.control.plants.base import PERIOD, READINGS, Plant
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.parameters import Rig
 from twin.rigs.patch import Patch
 
 Reference = Callable[[float], float]
-"""Wanted hub angle [rad] at a time [s]."""
+"""Reference of the hub angle [rad] as a function of time [s]."""
 
-_GOOD = math.radians(0.5)  # rad, error of full reward
-_POOR = math.radians(30.0)  # rad, error further out at which 0.1 of it is left
+_GOOD = math.radians(0.5)  # rad, error up to which the reward is 1
+_POOR = math.radians(30.0)  # rad, further error at which the reward has fallen to 0.1
 
 
 class PlantPhysics(control.Physics):
-    """A plant as dm_control sees it: one step is one sample period, friction's events located inside."""
+    """A plant as a dm_control Physics: one step is one sample period, with stick and slip located inside it."""
 
     def __init__(self, plant: Plant) -> None:
         """Takes the plant; it is reset with the environment."""
@@ -38,7 +38,7 @@ class PlantPhysics(control.Physics):
         self._torque = 0.0
 
     def step(self, n_sub_steps: int = 1) -> None:
-        """Moves on by sample periods under the torque that was set."""
+        """Advances by `n_sub_steps` sample periods under the torque that was set."""
         for _ in range(n_sub_steps):
             self.plant.advance(self._torque)
 
@@ -51,12 +51,12 @@ class PlantPhysics(control.Physics):
         return self.plant.period
 
     def reset(self) -> None:
-        """Puts the rig to rest at zero."""
+        """Resets the rig to rest at zero."""
         self._torque = 0.0
         self.plant.reset()
 
     def after_reset(self) -> None:
-        """Nothing is derived from the state."""
+        """Does nothing: no quantities are derived from the state."""
 
     def set_control(self, torque: Any) -> None:
         """Sets the commanded torque [N m]."""
@@ -68,19 +68,19 @@ class PlantPhysics(control.Physics):
             raise control.PhysicsError("a coordinate of the plant is not finite")
 
 
-class Follow(control.Task):
-    """The hub follows a reference: the observation is what sensors read, and the reference; the action a torque.
+class FollowReference(control.Task):
+    """Task: the hub follows a reference. Observations are sensor readings and the reference; the action is a torque.
 
-    The reward is 1 within half a degree of the reference and falls off smoothly, to 0.1 another 30 degrees out.
+    The reward is 1 within half a degree of the reference and falls smoothly to 0.1 at another 30 degrees.
     """
 
     def __init__(self, reference: Reference, sensors: Sensors | None = None) -> None:
-        """Takes the reference and the sensors; without sensors the true values are observed."""
+        """Takes the reference and the sensors; without sensors, true values are observed."""
         self.reference = reference
         self._sensors = sensors if sensors is not None else Sensors()
 
     def initialize_episode(self, physics: PlantPhysics) -> None:
-        """Starts the noise again."""
+        """Restarts the noise from its seed."""
         self._sensors.reset()
 
     def before_step(self, action: Any, physics: PlantPhysics) -> None:
@@ -88,11 +88,11 @@ class Follow(control.Task):
         physics.set_control(action)
 
     def after_step(self, physics: PlantPhysics) -> None:
-        """Raises PhysicsError where the motion is no longer finite."""
+        """Raises PhysicsError where a coordinate is not finite."""
         physics.check_divergence()
 
     def action_spec(self, physics: PlantPhysics) -> specs.BoundedArray:
-        """Torque [N m] within the amplifier's limits."""
+        """Torque [N m] within the amplifier's limit."""
         limit = physics.plant.torque_limit
         return specs.BoundedArray((), float, -limit, limit, name="torque")
 
@@ -101,7 +101,7 @@ class Follow(control.Task):
         return {name: specs.Array((), float, name=name) for name in (*READINGS, "time", "reference")}
 
     def get_observation(self, physics: PlantPhysics) -> dict[str, np.ndarray]:
-        """Readings, time and reference now."""
+        """Present readings, time and reference."""
         true = physics.plant.read()
         now = physics.time()
         reference = self.reference(now)
@@ -109,15 +109,15 @@ class Follow(control.Task):
         return {name: np.asarray(value, dtype=float) for name, value in values.items()}
 
     def get_reward(self, physics: PlantPhysics) -> float:
-        """Between 0 and 1; see the class."""
+        """Reward between 0 and 1; see the class."""
         from dm_control.utils import rewards
 
         error = physics.plant.read()["hub_angle"] - self.reference(physics.time())
         return float(rewards.tolerance(error, (-_GOOD, _GOOD), margin=_POOR))
 
 
-def over(plant: Plant, task: control.Task, duration: float) -> control.Environment:
-    """Returns the environment of a plant and a task that ends after `duration` [s]."""
+def make_environment(plant: Plant, task: control.Task, duration: float) -> control.Environment:
+    """Returns the environment of a plant and a task, with episodes of `duration` [s]."""
     return control.Environment(PlantPhysics(plant), task, time_limit=duration - plant.period / 2)
 
 
@@ -134,16 +134,16 @@ def rig_environment(
 
     Args:
       rig: by default `bossi2009`.
-      effects: effects that act, as a diagnosis names them.
-      reference: wanted hub angle [rad] by time [s].
+      effects: name -> parameter -> value, SI.
+      reference: reference of the hub angle [rad] as a function of time [s].
       duration: of an episode [s].
       period: sample period [s].
-      sensors: noise and resolution; by default none, but what the effects make of the readings.
-      patch: a correction without a cause, looked up; None for none.
+      sensors: by default without noise and quantisation, with the effects on the readings.
+      patch: empirical lookup table; None for none.
     """
     from twin.control import plants
 
-    plant = plants.make("chain", rig, effects, period, patch=patch)
+    plant = plants.make_plant("chain", rig, effects, period, patch=patch)
     if sensors is None:
-        sensors = Sensors(reporting=Reporting(plants.model_of(rig, effects, patch=patch), plant))
-    return over(plant, Follow(reference, sensors), duration)
+        sensors = Sensors(effects=SensorEffects(plants.make_model(rig, effects, patch=patch), plant))
+    return make_environment(plant, FollowReference(reference, sensors), duration)

@@ -1,4 +1,4 @@
-"""An experiment: a scenario on a plant under a controller, run."""
+"""One closed-loop experiment: a scenario on a plant under a controller."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from twin.control import closed_loop, plants, scenarios
 from twin.control.closed_loop import Run
 from twin.control.laws import library
 from twin.control.laws.base import Controller
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import BOSSI2009, Sensors
 from twin.parameters import Rig
 from twin.rigs.patch import Patch
@@ -19,16 +19,16 @@ from twin.rigs.patch import Patch
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is run.
+    """Scenario, plant and controller of an experiment.
 
     Attributes:
       scenario: name of a scenario.
       plant: one of `plants.KINDS`.
-      rig: its parameters; the controllers are synthesised for them.
-      effects: effects that act on the plant.
+      rig: parameters of the plant; controllers are designed for them.
+      effects: effects on the plant: name -> parameter -> value, SI; controllers do not know them.
       controller: name or FILE.py:NAME; None for the scenario's own.
-      noise: seed of the sensors' noise; None for sensors that are true.
-      patch: a correction without a cause, looked up; None for none.
+      noise: seed of the sensors' noise; None for no noise and quantisation.
+      patch: empirical lookup table; None for none.
     """
 
     scenario: str
@@ -41,21 +41,21 @@ class Experiment:
 
     @property
     def controller_name(self) -> str:
-        """Name of the controller that acts."""
+        """Name of the controller that is used."""
         return self.controller or scenarios.scenario(self.scenario).controller
 
     def run(self, watch: Callable[[Run], None] | None = None) -> Run:
-        """Runs it.
+        """Runs the experiment; `watch` as in `closed_loop.run`.
 
         Raises:
           InputError: there is no such scenario, plant or controller, or the user's controller fails.
         """
         chosen = scenarios.scenario(self.scenario)
-        plant = plants.make(self.plant, self.rig, self.effects, patch=self.patch)
-        reporting = Reporting(plants.model_of(self.rig, self.effects, patch=self.patch), plant)
-        sensors = Sensors({} if self.noise is None else BOSSI2009, self.noise or 0, reporting)
+        plant = plants.make_plant(self.plant, self.rig, self.effects, patch=self.patch)
+        on_sensors = SensorEffects(plants.make_model(self.rig, self.effects, patch=self.patch), plant)
+        sensors = Sensors({} if self.noise is None else BOSSI2009, self.noise or 0, on_sensors)
         law = self.law(plant.period)
-        # Matrices are small: threads of linear algebra wait for each other.
+        # With such small matrices, several threads of linear algebra are slower than one.
         with threadpool_limits(1):
             return closed_loop.run(plant, law, chosen.reference, chosen.duration, sensors, watch)
 
@@ -66,5 +66,5 @@ class Experiment:
         return library.controller(self.controller, self.rig, period)
 
     def metrics(self, run: Run) -> dict[str, float]:
-        """Figures of a run of it."""
+        """Returns the figures of a run of this experiment; see `scenarios.metrics`."""
         return scenarios.metrics(run, scenarios.scenario(self.scenario).from_half)

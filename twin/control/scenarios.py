@@ -1,8 +1,8 @@
-"""The paper's experiments by name: Bossi et al. 2009, section VI, with what it does not say stated as assumed.
+"""The paper's experiments by name: Bossi et al. 2009, section VI; what the paper does not specify is assumed.
 
-Assumed: a bang-bang torque is +-0.2 N m, just below saturation, its halves equally long, and that length is such
-that the rigid rig without friction turns by the designed angle; a step is filtered by 1/(0.5 s + 1)^2; the sample
-period is 2 ms; a run lasts 5 s, 20 s for a sinusoid, whose figures are those of the second half.
+Assumed: a bang-bang torque is +-0.2 N m, just below saturation, with halves of equal length, chosen such that the rigid
+rig without friction turns by the designed angle; a step is filtered by 1/(0.5 s + 1)^2; the sample period is 2 ms; a
+run lasts 5 s, or 20 s for a sinusoid, whose figures are of the second half.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ FILTER_TIME = 0.5
 """Time constant of both poles of the step's filter [s], assumed."""
 
 SINUS_AMPLITUDE = math.radians(40.0)
-_DURATION, _SINUS_DURATION = 5.0, 20.0  # s
+"""Amplitude of the sinusoidal references [rad], section VI."""
+_DURATION, _SINUS_DURATION = 5.0, 20.0  # s, assumed
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,11 @@ class Scenario:
 
     Attributes:
       name: on the command line.
-      reference: wanted hub angle [rad] by time [s].
+      reference: reference of the hub angle [rad] as a function of time [s].
       duration: [s].
-      controller: name of the scenario's own, or "bang-bang".
-      angle: turn for which it is designed [rad].
-      from_half: its figures are those of the second half.
+      controller: name of its controller, or "bang-bang".
+      angle: rotation for which it is designed [rad].
+      from_half: whether its figures are of the second half of a run only.
     """
 
     name: str
@@ -51,21 +52,21 @@ class Scenario:
     from_half: bool = False
 
     def own_controller(self, rig: Mapping[str, float], period: float) -> Controller:
-        """Returns the controller of the scenario for a rig."""
+        """Returns the scenario's controller for a rig and a sample period [s]."""
         if self.controller == "bang-bang":
             return bang_bang(rig, self.angle, period)
         return named_controller(self.controller, rig, period)
 
 
 class BangBang:
-    """A torque by time alone: +u until the switch, -u for as long again, then nothing."""
+    """An open-loop torque: +u until the switch, -u for an equal time, then 0."""
 
     def __init__(self, torque: float, switch: float) -> None:
         """Takes the amplitude [N m] and the instant of the switch [s]."""
         self._torque, self._switch = torque, switch
 
     def reset(self) -> None:
-        """Remembers nothing."""
+        """Does nothing: the torque depends on time alone."""
 
     def torque(self, measured: Mapping[str, float], reference: float) -> float:
         """Returns the torque [N m]; see `Controller`."""
@@ -75,7 +76,7 @@ class BangBang:
         return -self._torque if now < 2 * self._switch else 0.0
 
 
-_INSTANT = 1e-9  # s, rounding of sample instants
+_INSTANT = 1e-9  # s, tolerance for rounding of sample instants
 
 
 def bang_bang(
@@ -83,7 +84,7 @@ def bang_bang(
 ) -> BangBang:
     """Designs a bang-bang torque that turns the rigid rig without friction by `angle` [rad]: angle = u T^2/J.
 
-    The switch falls on a sample, which takes a little off the `largest` amplitude [N m].
+    The switch falls on a sample, for which the amplitude is slightly less than the `largest` [N m].
     """
     inertia = rigid_inertia(rig)
     samples = math.ceil(math.sqrt(angle * inertia / largest) / period)
@@ -92,7 +93,7 @@ def bang_bang(
 
 
 def filtered_step(angle: float, time_constant: float = FILTER_TIME) -> Reference:
-    """Response of 1/(T s + 1)^2 to a step."""
+    """Returns the response of 1/(T s + 1)^2 to a step of `angle` [rad], T being `time_constant` [s]."""
 
     def reference(time: float) -> float:
         x = time / time_constant
@@ -113,7 +114,7 @@ def _bang_bang(degrees: int) -> Scenario:
     return Scenario(f"bang-bang-{degrees}", lambda time: angle, _DURATION, "bang-bang", angle)
 
 
-_TURN = math.radians(120.0)
+_TURN = math.radians(120.0)  # rad, section VI
 SCENARIOS: Mapping[str, Scenario] = {
     s.name: s
     for s in (
@@ -140,11 +141,11 @@ def scenario(name: str) -> Scenario:
 
 
 def metrics(run: Run, from_half: bool = False) -> dict[str, float]:
-    """Figures of a run: angles [deg] about the start, deflection [mm], torque [N m], shares of the time [1].
+    """Returns figures of a run: hub angles relative to the start [deg], deflection [mm], torque [N m], time shares [1].
 
     Args:
       run: the run.
-      from_half: take those of the second half only.
+      from_half: of its second half only; the final angle is always that of the end.
     """
     kept = slice(len(run.time) // 2 if from_half else 0, None)
     turned = np.degrees(run.true["hub_angle"] - run.true["hub_angle"][0])

@@ -1,1 +1,1 @@
-""""""
+"""Proposes missing effects, fits and judges them, and writes the answer: which effect the model lacks."""

@@ -27,7 +27,7 @@ from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
 _SPEEDS = "Record slews of one angle at several speeds."
@@ -206,7 +206,7 @@ def _summary(
         return held
     where = " and ".join(_place(channel) for channel in left)
     is_not = "are not" if len(left) > 1 else "is not"
-    known = f" It depends on {', '.join(labels.named(name) for name in depends[:3])}." if depends else ""
+    known = f" It depends on {', '.join(labels.with_the(name) for name in depends[:3])}." if depends else ""
     part = "explain a part" if len(effects) > 1 else "explains a part"
     partly = f" {names.capitalize()} {part} of it." if effects else ""
     return f"Something outside the library is missing: {where} {is_not} explained.{known}{partly} {held}"
@@ -228,7 +228,7 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
 
 
 def _place(channel: str) -> str:
-    if channel == HUB:
+    if channel == HUB_TORQUE:
         return "the balance of the hub (drive, friction, hub)"
     return f"{labels.channel(channel).label} (link or sensor)"
 

@@ -13,11 +13,11 @@ from twin.diagnosis import regressors
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
 from twin.estimation.workbench import Workbench
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 from twin.residuals import residual
 from twin.residuals.data import SINGLE, DrivenData
 from twin.residuals.filters import BAND, GRID
-from twin.rigs.model import fine
+from twin.rigs.model import with_fine_chain
 
 _BINS = (16, 100)  # of a variable, each with as many samples
 _COARSE = 8  # bins of each of two variables
@@ -66,7 +66,7 @@ def unexplained_residuals(bench: Workbench, data: DrivenData, fit: Fit) -> dict[
 
     On a fine chain: what a short one gets wrong is nothing that is missing.
     """
-    fit = replace(fit, model=fine(fit.model))
+    fit = replace(fit, model=with_fine_chain(fit.model))
     recordings = [_in_recording(bench, data, fit, i) for i in range(len(data.prepared))]
     channels = dict.fromkeys(channel for parts in recordings for channel in parts)
     modes = np.concatenate([fit.model.chain.modes(boundary)[0] for boundary in ("clamped", "free")])
@@ -105,7 +105,9 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
             np.full(keep.sum(), i),
             before + view.time[keep] - view.time[0],
             white[group.channel][keep],
-            slopes=_slopes(fit, np.flatnonzero(keep) + group.rows.start) if group.channel == HUB else {},
+            slopes=_slopes(fit, np.flatnonzero(keep) + group.rows.start)
+            if group.channel == HUB_TORQUE
+            else {},
         )
     return found
 

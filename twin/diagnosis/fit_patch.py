@@ -17,10 +17,10 @@ from twin.estimation import first_state
 from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.static_friction import Polished
 from twin.mechanics.state import Start
-from twin.recording import CHANNEL_UNITS, HUB
+from twin.recording import CHANNEL_UNITS, HUB_TORQUE
 from twin.residuals.prepared import Prepared
 from twin.rigs import patch
-from twin.rigs.model import fine
+from twin.rigs.model import with_fine_chain
 from twin.rigs.patch import Patch
 from twin.rigs.simulate import simulate
 
@@ -44,7 +44,7 @@ def fit_patch(
     lookup = patch_of_worst_channel(found, left)
     if lookup is None:
         return None
-    model = fine(polished.augmented.model.replace(patch=lookup))
+    model = with_fine_chain(polished.augmented.model.replace(patch=lookup))
     noise = noise_levels(campaign)
 
     def errors(prepared: Prepared, start: Start) -> dict[str, tuple[float, float]]:
@@ -54,7 +54,7 @@ def fit_patch(
 
     ready = [made_ready(r, campaign.sensors, found.start.clock, noise)[0] for r in campaign.holdout()]
     starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
-    unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == HUB else CHANNEL_UNITS[lookup.channel]
+    unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == HUB_TORQUE else CHANNEL_UNITS[lookup.channel]
     gains = dict(zip((p.recording.name for p in ready), pool.map(errors, ready, starts), strict=True))
     return Patched(lookup, unit, gains)
 
@@ -66,8 +66,8 @@ def patch_of_worst_channel(found: SearchState, left: Mapping[str, Unexplained]) 
         for variable, share in sorted(dependence.step_shares(odd).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
                 break
-            lookup = patch.smooth(odd.values, odd.variables[variable], odd.recording, channel, variable)
-            if lookup is not None and lookup.acts:
+            lookup = patch.fit_lookup(odd.values, odd.variables[variable], odd.recording, channel, variable)
+            if lookup is not None and lookup.is_simulable:
                 return lookup
     smooth = remainder.significant_function(found)
     return None if smooth is None else smooth.lookup
@@ -107,7 +107,7 @@ def why_no_patch(
     if not told:
         return "There is no lookup, because no variable alone tells what is left in every recording."
     name = labels.variable(first).label
-    if not any(Patch(channel, first, *np.zeros((3, 0))).acts for channel in told):
+    if not any(Patch(channel, first, *np.zeros((3, 0))).is_simulable for channel in told):
         return f"There is no lookup, because what is left depends on the {name}: no function that a simulation knows."
     return f"There is no lookup, because too little of the range of the {name} was seen in more than one recording."
 

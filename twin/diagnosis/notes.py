@@ -14,9 +14,9 @@ from twin.diagnosis.state import SearchState
 from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import Polished
-from twin.labels import named
+from twin.labels import with_the
 from twin.parameters import ASSUMED_UNCERTAINTY
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View
@@ -62,9 +62,9 @@ def all_notes(
 
 def drifting_parameter(behind: Mapping[str, Unexplained], depends: Sequence[str]) -> list[str]:
     """The parameter whose change with time is what a model leaves, if that says much of it."""
-    if HUB not in behind or depends[:1] != ("time",):
+    if HUB_TORQUE not in behind or depends[:1] != ("time",):
         return []
-    name, share = dependence.parameter_drift(behind[HUB])
+    name, share = dependence.parameter_drift(behind[HUB_TORQUE])
     if share < _MUCH:
         return []
     return [
@@ -96,7 +96,7 @@ def _alone(found: SearchState) -> list[str]:
     """What one recording says against the model, and no other."""
     files = [prepared.recording.name for prepared in found.bench.prepared]
     return [
-        f"{files[i]} alone leaves {size:.2g} noise levels of {named(channel)} unexplained, no other recording "
+        f"{files[i]} alone leaves {size:.2g} noise levels of {with_the(channel)} unexplained, no other recording "
         "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
         for i, channel, size in remainder.in_one_recording(found)
     ]
@@ -104,9 +104,11 @@ def _alone(found: SearchState) -> list[str]:
 
 def _quiet(found: SearchState) -> list[str]:
     """Channels whose declared noise hides what is smaller."""
-    told = {("hub_angle" if c == HUB else c): size for c, size in remainder.overstated_noise(found).items()}
+    told = {
+        ("hub_angle" if c == HUB_TORQUE else c): size for c, size in remainder.overstated_noise(found).items()
+    }
     return [
-        f"{named(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: what is smaller "
+        f"{with_the(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: what is smaller "
         "than that was not looked for. Declare the noise that the sensor has, or none: it is estimated then."
         for channel, size in told.items()
     ]
@@ -120,7 +122,7 @@ def _nameless(found: SearchState) -> list[str]:
     sided = " that turns its sign with the direction of the hub" if smooth.law.sided else ""
     read = ", which the sensor of the drive's torque reads too," if smooth.law.drive else ""
     return [
-        f"A torque on the hub{read} that is a smooth function of {named(smooth.law.variable)}{sided} makes the "
+        f"A torque on the hub{read} that is a smooth function of {with_the(smooth.law.variable)}{sided} makes the "
         f"recordings e^{smooth.evidence:.0f} times likelier; chance, as seldom as the false-alarm rate asks for, "
         f"e^{max(smooth.by_chance, 0):.0f} times."
     ]
@@ -132,7 +134,7 @@ def _instead(found: SearchState) -> list[str]:
         return []
     return [
         f"{found.names[-1]} gains {found.adopted[-1].score:.0f}, less than {rules.MODEL_ERROR_SCORE:g}. But something "
-        f"is missing for sure: a smooth torque on the hub over {named(found.instead.law.variable)} makes the "
+        f"is missing for sure: a smooth torque on the hub over {with_the(found.instead.law.variable)} makes the "
         f"recordings e^{found.instead.evidence:.0f} times likelier, and the effect explains as much with the numbers "
         "it takes."
     ]
@@ -217,7 +219,7 @@ def missed_held_out(found: SearchState, predictions: Mapping[str, Prediction]) -
         if worst is not None and sizes[worst] > _ASTRAY:
             levels = prediction.errors[worst].after / prediction.errors[worst].noise
             notes.append(
-                f"{file} was held out, and {named(worst)} is missed by {levels:.0f} noise levels, though those that "
+                f"{file} was held out, and {with_the(worst)} is missed by {levels:.0f} noise levels, though those that "
                 "were fitted are followed: it shows what they do not, or the explanation is not the right one."
             )
     return notes

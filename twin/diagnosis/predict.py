@@ -16,7 +16,7 @@ from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.static_friction import Polished
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
-from twin.rigs.model import Model, fine
+from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
 _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
@@ -51,7 +51,7 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
 
     Behind these come two runs of the last model with its break-away torque changed a little.
     """
-    exact = [fine(m) for m in models]
+    exact = [with_fine_chain(m) for m in models]
     starts = [first_state.first_state(m, prepared, pool) for m in models]
     for share in (1 - _NEARBY, 1 + _NEARBY):
         exact.append(exact[len(models) - 1].with_break_away(share))

@@ -11,7 +11,7 @@ from twin.estimation import loss
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
 from twin.estimation.workbench import Workbench, known_weights
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 from twin.residuals.data import SINGLE
 
 QUIET = 1 / 3
@@ -26,7 +26,7 @@ def judge_channels(state: SearchState) -> dict[str, tuple[Judgement, ...]]:
 def unexplained_channels(state: SearchState) -> tuple[str, ...]:
     """Channels that are not explained: those with `large_residuals`, and the hub with a `significant_function`."""
     large = large_residuals(state)
-    return large if HUB in large or significant_function(state) is None else (*large, HUB)
+    return large if HUB_TORQUE in large or significant_function(state) is None else (*large, HUB_TORQUE)
 
 
 def significant_function(state: SearchState) -> UnnamedFunction | None:
@@ -91,7 +91,7 @@ def _leftovers(state: SearchState) -> dict[str, Leftover]:
         # The root-mean-square of n normal deviates scatters by 1/sqrt(2 n).
         deviations = [1 / float(np.sqrt(2 * max(samples[k], 1.0))) for k in keys]
         left = Leftover(sizes, deviations, len(state.bench.prepared))
-        found[channel] = _with_function(state, left) if channel == HUB else left
+        found[channel] = _with_function(state, left) if channel == HUB_TORQUE else left
     return found
 
 

@@ -12,7 +12,7 @@ from twin.diagnosis.judgement import Judgement
 from twin.estimation.calibrate import Calibration
 from twin.estimation.fit import Fit
 from twin.estimation.workbench import Workbench
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 from twin.residuals.data import DrivenData
 from twin.rigs.patch import Patch
 
@@ -174,4 +174,4 @@ class UnnamedFunction:
     @property
     def lookup(self) -> Patch | None:
         """The function as a correction; None of one that a simulation cannot look up."""
-        return None if self.law.sided else Patch(HUB, self.law.variable, self.x, self.y, self.samples)
+        return None if self.law.sided else Patch(HUB_TORQUE, self.law.variable, self.x, self.y, self.samples)

@@ -17,9 +17,9 @@ from twin.diagnosis.dependence import (
     variance_shares,
 )
 from twin.diagnosis.state import SearchState
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 
-_SHOWN = (HUB, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
+_SHOWN = (HUB_TORQUE, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 
 
 def traces_of(found: SearchState, behind: Mapping[str, Unexplained]) -> tuple[Trace, ...]:

@@ -23,7 +23,7 @@ from twin.estimation.fit import Fit
 from twin.estimation.gaussian_process import Evidence, likeliest, likely
 from twin.estimation.slopes import prior_precision, row_weights
 from twin.estimation.workbench import Workbench, known_weights
-from twin.recording import HUB
+from twin.recording import HUB_TORQUE
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID, low_passed
@@ -55,7 +55,9 @@ def find_functions(bench: Workbench, best: Fit, rate: float) -> tuple[UnnamedFun
     data = bench.data
     assert isinstance(data, DrivenData)
     moving = {
-        g.recording: regressors.of_motion(data, best, g.recording) for g in data.groups if g.channel == HUB
+        g.recording: regressors.of_motion(data, best, g.recording)
+        for g in data.groups
+        if g.channel == HUB_TORQUE
     }
     if not moving:
         return ()
@@ -94,7 +96,7 @@ def _basis(
     """The columns of a function, by how each recording with a free hub moves; None where nothing tells of it."""
     data = bench.data
     assert isinstance(data, DrivenData)
-    on_hub = [g for g in data.groups if g.channel == HUB]
+    on_hub = [g for g in data.groups if g.channel == HUB_TORQUE]
     read = [g for g in data.groups if g.channel == _TORQUE and law.drive]
     if law.drive and not read:
         return None
@@ -106,7 +108,7 @@ def _basis(
     groups = sorted([*on_hub, *read], key=lambda g: g.rows.start)
     parts = [
         _on_hub(data.views[g.recording], moving[g.recording], law, x) / best.model.torque_gain
-        if g.channel == HUB
+        if g.channel == HUB_TORQUE
         else _on_reading(data.views[g.recording], data.prepared[g.recording], best.model, x)
         for g in groups
     ]
@@ -130,7 +132,7 @@ def _on_hub(view: View, known: Mapping[str, np.ndarray], law: FunctionOf, x: np.
     if law.sided or law.variable == _COMMAND:
         # As friction and the drive's torque, which pass the filter of the motion, too.
         added = low_passed(added, GRID, view.band)
-    return -residual.white_of(view.sliding * low_passed(added, GRID), view, HUB)
+    return -residual.white_of(view.sliding * low_passed(added, GRID), view, HUB_TORQUE)
 
 
 def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:

@@ -34,6 +34,6 @@ class Cogging(Effect):
     wave = Wave("torque", "order")
 
     def write_mjcf(self, spec, joint, p):
-        from twin.mechanics.mjcf import add_wave
+        from twin.mechanics.mjcf import add_sinusoid
 
-        add_wave(spec, joint, self.name, p["amplitude"], p["order"], p["phase"])
+        add_sinusoid(spec, joint, self.name, p["amplitude"], p["order"], p["phase"])

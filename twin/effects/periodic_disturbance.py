@@ -72,6 +72,6 @@ class PeriodicDisturbance(Effect):
         return None if p["base"] else super().hub_torque(p)
 
     def write_mjcf(self, spec, joint, p):
-        from twin.mechanics.mjcf import add_clock_wave
+        from twin.mechanics.mjcf import add_time_sinusoid
 
-        add_clock_wave(spec, p["frequency"], p["amplitude"], p["phase"])
+        add_time_sinusoid(spec, p["frequency"], p["amplitude"], p["phase"])

@@ -18,4 +18,4 @@ class RootCompliance(Effect):
     def links(self, links, rig, p):
         if p["stiffness"] == math.inf:
             return links
-        return chain.with_root(links, rig["hub_inertia"], p["stiffness"])
+        return chain.with_root_compliance(links, rig["hub_inertia"], p["stiffness"])

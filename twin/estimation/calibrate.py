@@ -11,8 +11,8 @@ import numpy as np
 
 from twin.campaigns import defects
 from twin.campaigns.campaign import Campaign
-from twin.campaigns.clock import Clock, clock_notes, on_clock, possible_clocks
-from twin.campaigns.readings import longest_sound_stretch, noise_of
+from twin.campaigns.clock import Clock, clock_notes, possible_clocks, with_command_clock
+from twin.campaigns.readings import estimate_noise, longest_valid_stretch
 from twin.errors import InputError
 from twin.estimation import chain_limit, first_state
 from twin.estimation.fit import Fit
@@ -126,7 +126,7 @@ def _prepared(
     clock: Clock, recording: Recording, noise: Mapping[str, float], model: Model
 ) -> tuple[Prepared, list[str]]:
     """The recording made ready on a clock, its first state too, and what was left out of it."""
-    prepared, left_out = prepare(on_clock(recording, clock), noise)
+    prepared, left_out = prepare(with_command_clock(recording, clock), noise)
     return first_state.with_bend(prepared, model), left_out
 
 
@@ -198,7 +198,7 @@ def made_ready(
 ) -> tuple[Prepared, tuple[str, ...]]:
     """A whole recording as models are held beside it, and what was left out of it; `noise` as by `noise_levels`."""
     [clean], odd = defects.without_defects([recording], sensors)
-    prepared, left_out = prepare(on_clock(clean, clock), noise)
+    prepared, left_out = prepare(with_command_clock(clean, clock), noise)
     return prepared, (*odd, *left_out)
 
 
@@ -206,7 +206,7 @@ def noise_levels(campaign: Campaign) -> dict[str, float]:
     """Channel -> standard deviation of its noise: declared, or seen in the fit recordings."""
     found = {}
     for name, sensor in campaign.sensors.items():
-        seen = [noise_of(r[name]) for r in campaign.fit if name in r]
+        seen = [estimate_noise(r[name]) for r in campaign.fit if name in r]
         declared = sensor.noise
         found[name] = declared if declared else max(seen, default=0.0)
     return {name: value for name, value in found.items() if value > 0 and name in CHANNEL_UNITS}
@@ -220,7 +220,7 @@ def sound_stretches(
     for recording in recordings:
         peak = np.nanmax(np.abs(recording["torque_command"])) + model.declared["static_friction"]
         strongest = _IMPOSSIBLE * peak / model.declared["hub_inertia"]
-        cut, note = longest_sound_stretch(recording, noise.get("hub_angle", 0.0), float(strongest))
+        cut, note = longest_valid_stretch(recording, noise.get("hub_angle", 0.0), float(strongest))
         kept.append(cut)
         notes += [note] if note else []
     return kept, notes

@@ -12,7 +12,7 @@ import numpy as np
 from twin.estimation import loss
 from twin.estimation.fit import Fit
 from twin.mechanics.state import Start
-from twin.recording import HUB, Recording
+from twin.recording import HUB_TORQUE, Recording
 from twin.residuals import hub_balance
 from twin.residuals.data import DrivenData
 from twin.residuals.groups import Group
@@ -194,6 +194,6 @@ def known_weights(bench: Workbench, fit: Fit) -> np.ndarray:
     if not fit.model.plant.friction.stribeck_velocity > 0:
         return told
     for group in bench.data.groups:
-        if group.channel == HUB and isinstance(bench.data, DrivenData):
+        if group.channel == HUB_TORQUE and isinstance(bench.data, DrivenData):
             told[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
     return told

@@ -1,4 +1,4 @@
-"""Results as JSON that any reader takes: what is not finite becomes null."""
+"""Results as strictly valid JSON: NaN and infinity become null."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def _plain(value: Any) -> Any:
+    """Returns a value made of dict, list, str, int, float, bool and None only."""
     if isinstance(value, Mapping):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
-    # An array, or a number, of numpy: help does not wait for its import.
+    # A numpy array or number; numpy is not imported here, as that would delay `twin --help`.
     return _plain(value.tolist()) if hasattr(value, "tolist") else value

@@ -1,4 +1,4 @@
-"""Where results go: looked at before anything is computed, so that nothing of the user's is overwritten."""
+"""Destinations of results, checked before anything is computed, so that no file of the user is overwritten."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from twin.errors import InputError
 
 @dataclass(frozen=True)
 class ResultsFolder:
-    """A folder that a command fills.
+    """The folder of results of a command.
 
     Attributes:
-      kind: what it is of, say "diagnosis".
-      files: what each file is -> its name in the folder.
-      answer: the name of the JSON file by which a folder is known as such a one.
-      keys: what that file has.
+      kind: kind of the results, say "diagnosis".
+      files: description of each file -> its name in the folder.
+      answer: name of the JSON file by which such a folder is recognised.
+      keys: keys that this file has at least.
     """
 
     kind: str
@@ -28,29 +28,31 @@ class ResultsFolder:
     answer: str
     keys: frozenset[str]
 
-    def chosen(self, out: Path | None, campaign: Path, force: bool = False) -> Path:
-        """Returns the folder to write to, in which nothing is overwritten but earlier results of the same kind.
+    def choose(self, out: Path | None, campaign: Path, force: bool = False) -> Path:
+        """Returns the folder to write to, in which at most earlier results of the same kind are overwritten.
 
         Args:
           out: the folder that the user named; None for one in the working directory, named after the campaign.
           campaign: folder of the campaign.
-          force: something else in the folder is no objection.
+          force: accept a folder that contains other files.
 
         Raises:
-          InputError: the folder holds something else, or is not a folder.
+          InputError: the folder contains other files, or is not a folder.
         """
         folder = self.named_after(campaign) if out is None else out
         self._check(folder, force)
         return folder
 
     def named_after(self, campaign: Path) -> Path:
-        """Returns the folder, in the working directory, that is named after a campaign."""
+        """Returns the default folder: in the working directory, named after a campaign."""
         return Path(f"{campaign.resolve().name or 'campaign'}-{self.kind}")
 
-    def written(self, folder: Path, answer: Path | None = None) -> tuple[Path, ...]:
-        """Returns the files that the command fills such a folder with, beside an answer that is written, too.
+    def output_files(self, folder: Path, answer: Path | None = None) -> tuple[Path, ...]:
+        """Returns the files that a command writes to a folder.
 
-        One that goes where the folder has its own is the same.
+        Args:
+          folder: the folder.
+          answer: a JSON file that is written in addition; where it is the folder's own, that one is not listed.
         """
         files = [folder / name for name in self.files.values()]
         if answer is not None and _same(answer, folder / self.answer):
@@ -58,14 +60,15 @@ class ResultsFolder:
         return tuple(files)
 
     def _check(self, folder: Path, force: bool) -> None:
+        """Raises InputError where `choose` does."""
         with _readable(folder):
             if not folder.exists():
                 return
             if not folder.is_dir():
                 raise InputError(f"{folder} is a file; expected a folder for the results, new or empty")
             names = sorted(path.name for path in folder.iterdir())
-        ours = self.files.values() if self._wrote(folder) else ()
-        foreign = [name for name in names if name not in ours]
+        own = self.files.values() if self._wrote(folder) else ()
+        foreign = [name for name in names if name not in own]
         if foreign and not force:
             raise InputError(
                 f"{folder} holds {foreign[0]}{' and more' if foreign[1:] else ''}, which no {self.kind} wrote; "
@@ -73,7 +76,7 @@ class ResultsFolder:
             )
 
     def _wrote(self, folder: Path) -> bool:
-        """Whether an earlier run wrote to a folder."""
+        """Whether a folder contains results of an earlier run."""
         try:
             content = json.loads((folder / self.answer).read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -87,16 +90,16 @@ def check_writable(
     beside: Iterable[Path] = (),
     read: Iterable[Path | None] = (),
 ) -> None:
-    """Makes sure that files can be written, each to a place of its own and none over what is read.
+    """Makes sure that files can be written, that all paths differ, and that no file that is read is overwritten.
 
     Args:
-      files: those that the user named; None for one that is not wanted.
-      made: a folder that will be there by then.
+      files: paths that the user named; None for a file that is not written.
+      made: a folder that will be created before the files are written.
       beside: other files that the same command writes.
       read: files that it reads; None for one that it does not.
 
     Raises:
-      InputError: one is a folder, or would be in one that is not there, or coincides with another.
+      InputError: a path is a folder, or in a folder that does not exist, or equal to another path.
     """
     named = [file for file in files if file is not None]
     for file in named:
@@ -110,6 +113,7 @@ def check_writable(
 
 
 def _check_apart(written: list[Path], read: list[Path]) -> None:
+    """Raises InputError where a written file is one that is read, or written twice."""
     for number, file in enumerate(written):
         for other in read:
             if _same(file, other):
@@ -120,7 +124,7 @@ def _check_apart(written: list[Path], read: list[Path]) -> None:
 
 
 def _same(file: Path, other: Path) -> bool:
-    """Whether both are one file, by whatever names; what is no file, such as /dev/null, holds nothing to lose."""
+    """Whether two paths are the same regular file; devices such as /dev/null never are."""
     with _readable(file):
         if file.exists() and other.exists():
             return file.is_file() and file.samefile(other)
@@ -129,6 +133,7 @@ def _same(file: Path, other: Path) -> bool:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
+    """Raises InputError where the path cannot be accessed."""
     try:
         yield
     except OSError as error:
@@ -137,7 +142,7 @@ def _readable(path: Path) -> Iterator[None]:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Tells the user what came in the way of writing to a folder or a file.
+    """Context in which a folder or file is written; an OSError becomes an InputError with the path and the reason.
 
     Raises:
       InputError: it cannot be written.

@@ -1,4 +1,4 @@
-"""Comma-separated numbers: a fast reader, and a slow one that says what is wrong and where."""
+"""CSV files of numbers: a fast reader, and a slow one that reports errors with line and column."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from twin.errors import InputError, nearest
 
-_MISSING = ("", "nan")
-_HUGE = 1e100  # beyond it, infinity included, a square overflows: no sensor says that
+_MISSING = ("", "nan")  # fields of a missing sample, lower case
+_HUGE = 1e100  # largest accepted number: squares of larger ones, and of infinity, overflow
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class Table:
     """Columns of one CSV file.
 
     Attributes:
-      name: what messages call the file.
-      header: every column of the file, in order, also those not read.
+      name: name of the file in messages.
+      header: all columns of the file, in order, also those that were not read.
       columns: name -> (n) values; NaN where a sample is missing.
-      lines: (n) line of the file on which each row stands.
+      lines: (n) number of each row's line in the file.
     """
 
     name: str
@@ -38,12 +38,12 @@ class Table:
 
 
 def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> Table:
-    """Reads a CSV file: one header line, comma, decimal point, UTF-8.
+    """Reads a CSV file: one header line, comma as separator, decimal point, UTF-8.
 
     Args:
       path: the file.
-      name: what messages call the file.
-      wanted: the columns to read where the file has them; None for all. The other columns may hold anything.
+      name: name of the file in messages.
+      wanted: columns to read, as far as the file has them; None for all. Other columns need not be numbers.
 
     Raises:
       InputError: the file cannot be read as such a table.
@@ -61,7 +61,7 @@ def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> 
 
 
 def read_text(path: Path, name: str) -> str:
-    """Returns the text of a UTF-8 file with newlines as line ends; a byte-order mark is dropped.
+    """Returns the text of a UTF-8 file with line ends as newlines, without byte-order mark.
 
     Raises:
       InputError: there is no such file, or it is not UTF-8.
@@ -84,10 +84,12 @@ def read_text(path: Path, name: str) -> str:
 
 
 def _sibling(path: Path) -> str:
+    """Hint to a file of a similar name in the same folder, or ""."""
     return nearest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else ""
 
 
 def _header(line: str, name: str) -> tuple[str, ...]:
+    """Returns the names of the columns; raises InputError where the line is no valid header."""
     if not line.strip():
         raise InputError(f"{name}, line 1 is empty; expected a header line with the names of the columns")
     for other, called in ((";", "semicolons"), ("\t", "tabs")):
@@ -107,7 +109,7 @@ def _header(line: str, name: str) -> tuple[str, ...]:
 
 
 def _fast(body: list[str], width: int, used: list[int]) -> np.ndarray | None:
-    """Returns the used columns, or None where anything is out of the ordinary."""
+    """Returns the used columns (n, k), or None where a line is irregular in any way."""
     if not body or not used or {line.count(",") for line in body} != {width - 1}:
         return None
     text = "\n".join(body)
@@ -121,7 +123,8 @@ def _fast(body: list[str], width: int, used: list[int]) -> np.ndarray | None:
 
 
 def _fill(line: str) -> str:
-    # Every second empty field of a run is left over by the first replacement.
+    """Returns a line with "nan" in empty fields."""
+    # The first replacement misses every second of several empty fields in a row.
     filled = f",{line},".replace(",,", ",nan,").replace(",,", ",nan,")
     return filled[1:-1]
 
@@ -129,6 +132,7 @@ def _fill(line: str) -> str:
 def _slow(
     body: list[str], rows: np.ndarray, header: tuple[str, ...], used: list[int], name: str
 ) -> Iterator[list[float]]:
+    """Yields the used fields of each row; raises InputError with line and column."""
     for line, row in zip(body, rows, strict=True):
         cells = _cells(line, f"{name}, line {row}")
         if len(cells) != len(header):
@@ -144,7 +148,7 @@ def _cells(line: str, where: str) -> list[str]:
 
 
 def _ragged(cells: list[str], width: int) -> str:
-    # 1,5 for 1.5 doubles the number of fields, but for those that are whole numbers.
+    # Decimal commas, 1,5 for 1.5, double the number of fields that are no whole numbers.
     doubled = width < len(cells) <= 2 * width and all(_is_number(cell) for cell in cells)
     hint = "; if the comma is the decimal sign, write a decimal point" if doubled else ""
     return f"{len(cells)} fields; expected {width}, as in the header{hint}"
@@ -157,8 +161,8 @@ def _number(cell: str, column: str, where: str) -> float:
     if _is_number(text):
         return float(text)
     hint = " (decimal point, not comma)" if re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", text, re.I) else ""
-    found = f"{column} is '{_short(cell)}'"
-    raise InputError(f"{where}: {found}; expected a number{hint}, an empty field or nan")
+    actual = f"{column} is '{_short(cell)}'"
+    raise InputError(f"{where}: {actual}; expected a number{hint}, an empty field or nan")
 
 
 def _is_number(cell: str) -> bool:

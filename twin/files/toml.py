@@ -10,14 +10,14 @@ from twin.errors import InputError
 
 
 def read_toml(path: Path, what: str) -> dict[str, Any]:
-    """Returns what a file says.
+    """Returns the content of a TOML file.
 
     Args:
       path: the file.
-      what: what it should hold, for the message.
+      what: what it should contain, for the message.
 
     Raises:
-      InputError: there is no such file, it cannot be read, or it is not TOML in UTF-8.
+      InputError: the file does not exist, cannot be read, or is not TOML in UTF-8.
     """
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8"))

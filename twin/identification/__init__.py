@@ -1,1 +1,1 @@
-"""A rig identified from its recordings, as a laboratory would: one procedure a file, and one joint estimate."""
+"""A rig's parameters identified from its recordings: one file per laboratory procedure, and one joint estimate."""

@@ -85,7 +85,7 @@ def of_hub(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance |
 
 def by_laws(model: Model, time: np.ndarray, hub: Hub) -> np.ndarray:
     """Torque (m) of the known effects on the hub along its motion, friction apart [N m]."""
-    return planar.hub_laws(model.plant, time, hub.angle, hub.rate, np.zeros(len(time)))
+    return planar.hub_torque_along(model.plant, time, hub.angle, hub.rate, np.zeros(len(time)))
 
 
 def with_error_of(found: Balance, other: Balance) -> Balance:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.stats import norm
 
-from twin.campaigns.rests import BEFORE_ONSET, IN_A_ROW, ONSET
+from twin.campaigns.rests import ONSET_LEVEL, ONSET_SAMPLES, SAMPLES_BEFORE_ONSET
 from twin.identification.estimates import Estimate, pooled
 from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Start
@@ -109,7 +109,7 @@ def _read(model: Model, prepared: Prepared, event: BreakAway) -> tuple[float, fl
     driving = max(abs(event.torque) - model.declared["coulomb_friction"], 0.1 * abs(event.torque))
     gain = driving / model.chain.free_hub_inertia()
     unseen, spread = _unseen(gain * period**2 / prepared.noise["hub_angle"])
-    late = (unseen - BEFORE_ONSET + 0.5) * period
+    late = (unseen - SAMPLES_BEFORE_ONSET + 0.5) * period
     delivered = float(model.read_torque(prepared.recording)[np.searchsorted(time, event.time)])
     of_link = abs(event.torque - delivered)
     error = math.hypot(event.slope * period * math.hypot(spread, 1 / math.sqrt(12)), _MODEL * of_link)
@@ -124,9 +124,9 @@ def _unseen(gain: float) -> tuple[float, float]:
     Args:
       gain: acceleration in noise levels per sample period squared.
     """
-    n = np.arange(2 + math.ceil(math.sqrt(4 * ONSET / gain)) + IN_A_ROW)
-    out = norm.cdf(gain * n**2 / 2 - ONSET)
-    runs = sliding_window_view(out, IN_A_ROW).prod(axis=1)
+    n = np.arange(2 + math.ceil(math.sqrt(4 * ONSET_LEVEL / gain)) + ONSET_SAMPLES)
+    out = norm.cdf(gain * n**2 / 2 - ONSET_LEVEL)
+    runs = sliding_window_view(out, ONSET_SAMPLES).prod(axis=1)
     first = runs * (1 - np.r_[0.0, out[: len(runs) - 1]])
     first /= first.sum()
     n = n[: len(first)]

@@ -18,7 +18,7 @@ from twin.campaigns.campaign import Campaign
 from twin.identification import near_modes, spectra
 from twin.identification.estimates import Kind
 from twin.identification.spectra import Peak, Response
-from twin.mechanics.chain import SHAPED_BY
+from twin.mechanics.chain import SHAPE_PARAMETERS
 from twin.parameters import Rig
 
 _BENDING: Kind = "bending"
@@ -97,7 +97,7 @@ def compare(campaign: Campaign, other: Campaign, rig: Rig | None = None) -> Comp
         there = spectra.response([r for r in other.fit if here.channel in r], here.channel)
     changed = {
         name: (value, other.rig[name])
-        for name in SHAPED_BY
+        for name in SHAPE_PARAMETERS
         if not math.isclose(value := campaign.rig[name], other.rig[name], rel_tol=1e-9)
     }
     if here is None or there is None:

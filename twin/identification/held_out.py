@@ -30,7 +30,7 @@ from twin.recording import CHANNEL_UNITS
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared, guided
-from twin.rigs.model import Model, fine
+from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
 
@@ -73,7 +73,7 @@ def errors(
         notes += left_out
         if prepared.channels:
             starts = [first_state.first_state(m, prepared, pool) for m in models]
-            rows += _rows(prepared, [fine(m) for m in models], starts, pool)
+            rows += _rows(prepared, [with_fine_chain(m) for m in models], starts, pool)
     return tuple(rows), notes
 
 

@@ -59,7 +59,7 @@ from twin.mechanics.planar import STUCK
 from twin.parameters import Rig, declared_range
 from twin.progress import Progress, silent
 from twin.residuals.prepared import Prepared, reading_start
-from twin.rigs.model import Model, fine
+from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
 _Read = TypeVar("_Read")
@@ -172,7 +172,7 @@ def identify(
         progress("balancing torques")
         hub = _hub_balance(found)
         whole = _momentum(found)
-        as_read = _with_static(fine(model), friction)
+        as_read = _with_static(with_fine_chain(model), friction)
         released = _friction_map(found, as_read)
     seen = spectra.response(sound.fit)
     free_modes = _free_modes(found.fit.model.declared, seen)

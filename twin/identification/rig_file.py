@@ -9,14 +9,14 @@ from twin.correlations import of_covariance
 from twin.effects import REGISTRY
 from twin.identification.identify import Identification
 from twin.parameters import Parameter
-from twin.rigs.rig_file import effect_lines, header, parameter_lines
+from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines
 
 FILE = "identified-rig.toml"
 
 
 def to_toml(found: Identification) -> str:
     """Returns the identified rig as TOML, with standard errors that become its uncertainty when it is read."""
-    lines = header(found.campaign, "as it was identified")
+    lines = header_lines(found.campaign, "as it was identified")
     for parameter in found.rig.parameters.values():
         lines += _parameter_lines(found, parameter)
     for effect, values in found.joint.fit.model.effects.items():

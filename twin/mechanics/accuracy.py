@@ -1,4 +1,4 @@
-"""The chain held against the analytical model: modes, statics, friction, with a bound for each."""
+"""The chain compared with the analytical model: modes, statics, friction, with an error bound for each."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from twin.errors import InputError
 from twin.mechanics import beam, mjcf
 from twin.mechanics.beam import Boundary
 from twin.mechanics.chain import DEFAULT_SEGMENTS, Chain, build
-from twin.mechanics.chain_modes import Table, compare, linearised
+from twin.mechanics.chain_modes import ModeComparison, compare_modes, linearised
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 
-SEGMENTS = (2, 48)
-"""Fewest and most segments that can be asked for."""
+SEGMENT_LIMITS = (2, 48)
+"""Fewest and most segments of a chain that can be checked."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One verdict: how far off, in `unit`, and how far it may be."""
+    """One comparison: error and its bound, both in `unit`."""
 
     quantity: str
     error: float
@@ -33,29 +33,29 @@ class Row:
 
     @property
     def passed(self) -> bool:
-        """The error is a number within its bound."""
+        """Whether the size of the error is within its bound; False for NaN."""
         return bool(abs(self.error) <= self.bound)
 
 
 @dataclass(frozen=True)
 class Check:
-    """Everything that was compared, SI units unless said.
+    """Results of all comparisons, SI units unless stated.
 
     Attributes:
       rig: its name.
       segments: number of hinges.
       free, clamped: modes with the hub free to turn and locked.
       compliance: static tip deflection per force [m/N], analytical and of the chain.
-      creep: what the hub moves under 92 % of its static friction in 60 s [rad]; None without friction.
-      break_away: torque of a slow ramp at which the hub starts to move [N m]; declared and found.
-      step_change: by how much a slew with sticking ends elsewhere when the time step is halved, twice [rad].
-      rows: verdicts.
+      creep: rotation of the hub in 60 s under 92 % of its static friction [rad]; None without friction.
+      break_away: torque of a slow ramp at which the hub starts to move [N m]; declared and simulated.
+      step_change: change of the final angle of a slew with sticking as the time step is halved, and halved again [rad].
+      rows: errors with their bounds.
     """
 
     rig: str
     segments: int
-    free: Table
-    clamped: Table
+    free: ModeComparison
+    clamped: ModeComparison
     compliance: tuple[float, float]
     creep: float | None
     break_away: tuple[float, float] | None
@@ -64,7 +64,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Every verdict is positive."""
+        """Whether every error is within its bound."""
         return all(row.passed for row in self.rows)
 
 
@@ -76,18 +76,18 @@ def check(
     Args:
       rig: the rig.
       segments: number of hinges of the chain.
-      report: called with what is being done, for a progress display.
+      report: called with the name of each stage, for a progress display.
 
     Raises:
-      InputError: no chain with so many segments.
+      InputError: the number of segments is outside `SEGMENT_LIMITS`.
     """
-    if not SEGMENTS[0] <= segments <= SEGMENTS[1]:
-        raise InputError(f"--segments is {segments}; expected {SEGMENTS[0]} to {SEGMENTS[1]}")
+    if not SEGMENT_LIMITS[0] <= segments <= SEGMENT_LIMITS[1]:
+        raise InputError(f"--segments is {segments}; expected {SEGMENT_LIMITS[0]} to {SEGMENT_LIMITS[1]}")
     report(f"fitting a chain of {segments} segments")
     chain = build(rig, segments)
     plant = declared_plant(rig, chain)
     report("eigenvalues and ring-downs")
-    free, clamped = (compare(rig, chain, plant, boundary) for boundary in get_args(Boundary))
+    free, clamped = (compare_modes(rig, chain, plant, boundary) for boundary in get_args(Boundary))
     compliance = (beam.static_tip_compliance(rig), _tip_compliance(rig, chain, plant))
     creep = break_away = step_change = None
     if plant.friction.static_positive > 0:
@@ -96,7 +96,7 @@ def check(
         break_away = (plant.friction.static_positive, _break_away(rig, chain, plant))
         report("a slew with three time steps")
         step_change = _step_change(rig, chain, plant)
-    rows = _verdicts(free, clamped, compliance, creep, break_away, step_change)
+    rows = _bounded_errors(free, clamped, compliance, creep, break_away, step_change)
     return Check(rig.name, segments, free, clamped, compliance, creep, break_away, step_change, tuple(rows))
 
 
@@ -105,7 +105,7 @@ def to_json(result: Check, published_hz: Sequence[float]) -> dict[str, Any]:
 
     Args:
       result: the comparison.
-      published_hz: first two free frequencies that a publication gives for such a rig [Hz].
+      published_hz: published frequencies of the first two free modes [Hz].
     """
     pairs = {"free": result.free, "clamped": result.clamped}
     f1, f2 = published_hz
@@ -147,7 +147,7 @@ def to_json(result: Check, published_hz: Sequence[float]) -> dict[str, Any]:
 
 
 def _tip_compliance(rig: Rig, chain: Chain, plant: Plant) -> float:
-    """Deflection of MuJoCo's `tip` per force across the link, hub locked [m/N]."""
+    """Deflection of MuJoCo's site `tip` per transverse force on it, hub locked [m/N]."""
     model = mjcf.dynamics_spec(chain, plant, rig, locked=True).compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -158,14 +158,14 @@ def _tip_compliance(rig: Rig, chain: Chain, plant: Plant) -> float:
 
 
 def _creep(rig: Rig, chain: Chain, plant: Plant) -> float:
-    """Angle [rad] the hub turns in 60 s under 0.06 N m where 0.065 hold it, or in proportion."""
+    """Rotation of the hub [rad] in 60 s under 0.06/0.065 of its static friction, so 0.06 N m on `bossi2009`."""
     engine = MujocoChain(rig, chain, plant)
     engine.advance(0.06 / 0.065 * plant.friction.static_positive, 60.0)
     return float(abs(engine.angles[0]))
 
 
 def _break_away(rig: Rig, chain: Chain, plant: Plant) -> float:
-    """Torque [N m] at which the hub starts to move while it rises by 1e-3 of the static friction a second."""
+    """Torque [N m] at which the hub starts to move under a ramp of 1e-3 of the static friction per second."""
     engine = MujocoChain(rig, chain, plant)
     for torque in plant.friction.static_positive * np.arange(0.99, 1.01, 1e-5):
         engine.advance(torque, 0.01)
@@ -175,10 +175,10 @@ def _break_away(rig: Rig, chain: Chain, plant: Plant) -> float:
 
 
 def _step_change(rig: Rig, chain: Chain, plant: Plant) -> tuple[float, float]:
-    """Change [rad] of a slew's final angle as the step is halved, and halved again.
+    """Change [rad] of a slew's final angle as the time step is halved, and halved again.
 
-    A quarter turn of the frictionless rigid rig, at 70 % of the torque limit or three times the static
-    friction, and on until it rests.
+    The slew is a bang-bang torque of 70 % of the torque limit, or three times the static friction if that is less,
+    which turns the frictionless rigid rig by 90 degrees; then no torque until the hub rests.
     """
     limit = rig.get("torque_limit", np.inf)
     torque = min(0.7 * limit, 3 * plant.friction.static_positive)
@@ -194,28 +194,29 @@ def _step_change(rig: Rig, chain: Chain, plant: Plant) -> tuple[float, float]:
     return abs(finals[1] - finals[0]), abs(finals[2] - finals[1])
 
 
-# Verdicts
+# Bounds
 
 
-def _verdicts(
-    free: Table,
-    clamped: Table,
+def _bounded_errors(
+    free: ModeComparison,
+    clamped: ModeComparison,
     compliance: tuple[float, float],
     creep: float | None,
     break_away: tuple[float, float] | None,
     step_change: tuple[float, float] | None,
 ) -> list[Row]:
+    """Errors with their bounds; arguments are attributes of `Check`."""
     rows = []
     for name, table in (("free", free), ("clamped", clamped)):
-        for i, (exact, found) in enumerate(zip(table.analytical, table.chain, strict=True), start=1):
-            rows.append(Row(f"f{i} {name}", _percent(found, exact), 0.01, "%"))
+        for i, (exact, chained) in enumerate(zip(table.analytical, table.chain, strict=True), start=1):
+            rows.append(Row(f"f{i} {name}", _percent(chained, exact), 0.01, "%"))
     for name, table in (("free", free), ("clamped", clamped)):
         error = _percent(table.simulated[0], table.analytical[0])
         rows.append(Row(f"f1 {name}, ring-down", error, 0.1, "%"))
     for name, table in (("free", free), ("clamped", clamped)):
         if table.analytical_damping[0] > 0:
-            for source, found in (("", table.chain_damping), (", ring-down", table.simulated_damping)):
-                error = _percent(found[0], table.analytical_damping[0])
+            for source, ratios in (("", table.chain_damping), (", ring-down", table.simulated_damping)):
+                error = _percent(ratios[0], table.analytical_damping[0])
                 rows.append(Row(f"damping of mode 1 {name}{source}", error, 3.0, "%"))
     shape = float(1 - min(free.mac.min(), clamped.mac.min()))
     rows.append(Row("mode shapes, 1 - MAC", shape, 0.01, "1"))
@@ -227,14 +228,15 @@ def _verdicts(
     return rows
 
 
-def _percent(found: float, reference: float) -> float:
-    return float(100 * (found / reference - 1))
+def _percent(value: float, reference: float) -> float:
+    """Relative error [%]."""
+    return float(100 * (value / reference - 1))
 
 
 def text_rows(result: Check) -> list[tuple[str, ...]]:
-    """Rows of the table of modes: mode, analytical, chain, simulated [Hz], damping of each, 1 - MAC."""
+    """Returns the rows of the printed table: mode, analytical, chain, simulated [Hz], damping of each, 1 - MAC."""
     rows = []
-    tables: Mapping[str, Table] = {"free": result.free, "clamped": result.clamped}
+    tables: Mapping[str, ModeComparison] = {"free": result.free, "clamped": result.clamped}
     for name, t in tables.items():
         for i in range(len(t.analytical)):
             frequencies = (t.analytical[i], t.chain[i], t.simulated[i])

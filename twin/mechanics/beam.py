@@ -1,13 +1,13 @@
-"""Exact bending modes of a uniform Euler-Bernoulli link between a hub and a payload.
+"""Exact bending modes of a uniform Euler-Bernoulli beam between a hub and a payload.
 
     EI w'''' = rho omega^2 w,   w = 0,  EI w'' = -J0 omega^2 w'                              at the hub, x = 0
                                 EI w'' = Jp omega^2 w',  EI w''' = -mp omega^2 w             at the tip, x = l
 
 (Bossi et al. 2009, section III; end masses: L. Meirovitch, "Fundamentals of Vibrations", 2001.)
-With the hub free to turn these are the shapes of the pseudo-pinned frame, which passes through the centre of
-mass; with the hub clamped, w'(0) = 0 takes the place of the moment balance of the hub.
+With the hub free to turn these are the shapes in the pseudo-pinned frame, which passes through the centre of
+mass; with the hub clamped, w'(0) = 0 replaces the moment balance of the hub.
 
-Inside, everything is dimensionless: z = beta x, b = beta l, y' = dy/dz, and the end inertias enter as
+Private functions work in dimensionless variables: z = beta x, b = beta l, y' = dy/dz, and the end inertias enter as
 
     H = J0 / (rho l^3) b^3      M = mp / (rho l) b      J = Jp / (rho l^3) b^3
 """
@@ -25,10 +25,10 @@ from scipy.optimize import brentq
 
 Boundary = Literal["free", "clamped"]
 
-# Below this b a mode is written in Krylov's functions, above it in exponentials that decay from either end:
-# the first cancel where b is large, the second where b is small; both are good to 1e-14 around 2.
+# Below this b a mode is a sum of Krylov functions, above it of exponentials that decay from either end. The former
+# suffer cancellation at large b, the latter at small b; around 2 both are accurate to 1e-14.
 _SMALL = 2.0
-# 1 / (4 j + k)!, highest j first; the first term left out is below 1e-25 at z = 2
+# 1 / (4 j + k)!, highest j first; the first omitted term is below 1e-25 at z = 2
 _KRYLOV = tuple(tuple(1 / math.factorial(4 * j + k) for j in reversed(range(8))) for k in range(4))
 
 
@@ -45,7 +45,7 @@ class Modes:
       frequencies: undamped natural frequencies (n) [rad/s], ascending.
       length: length of the link [m].
       roots: b = beta l of the characteristic equation (n) [1].
-      coefficients: shape of each mode (n x 4): of T1, T2, T3 and nothing where b < 2;
+      coefficients: shape of each mode (n x 4): of the Krylov functions T1, T2, T3 (and 0) where b < 2;
         of sin z, cos z, exp(-z) and exp(z - b) elsewhere.
     """
 
@@ -65,7 +65,7 @@ class Modes:
 
         Args:
           x: positions along the link (m,) or a number [m].
-          derivative: 0 deflection, 1 slope, 2 curvature, 3 its derivative; any number will do.
+          derivative: order: 0 deflection, 1 slope, 2 curvature, 3 its derivative, and so on.
 
         Returns:
           (n x m) in kg^-1/2 m^-derivative.
@@ -148,7 +148,7 @@ def _ends(rig: Mapping[str, float], boundary: Boundary) -> _Ends:
 
 
 class _Products(NamedTuple):
-    """The products of circular and hyperbolic functions of b, divided by cosh b so that none overflows."""
+    """Products of circular and hyperbolic functions of b, divided by cosh b so that none overflows."""
 
     difference: float  # cosh sin - sinh cos
     sum: float  # cosh sin + sinh cos
@@ -177,9 +177,9 @@ def _products(b: float) -> _Products:
 
 
 def _characteristic(b: float, ends: _Ends) -> float:
-    """Its roots are the modes; positive from b = 0 to the first one. Divided by cosh b (1 + H).
+    """Characteristic function of b, whose roots are the modes; positive between b = 0 and the first.
 
-    pinned + H clamped, with
+    It is (pinned + H clamped) / (cosh b (1 + H)), with
       pinned  = cosh sin - sinh cos + 2 M sinh sin + 2 J cosh cos - J M (cosh sin - sinh cos)
       clamped = 1 + cosh cos - M (cosh sin - sinh cos) - J (cosh sin + sinh cos) + J M (1 - cosh cos)
     """
@@ -192,7 +192,7 @@ def _characteristic(b: float, ends: _Ends) -> float:
 
 
 def _hub_shares(b: float, ends: _Ends) -> tuple[float, float]:
-    """Returns 1/(1 + H) and H/(1 + H): slope and negative curvature of a mode at the hub, up to its scale."""
+    """Returns 1/(1 + H) and H/(1 + H): slope and negative curvature of a mode at the hub, up to a common factor."""
     if math.isinf(ends.hub):
         return 0.0, 1.0
     H = ends.hub * b**3
@@ -200,10 +200,10 @@ def _hub_shares(b: float, ends: _Ends) -> tuple[float, float]:
 
 
 def _modes_below(b: float, ends: _Ends) -> int:
-    """Counts the elastic modes below b exactly.
+    """Returns the exact number of elastic modes below b.
 
-    As many as the link clamped at both ends has, plus the negative eigenvalues of the dynamic stiffness of
-    (hub angle, tip deflection, tip angle), less the rigid rotation (W. H. Wittrick, F. W. Williams, "A
+    It is the number of the beam clamped at both ends, plus the number of negative eigenvalues of the dynamic stiffness
+    matrix of (hub angle, tip deflection, tip angle), less the rigid rotation (W. H. Wittrick, F. W. Williams, "A
     general algorithm for computing natural frequencies of elastic structures",
     Q. J. Mech. Appl. Math. 24, 1971).
     """
@@ -232,10 +232,10 @@ def _negative_pivots_2(a: float, b: float, c: float) -> int:
 
 
 def _roots(ends: _Ends, n: int) -> list[float]:
-    """First n roots b of the characteristic equation, none missed."""
+    """Returns the first n roots b of the characteristic equation; the mode count guarantees that none is missed."""
     # Dunkerley's bound for the clamped hub, below which the free link has no elastic mode either.
     low = 0.999 * (1 / 12 + ends.mass / 3 + ends.inertia) ** -0.25
-    # With both ends clamped there are n + 1 modes below (n + 2) pi; any freedom only adds some.
+    # With both ends clamped there are n + 1 modes below (n + 2) pi; releasing an end only adds modes.
     high = (n + 2) * math.pi
     brackets = _isolate(ends, low, 0, high, _modes_below(high, ends), n)
     return [_root(ends, *bracket) for bracket in brackets]
@@ -244,10 +244,10 @@ def _roots(ends: _Ends, n: int) -> list[float]:
 def _isolate(
     ends: _Ends, low: float, below_low: int, high: float, below_high: int, n: int
 ) -> list[tuple[float, float]]:
-    """Halves [low, high] until each part holds one of the first n modes at most; returns those parts."""
+    """Bisects [low, high] until each interval holds at most one of the first n modes; returns the intervals that do."""
     if below_high <= below_low or below_low >= n:
         return []
-    # Neighbours that double precision cannot tell apart stay together.
+    # Roots closer than double precision resolves share an interval.
     if high - low < 1e-14 * high:
         return [(low, high)] * (min(below_high, n) - below_low)
     if below_high == below_low + 1:
@@ -289,7 +289,7 @@ def _krylov_coefficients(b: float, p: float, r: float, M: float) -> np.ndarray:
 
 def _exponential_coefficients(b: float, p: float, r: float, M: float) -> np.ndarray:
     s, c, e = math.sin(b), math.cos(b), math.exp(-b)
-    # p - r + q belongs to the growing exponential and is of order exp(-b): found without a difference.
+    # The coefficient of the growing exponential, p - r + q, is of order exp(-b): computed without cancellation.
     tip = p * (c - M * s) + r / 2 * (M * (e - c + s) - (e + c + s))
     tip *= 4 / ((1 + e * e + 2 * c * e) + M * (1 - e * e - 2 * s * e))
     growth = tip * e
@@ -297,7 +297,7 @@ def _exponential_coefficients(b: float, p: float, r: float, M: float) -> np.ndar
 
 
 def _modal_masses(b: np.ndarray, coefficients: np.ndarray, ends: _Ends) -> np.ndarray:
-    """Modal masses (n) in units of rho l, from values at the ends alone.
+    """Modal masses (n) in units of rho l, in closed form from the values at both ends.
 
     int y^2 dz = 1/4 [z (y^2 + y''^2 - 2 y' y''') - y' y'' + 3 y y'''], since y'''' = y.
     """
@@ -312,7 +312,7 @@ def _modal_masses(b: np.ndarray, coefficients: np.ndarray, ends: _Ends) -> np.nd
 def _krylov(z: Any, k: int) -> Any:
     """T_k(z) = sum_j z^(4j+k) / (4j+k)!; T0..T3 = (cosh + cos, sinh + sin, cosh - cos, sinh - sin) / 2.
 
-    T_k' = T_(k-1), with T_0' = T_3. For numbers and arrays alike.
+    T_k' = T_(k-1), with T_0' = T_3. z may be a number or an array.
     """
     z4, total = z**4, 0.0 * z
     for factor in _KRYLOV[k]:
@@ -336,7 +336,7 @@ def _exponential_basis(z: np.ndarray, b: np.ndarray, derivative: int) -> list[np
 
 
 def _combine(coefficients: np.ndarray, basis: list[np.ndarray]) -> np.ndarray:
-    """Sum over the basis: coefficients (n x k), basis k of (n x m) -> (n x m)."""
+    """Returns sum_k coefficients[:, k] basis[k]; coefficients (n x k), each of the k basis functions (n x m)."""
     total = np.zeros_like(basis[0])
     for k, function in enumerate(basis):
         total += coefficients[:, k, None] * function

@@ -1,13 +1,12 @@
-"""The link as a chain: rigid segments joined by hinges with springs, fitted to the exact modes.
+"""The link as a chain of rigid segments joined by hinges with springs, fitted to the exact modes.
 
-A chain of equal segments with k = EI/h needs many of them: its frequencies are off by O(n^-2). Here the
-lengths and masses of the segments and the stiffnesses of the hinges are the unknowns of a small least-squares
-problem instead, whose targets are what the chain is used for: three free and three clamped frequencies, the
-static deflection and rotation of the tip, the rig's mass moments, and the quadratic change of the modal
-masses with the deflection, which sets how the frequencies move with the amplitude. Uniformity is the
-regularisation.
+A chain of equal segments of length h with k = EI/h needs many of them, as the error of its frequencies is O(n^-2). Here
+the lengths and masses of the segments and the stiffnesses of the hinges are the unknowns of a small least-squares
+problem instead. Its targets: three free and three clamped frequencies, the static deflection and rotation of the tip,
+the rig's mass moments, and the quadratic change of the modal masses with the deflection, on which the shift of the
+frequencies with the amplitude depends. The regularisation favours equal segments.
 
-Relative coordinates: hub angle, then the n hinge angles. Absolute ones: the angles of the n + 1 segments.
+Relative coordinates: hub angle, then the n hinge angles. Absolute coordinates: the angles of the n + 1 segments.
 """
 
 from __future__ import annotations
@@ -26,25 +25,28 @@ from twin.mechanics import beam
 from twin.mechanics.beam import Boundary
 
 DEFAULT_SEGMENTS = 8
-SHAPED_BY = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
-"""Parameters that the proportions of a chain depend on."""
+"""Number of hinges. `twin check` compares the chain's modes, statics and friction with the exact beam."""
+SHAPE_PARAMETERS = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
+"""Parameters of a rig on which the proportions of its chain depend."""
 _TARGET_MODES = 3
-_DEPARTURE = 2.0  # weight of log lengths, stiffnesses and densities against a relative error of 1e-3
+"""Modes of each boundary condition, free and clamped, that the fit targets."""
+# Weights of the fit's residuals [1], chosen: of relative errors in units of 1e-3, and of log ratios to equal segments.
+_UNIFORMITY_WEIGHT = 2.0  # of the log ratios of lengths, stiffnesses and densities: the regularisation
 _FREQUENCY_WEIGHT = 60.0
 _STATIC_WEIGHT = 25.0
 _MOMENT_WEIGHT = 10.0
-_CONDENSED = 0.25  # part of a hinge's compliance up to which a clamp that gives may take away from it
-_FINEST = 20  # equal segments with which a limit is sought at most
 _AMPLITUDE_WEIGHT = (0.6, 0.15, 0.03)  # first free, first clamped, second free mode
-_STABLE = 2.55  # step times the largest eigenvalue's size
-_PROBE = 1e-4
-"""Step of central differences; over one as short as forward ones ask for, rounding outweighs the regularisation, and
-the fit ends at a place of its own on every kind of processor."""
+_CONDENSED = 0.25  # [1] largest share of a hinge's compliance that a compliant clamp may subtract from it
+_FINEST = 20  # largest number of equal segments with which a discretisation limit is extrapolated
+_STABLE = 2.55  # [1] step times the size of the largest eigenvalue; RK4 is stable up to 2.6, see `Chain.largest_step`
+_DIFFERENCE_STEP = 1e-4
+"""Step of the fit's central differences [1]. With a step as short as forward differences need, rounding outweighs the
+regularisation, and the solution depends on the kind of processor."""
 
 
 @dataclass(frozen=True)
 class ChainShape:
-    """Proportions of a chain, in parts of the link's length, mass and EI/l; sums of the first two are 1.
+    """Proportions of a chain, relative to the link's length, mass and EI/l; lengths and masses each sum to 1.
 
     Attributes:
       lengths: (n + 1) of the segments, from the hub axis to the tip.
@@ -58,11 +60,11 @@ class ChainShape:
 
     @property
     def segments(self) -> int:
-        """Number of hinges n: half a segment, n - 1 whole ones, half a segment."""
+        """Number of hinges n; the n + 1 rigid parts are half a segment, n - 1 whole ones, half a segment."""
         return len(self.stiffnesses)
 
-    def is_even(self) -> bool:
-        """Whether all hinges are alike, as those of equal segments."""
+    def is_uniform(self) -> bool:
+        """Whether all hinges are equally stiff, as those of `uniform_shape`."""
         return bool(np.ptp(self.stiffnesses) < 1e-9 * self.stiffnesses[0])
 
 
@@ -77,10 +79,10 @@ class Chain:
       damping: (n x n) moments on the hinges per hinge rate [N m s/rad].
       inertia: (n + 1 x n + 1) [kg m^2], c_ij of the kinetic energy
         1/2 sum c_ij cos(phi_i - phi_j) phi_i' phi_j'.
-      first_moment: (n + 1) masses times lever along each segment [kg m].
-      bending: (n) part of a hinge's angle that is the link's own bending: the rest is a clamp that gives.
-      rigid: the chain on a rigid clamp, where the clamp of this one gives.
-      root_stiffness: of the clamp between hub and link [N m/rad].
+      first_moment: (n + 1) sum of mass times lever along each segment, over all that it carries [kg m].
+      bending: (n) share of a hinge's angle that is bending of the link; the rest is rotation in a compliant clamp [1].
+      rigid: the same chain on a rigid clamp; None where this one's clamp is rigid.
+      root_stiffness: rotational stiffness of the clamp between hub and link [N m/rad].
     """
 
     shape: ChainShape
@@ -104,38 +106,38 @@ class Chain:
         return _relative(self.inertia)
 
     def modes(self, boundary: Boundary = "free") -> tuple[np.ndarray, np.ndarray]:
-        """Returns angular frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n), relative."""
+        """Returns frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n) in relative coordinates."""
         return _modes(self.mass_matrix(), self.stiffness, boundary)
 
     def damping_ratios(self, boundary: Boundary = "free") -> np.ndarray:
-        """Returns the damping ratio of each mode (n) [1], cross terms neglected."""
+        """Returns the damping ratio of each mode (n) [1]; coupling of modes by damping is neglected."""
         frequencies, shapes = self.modes(boundary)
         bends = shapes[1:]
         return np.einsum("ki,kl,li->i", bends, self.damping, bends) / (2 * frequencies)
 
     def largest_step(self) -> float:
-        """A step [s] with which a fourth-order Runge-Kutta method is stable.
+        """Returns the largest step [s] with which the classical fourth-order Runge-Kutta method is stable.
 
-        It is wherever an eigenvalue times the step lies in the left half of a disc of radius 2.6; a light clamp that
-        gives may be damped beyond any oscillation.
+        Its stability region contains the left half of a disc of radius 2.6, in which every eigenvalue times the step
+        has to lie. Not only the oscillating modes count: that of a compliant clamp may be overdamped.
         """
         return _STABLE / self._fastest
 
     @functools.cached_property
     def _fastest(self) -> float:
-        """Size of the largest eigenvalue of the straight chain [1/s]: every simulation asks for it."""
+        """Size of the largest eigenvalue of the straight chain [1/s]; cached, as every simulation needs it."""
         n = len(self.stiffness)
         pliant = np.linalg.inv(self.mass_matrix())[1:, 1:]
         system = np.block([[np.zeros((n, n)), np.eye(n)], [-pliant * self.stiffness, -pliant @ self.damping]])
         return float(np.abs(np.linalg.eigvals(system)).max())
 
     def free_hub_inertia(self) -> float:
-        """Torque at once per acceleration of the hub, the hinges free [kg m^2]: hardly more than the hub's inertia."""
+        """Initial torque per hub acceleration with free hinges [kg m^2]: only a little more than the hub's inertia."""
         M = self.mass_matrix()
         return float(M[0, 0] - M[0, 1:] @ np.linalg.solve(M[1:, 1:], M[1:, 0]))
 
     def static_tip_compliance(self) -> float:
-        """Tip deflection per transverse tip force with the hub clamped, small deflections [m/N]."""
+        """Tip deflection per transverse tip force, hub clamped, small deflections [m/N]."""
         levers = self.lengths.sum() - self.hinges
         return float(np.sum(levers**2 / self.stiffness))
 
@@ -160,19 +162,20 @@ def build(
     return Chain(shape, lengths, masses, stiffness, damping, inertia, first_moment, np.ones(len(stiffness)))
 
 
-def with_root(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
-    """Returns a chain whose clamp gives: a spring of `stiffness` [N m/rad] between hub and link.
+def with_root_compliance(links: Chain, hub_inertia: float, stiffness: float) -> Chain:
+    """Returns a chain with a compliant clamp: a rotational spring of `stiffness` [N m/rad] between hub and link.
 
-    A soft clamp is a hinge on the hub's axis, the first of n + 1. The frequency of a stiff one is far above those
-    of the link and would only shorten the step: its compliance is extrapolated from the first three hinges, such
-    that every moment that is quadratic along the link turns the link by as much. A clamp that gives loses nothing.
+    A soft clamp becomes a hinge on the hub's axis, the first of n + 1. With a stiff one, that hinge would have a very
+    high frequency and only shorten the time step. Its compliance is instead added to the first three hinges, with the
+    weights of a Lagrange extrapolation to the hub's axis: the rotation is then exact for every bending moment that is
+    quadratic along the link. The clamp has no damping.
     """
     compliance = 1 / stiffness
     weights = _extrapolation(links.hinges[:3])
     shares = np.zeros(len(links.stiffness))
     shares[: len(weights)] = compliance * weights * links.stiffness[: len(weights)]
-    # Equal segments are for a limit: with ever more of them, the kind of the root must not change.
-    most = max(len(shares), _FINEST) if links.shape.is_even() else len(shares)
+    # Uniform shapes serve to extrapolate to infinitely many segments: all of them must treat the clamp alike.
+    most = max(len(shares), _FINEST) if links.shape.is_uniform() else len(shares)
     if np.all(shares * most / len(shares) > -_CONDENSED):
         bending = 1 / (1 + shares)
         damping = links.damping * np.outer(bending, bending)
@@ -208,20 +211,20 @@ def _extrapolation(x: np.ndarray) -> np.ndarray:
 
 
 def fit_shape(rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS) -> ChainShape:
-    """Returns the proportions with which a chain moves most like the exact beam of this rig.
+    """Returns the proportions that fit a chain to the exact beam of this rig; cached.
 
     Raises:
       ValueError: fewer than 2 segments.
     """
     if segments < 2:
         raise ValueError(f"At least 2 segments required. Received {segments}")
-    return _fit_shape(tuple(rig[name] for name in SHAPED_BY), segments)
+    return _fit_shape(tuple(rig[name] for name in SHAPE_PARAMETERS), segments)
 
 
 @functools.lru_cache(maxsize=64)
 def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
     length, density, _, hub_inertia, tip_mass, tip_inertia = values
-    # Work in units of the link's length, mass and stiffness.
+    # Units of the link's length, mass and bending stiffness.
     mass = density * length
     ends = (hub_inertia / (mass * length**2), tip_mass / mass, tip_inertia / (mass * length**2))
     unit = {"length": 1.0, "linear_density": 1.0, "bending_stiffness": 1.0}
@@ -232,31 +235,38 @@ def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
 
     def residual(z: np.ndarray) -> np.ndarray:
         shape = _perturbed(equal, z)
-        errors = _figures(shape, ends, count) / targets - 1
-        return np.r_[1e3 * weights * errors, _DEPARTURE * z]
+        errors = _compared_quantities(shape, ends, count) / targets - 1
+        return np.r_[1e3 * weights * errors, _UNIFORMITY_WEIGHT * z]
 
     def slopes(z: np.ndarray) -> np.ndarray:
-        ahead, back = ([residual(z + way * step) for step in _PROBE * np.eye(len(z))] for way in (1, -1))
-        return (np.array(ahead) - np.array(back)).T / (2 * _PROBE)
+        ahead, back = (
+            [residual(z + way * step) for step in _DIFFERENCE_STEP * np.eye(len(z))] for way in (1, -1)
+        )
+        return (np.array(ahead) - np.array(back)).T / (2 * _DIFFERENCE_STEP)
 
     start = np.zeros(3 * segments + 2)
     return _perturbed(equal, least_squares(residual, start, jac=slopes, xtol=1e-8, ftol=1e-10).x)
 
 
 def uniform_shape(segments: int) -> ChainShape:
-    """The textbook chain: half a segment, n - 1 whole ones, half a segment, k = EI/h."""
+    """Returns the proportions of equal segments: half a one, n - 1 whole ones, half a one, hinges k = EI/h."""
     lengths = np.r_[0.5, np.ones(segments - 1), 0.5] / segments
     return ChainShape(lengths, lengths.copy(), np.full(segments, float(segments)))
 
 
 def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarray:
-    """Returns the row (n) that turns hinge angles into the link's curvature w'' at x [1/m per rad].
+    """Returns the row (n) from hinge angles to the link's curvature w'' at x [1/m per rad].
 
-    The row reproduces the exact curvature of the first three free and clamped modes and of a static tip force
-    and tip moment as well as a least-squares fit of least norm allows. What a clamp gives is no curvature.
+    A regularised least-squares fit to the exact curvature of the first three free and clamped modes, and of a static
+    tip force and tip moment. Rotation in a compliant clamp is no curvature.
+
+    Args:
+      chain: the chain.
+      rig: its rig: bending_stiffness, length, and the parameters of `beam.modes`.
+      x: distance from the hub axis along the link [m].
     """
     if chain.rigid is not None:
-        return through_root(chain, curvature_row(chain.rigid, rig, x))
+        return row_with_root_compliance(chain, curvature_row(chain.rigid, rig, x))
     bends: list[np.ndarray] = []
     curvatures: list[float] = []
     weights: list[float] = []
@@ -266,7 +276,7 @@ def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarra
         shapes = chain.modes(boundary)[1][1:, :count]
         bends.extend(shapes.T)
         curvatures.extend(exact.shape(x, 2)[:, 0])
-        # Relative to the mode's own scale: a gauge may sit where a mode does not bend.
+        # Relative to the mode's largest curvature: at the gauge it may be zero.
         scale = np.abs(exact.shape(np.linspace(0, rig["length"], 41), 2)).max(axis=1)
         weights.extend(np.array([1.0, 0.3, 0.1])[:count] / scale)
     levers = chain.lengths.sum() - chain.hinges
@@ -289,7 +299,7 @@ def _inertia(
     lengths: np.ndarray, masses: np.ndarray, hub_inertia: float, tip_mass: float, tip_inertia: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns c_ij (n + 1 x n + 1) and the first moments (n + 1) of a planar open chain of uniform rods."""
-    # levers[b, i]: how far along segment i the centre of mass of rod b is carried
+    # levers[b, i]: distance along segment i by which it carries the centre of mass of rod b
     levers = np.tril(np.broadcast_to(lengths, (len(lengths),) * 2), -1) + np.diag(lengths / 2)
     inertia = levers.T @ (masses[:, None] * levers) + tip_mass * np.outer(lengths, lengths)
     inertia += np.diag(masses * lengths**2 / 12)
@@ -298,20 +308,20 @@ def _inertia(
     return inertia, masses @ levers + tip_mass * lengths
 
 
-def through_root(chain: Chain, row: np.ndarray) -> np.ndarray:
-    """Row (n) of a chain whose clamp gives from the row of its links on a rigid one."""
+def row_with_root_compliance(chain: Chain, row: np.ndarray) -> np.ndarray:
+    """Returns the row (n) of a chain with a compliant clamp, from the row of the same chain on a rigid clamp."""
     return chain.bending * np.r_[np.zeros(len(chain.bending) - len(row)), row]
 
 
-def lagging_row(chain: Chain, row: np.ndarray) -> np.ndarray | None:
-    """Returns the row (n) from hinge rates to the curvature [s/m per rad]; None where there is none.
+def curvature_rate_row(chain: Chain, row: np.ndarray) -> np.ndarray | None:
+    """Returns the row (n) from hinge rates to the curvature [s/m per rad]; None where the curvature has no such part.
 
-    Of hinges that share their moment with a clamp, M = k b + D b' = (q - b) / c with b the link's part of the angle q
-    and c the clamp's: the losses make b lag behind its share S of q, b = S q - (1 - S) / k D S q'.
+    A compliance c of the clamp is in series with a hinge, M = k b + D b' = (q - b) / c, b being the link's share of the
+    hinge angle q. Damping makes b lag behind the static share S q; to first order b = S q - (1 - S) / k D S q'.
 
     Args:
       chain: the chain.
-      row: (n) from the hinge angles of its links on a rigid clamp to the curvature [1/m per rad].
+      row: (n) from hinge angles of the same chain on a rigid clamp to the curvature [1/m per rad].
     """
     links = chain.rigid
     if links is None or len(links.stiffness) != len(chain.stiffness):
@@ -320,7 +330,7 @@ def lagging_row(chain: Chain, row: np.ndarray) -> np.ndarray | None:
 
 
 def _relative(inertia: np.ndarray) -> np.ndarray:
-    """Mass matrix in relative coordinates from one in absolute ones: phi = T [hub, hinges], T lower ones."""
+    """Returns the mass matrix in relative coordinates, T^T M T: phi = T [hub, hinges], T lower triangular of ones."""
     outboard = np.cumsum(inertia[::-1], axis=0)[::-1]
     return np.cumsum(outboard[:, ::-1], axis=1)[:, ::-1]
 
@@ -331,15 +341,15 @@ def _modes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> tuple
     squares, vectors = eigh(spring, mass[first:, first:])
     shapes = np.zeros((len(mass), len(stiffness)))
     shapes[first:] = vectors[:, 1 - first :]
-    # Sign as in beam.Modes: the hub turns, or the root bends, to the positive side.
+    # Sign as in `beam.Modes`: the hub rotates, or the root bends, to the positive side.
     shapes *= np.sign(shapes[first])
     return np.sqrt(squares[1 - first :]), shapes
 
 
 def _modal_damping(inertia: np.ndarray, stiffness: np.ndarray, ratio: float) -> np.ndarray:
-    """D = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the free modes.
+    """Returns D (n x n) = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the free modes, restricted to the hinges.
 
-    Its hub row is zero: phi_i is orthogonal to the rigid rotation, so nothing brakes it.
+    Its hub row is zero, as phi_i is orthogonal to the rigid rotation: modal damping does not brake that.
     """
     mass = _relative(inertia)
     frequencies, shapes = _modes(mass, stiffness, "free")
@@ -348,6 +358,7 @@ def _modal_damping(inertia: np.ndarray, stiffness: np.ndarray, ratio: float) -> 
 
 
 def _perturbed(shape: ChainShape, z: np.ndarray) -> ChainShape:
+    """Returns a shape with log ratios z (3n + 2) applied: of lengths (n + 1), stiffnesses (n), densities (n + 1)."""
     n = shape.segments
     lengths = shape.lengths * np.exp(z[: n + 1])
     lengths /= lengths.sum()
@@ -356,12 +367,13 @@ def _perturbed(shape: ChainShape, z: np.ndarray) -> ChainShape:
 
 
 def _weights(modes: int) -> np.ndarray:
+    """Weights of the quantities of `_compared_quantities`, in their order."""
     groups = ((2 * modes, _FREQUENCY_WEIGHT), (3, _STATIC_WEIGHT), (2, _MOMENT_WEIGHT))
     return np.r_[*(np.full(*group) for group in groups), _AMPLITUDE_WEIGHT]
 
 
-def _figures(shape: ChainShape, ends: tuple[float, float, float], modes: int) -> np.ndarray:
-    """What the fit compares, of a chain in units of the link: see `_targets`."""
+def _compared_quantities(shape: ChainShape, ends: tuple[float, float, float], modes: int) -> np.ndarray:
+    """Quantities of a chain that the fit compares with `_targets`, in units of the link."""
     inertia, first_moment = _inertia(shape.lengths, shape.masses, *ends)
     mass = _relative(inertia)
     free, free_shapes = _modes(mass, shape.stiffnesses, "free")
@@ -378,7 +390,7 @@ def _figures(shape: ChainShape, ends: tuple[float, float, float], modes: int) ->
 
 
 def _targets(unit: Mapping[str, float], modes: int) -> np.ndarray:
-    """The same figures of the exact beam."""
+    """The same quantities of the exact beam."""
     free, clamped = (beam.modes(unit, _TARGET_MODES, boundary) for boundary in ("free", "clamped"))
     static = (1 / 3, 1 / 2, 1.0)
     moments = (1 / 2 + unit["tip_mass"], beam.rigid_inertia(unit))
@@ -388,13 +400,13 @@ def _targets(unit: Mapping[str, float], modes: int) -> np.ndarray:
 
 
 def _chain_mass_change(inertia: np.ndarray, angles: np.ndarray) -> float:
-    """m2 in the modal mass 1 + m2 delta^2 of a chain that moves in one shape; angles (n + 1) absolute."""
+    """m2 of the modal mass 1 + m2 delta^2 of a chain that moves in one shape, given as absolute angles (n + 1)."""
     difference = angles[:, None] - angles
     return float(-0.5 * np.sum(inertia * difference**2 * np.outer(angles, angles)))
 
 
 def _beam_mass_change(unit: Mapping[str, float], modes: beam.Modes, index: int) -> float:
-    """The same for the inextensible beam: m2 = - int dm(x) (I1 I3 - I2^2), I_k(x) = int_0^x slope^k.
+    """m2 of the inextensible beam: m2 = - int dm(x) (I1 I3 - I2^2), I_k(x) = int_0^x slope^k.
 
     From v^2(x) = int int_0^x cos(psi - psi') psi_t psi_t' ds ds', expanded to second order in the slopes.
     """

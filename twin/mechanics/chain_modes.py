@@ -1,7 +1,7 @@
-"""Modes of the chain in MuJoCo beside those of the exact beam: frequencies, damping, shapes.
+"""Modes of the chain in MuJoCo compared with those of the exact beam: frequencies, damping, shapes.
 
-`chain` values are eigenvalues of MuJoCo's own mass matrix and forces, differenced about the straight link;
-`simulated` ones are fitted to small ring-downs that MuJoCo's RK4 integrates.
+`chain` values are eigenvalues of MuJoCo's mass matrix and of its forces linearised about the straight link; `simulated`
+values are fitted to free decays of small amplitude, integrated by MuJoCo's RK4.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from twin.mechanics.chain import Chain
 from twin.mechanics.plant import Friction, Plant
 from twin.parameters import Rig
 
-_MODES = 3
-_RING_DOWN_TIP = 1e-4  # m; large enough for rounding, small enough for the link to stay linear
-_RING_DOWN_PERIODS = 12
+_MODES = 3  # modes compared per boundary condition
+_RING_DOWN_TIP = 1e-4  # m, initial tip deflection: far above rounding, small enough for a linear response
+_RING_DOWN_PERIODS = 12  # periods simulated: enough for frequency and damping ratio of a noise-free decay
 
 
 @dataclass(frozen=True)
-class Table:
-    """Frequencies [Hz], damping ratios [1] and shape agreement of one boundary condition; n modes each.
+class ModeComparison:
+    """Modes of one boundary condition (n): of the exact beam, of MuJoCo linearised, of simulated free decays.
 
     Attributes:
-      analytical: exact frequencies; chain: MuJoCo's, linearised; simulated: of ring-downs.
-      analytical_damping, chain_damping, simulated_damping: the same of damping ratios.
-      mac: modal assurance criterion (a.b)^2 / (a.a b.b) of the deflections along the link.
+      analytical, chain, simulated: (n) frequencies [Hz].
+      analytical_damping, chain_damping, simulated_damping: (n) damping ratios [1].
+      mac: (n) modal assurance criterion (a.b)^2 / (a.a b.b) of the deflections along the link.
     """
 
     analytical: np.ndarray
@@ -43,33 +43,33 @@ class Table:
     mac: np.ndarray
 
 
-def compare(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> Table:
+def compare_modes(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> ModeComparison:
     """Compares the first modes of a chain with those of the exact beam.
 
     Args:
       rig: the rig.
       chain: its chain.
-      plant: the chain's equations; friction is left out.
+      plant: its numbers; friction is ignored.
       boundary: whether the hub is free to turn or locked.
     """
     count = min(_MODES, chain.shape.segments)
     exact = beam.modes(rig, count, boundary)
     model = mjcf.dynamics_spec(chain, _without_friction(plant), rig, locked=boundary == "clamped").compile()
     mass, damping, stiffness = linearised(model)
-    roots = _roots(mass, damping, stiffness)[:count]
-    shapes = _shapes(mass, stiffness, boundary)[:, :count]
+    roots = _eigenvalues(mass, damping, stiffness)[:count]
+    shapes = _mode_shapes(mass, stiffness, boundary)[:, :count]
     rings = [_ring_down(model, chain, shapes[:, i], exact.frequencies[i], boundary) for i in range(count)]
     ratios = np.full(count, rig["damping_ratio"])
     if boundary == "clamped":
         ratios = modal.clamped_damping_ratios(rig, count)
-    return Table(
+    return ModeComparison(
         exact.frequencies / (2 * np.pi),
         np.abs(roots) / (2 * np.pi),
         np.array([omega for omega, _ in rings]) / (2 * np.pi),
         ratios,
         -roots.real / np.abs(roots),
         np.array([ratio for _, ratio in rings]),
-        _assurance(exact, chain, shapes, boundary),
+        _modal_assurance(exact, chain, shapes, boundary),
     )
 
 
@@ -105,8 +105,8 @@ def _mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return columns.T
 
 
-def _roots(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Eigenvalues of the oscillating modes, one of each pair, slowest first."""
+def _eigenvalues(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Eigenvalues [1/s] of the oscillating modes, one of each conjugate pair, by increasing size."""
     size = len(mass)
     top = np.hstack([np.zeros((size, size)), np.eye(size)])
     system = np.vstack([top, -np.linalg.solve(mass, np.hstack([stiffness, damping]))])
@@ -115,8 +115,8 @@ def _roots(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.n
     return roots[np.argsort(np.abs(roots))]
 
 
-def _shapes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> np.ndarray:
-    """Hub and hinge angles of each flexible mode (n + 1 x n), any scale."""
+def _mode_shapes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> np.ndarray:
+    """Hub and hinge angles of each flexible mode (n + 1 x n), of arbitrary scale."""
     vectors = eigh(stiffness, mass)[1]
     if boundary == "free":
         return vectors[:, 1:]
@@ -124,14 +124,14 @@ def _shapes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> np.n
 
 
 def _deflections(chain: Chain) -> np.ndarray:
-    """Turns joint angles (n + 1), small, into deflections of hinges and tip (n + 1 x n + 1) [m/rad]."""
+    """Matrix from small joint angles (n + 1) to deflections of hinges and tip (n + 1 x n + 1) [m/rad]."""
     ends = np.cumsum(chain.lengths)
     starts = np.concatenate([[0.0], chain.hinges])
     return np.tril(ends[:, None] - starts)
 
 
-def _assurance(exact: beam.Modes, chain: Chain, shapes: np.ndarray, boundary: Boundary) -> np.ndarray:
-    """MAC of the deflections along the link, at 200 places; a chain is straight between its hinges."""
+def _modal_assurance(exact: beam.Modes, chain: Chain, shapes: np.ndarray, boundary: Boundary) -> np.ndarray:
+    """MAC (n) of the deflections at 200 positions along the link; the chain is straight between its hinges."""
     places = np.linspace(0, exact.length, 200)
     ends = np.concatenate([[0.0], np.cumsum(chain.lengths)])
     reference = exact.shape(places).T
@@ -144,14 +144,14 @@ def _assurance(exact: beam.Modes, chain: Chain, shapes: np.ndarray, boundary: Bo
 def _ring_down(
     model: mujoco.MjModel, chain: Chain, shape: np.ndarray, omega: float, boundary: Boundary
 ) -> tuple[float, float]:
-    """Releases the link in one mode's shape; returns frequency [rad/s] and damping ratio [1] of the motion.
+    """Simulates a free decay from one mode's shape; returns its frequency [rad/s] and damping ratio [1].
 
     Args:
-      model: with the hub's joint, or locked.
+      model: with the hub's joint, or without it where the hub is clamped.
       chain: its chain.
-      shape: joint angles (n + 1), any scale.
-      omega: about what to expect [rad/s].
-      boundary: which model it is.
+      shape: joint angles (n + 1), of arbitrary scale.
+      omega: approximate frequency [rad/s].
+      boundary: of the model.
     """
     shape = shape * _RING_DOWN_TIP / np.abs(_deflections(chain) @ shape).max()
     data = mujoco.MjData(model)
@@ -161,7 +161,7 @@ def _ring_down(
     interval = _RING_DOWN_PERIODS * 2 * np.pi / omega / samples
     steps = int(np.ceil(interval / chain.largest_step()))
     model.opt.timestep = interval / steps
-    # What swings in this mode alone: its momentum is orthogonal to the others'.
+    # Modal filter: M times the shape is orthogonal to the other modes.
     mujoco.mj_forward(model, data)
     mass = _mass_matrix(model, data)
     weights = mass @ start / (start @ mass @ start)
@@ -177,7 +177,7 @@ def fit_ring_down(time: np.ndarray, swing: np.ndarray, omega: float) -> tuple[fl
 
     Args:
       time, swing: (n) instants [s] and values.
-      omega: first guess [rad/s].
+      omega: initial guess [rad/s].
 
     Returns:
       omega [rad/s] and zeta [1].

@@ -1,8 +1,20 @@
-"""Torques on the hub as functions of time, angle and rate, compiled so that the equations of motion can call them.
+"""Torques on the hub as functions of time, angle and rate, which the compiled equations of motion call.
 
-A law is a plain function f(t, theta, omega, values) that returns a torque [N m]. `values` are the numbers that it
-reads, in an order of its own. The equations of motion call it by its address: a new law needs no change there, and a
-law of a package elsewhere is as fast as one of this package.
+How an effect adds a torque to the right-hand side of the hub's equation, Q_0 in `twin.mechanics.plant`:
+
+    1. Write a plain function f(t, theta, omega, values) that returns a torque [N m], positive towards positive angles:
+       t [s] from the start of a recording, theta [rad] and omega [rad/s] of the hub, `values` its parameters as a
+       sequence of floats. Decorate it with `HubLaw`. A viscous friction, say, is
+
+           @HubLaw
+           def viscous(t, theta, omega, values):
+               return -values[0] * omega
+
+    2. Pair it with the values of its parameters: HubTorque("viscous", viscous, (0.002,)).
+    3. `as_arrays` packs all torques of a model into `Torques`, a field of `Plant`; compiled code sums them.
+
+Each law is compiled to a C function and called by its address, so that a new law needs no change in the equations of
+motion, and one from another package is as fast as one of this package.
 """
 
 from __future__ import annotations
@@ -23,16 +35,16 @@ if TYPE_CHECKING:
 
 _SIGNATURE = types.float64(types.float64, types.float64, types.float64, types.CPointer(types.float64))
 _TIMES, _ANGLES, _RATES = (0.0, 0.37, 1.9), (-2.1, 0.0, 0.8, 3.0), (-7.0, 0.0, 1.3, 12.0)
-"""Where a law is evaluated to find whether it is linear [s], [rad], [rad/s]; no two are in a whole ratio."""
-_ROUNDING = 1e-9  # part of its largest value by which a linear law may be off a plane
-_NOTHING = 1e-12  # N m
+"""Grid on which a law is tested for linearity [s], [rad], [rad/s]; without integer ratios, so that no period hides."""
+_ROUNDING = 1e-9  # [1] departure from a plane, relative to the largest torque, up to which a law is linear
+_NEGLIGIBLE = 1e-12  # N m, torque below which the law is zero everywhere
 
 
 class HubLaw:
     """A torque on the hub, f(t, theta, omega, values) [N m]; compiled when it is first simulated."""
 
     def __init__(self, function: Callable[[float, float, float, Sequence[float]], float]) -> None:
-        """Takes the function; it is compiled in numba's nopython mode: arithmetic, `math` and `numpy` scalars."""
+        """Takes the function, for numba's nopython mode: arithmetic, `math` and scalar `numpy` functions."""
         self.function = function
         functools.update_wrapper(self, function)
 
@@ -43,14 +55,14 @@ class HubLaw:
     @functools.cached_property
     def address(self) -> int:
         """Address of the compiled function in this process."""
-        # Kept: what it compiled lives as long as it does.
+        # The machine code lives as long as this object: keep a reference.
         self._compiled = cfunc(_SIGNATURE, cache=True)(self.function)
         address: int = self._compiled.address  # type: ignore[assignment]
         return address
 
 
 class LinearTorque(NamedTuple):
-    """Torque constant - stiffness theta - damping omega [N m], [N m/rad], [N m s/rad]."""
+    """The torque constant - stiffness theta - damping omega; [N m], [N m/rad], [N m s/rad]."""
 
     constant: float = 0.0
     stiffness: float = 0.0
@@ -59,16 +71,16 @@ class LinearTorque(NamedTuple):
 
 @dataclass(frozen=True)
 class HubTorque:
-    """A law with its values, as it acts in a model.
+    """A law with the values of its parameters.
 
     Attributes:
-      name: of what it stands for, an effect say.
+      name: name of the effect that it belongs to, say.
       law: the function.
-      values: the numbers that it reads.
-      on_motor: where there is a play between motor and hub, it acts on the motor.
-      write: writes a law that is not linear into a MuJoCo specification, for a joint of this name; None where
+      values: its parameters.
+      on_motor: with backlash, it acts on the motor instead of the hub.
+      write: writes a law that is not linear into a MuJoCo specification, for the joint of the given name; None where
         MuJoCo has no element for it.
-      exact: whether what is written is exact with any time step.
+      exact: whether the written element is exact at any time step.
     """
 
     name: str
@@ -84,37 +96,43 @@ class HubTorque:
 
     @functools.cached_property
     def linear(self) -> LinearTorque | None:
-        """The law as a linear function of angle and rate; None where it is none, or depends on time."""
-        return self._plane(0.0)
+        """The law as a linear function of angle and rate; None where it is not linear or depends on time."""
+        return self._fitted_plane(0.0)
 
     @functools.cached_property
-    def slope(self) -> LinearTorque | None:
-        """The same of what depends on angle and rate alone, its constant 0; None where that is not linear."""
-        return self._plane(1.0)
+    def linear_part(self) -> LinearTorque | None:
+        """The law less its torque at theta = omega = 0, as a linear function; None where that is not linear.
 
-    def _plane(self, at_rest: float) -> LinearTorque | None:
-        """A plane through the torques at a grid of times, angles and rates, so much of those at rest taken away."""
+        A law with an additive function of time has one.
+        """
+        return self._fitted_plane(1.0)
+
+    def _fitted_plane(self, at_rest: float) -> LinearTorque | None:
+        """Returns the plane through the torques on a grid of times, angles and rates; None where they are not on one.
+
+        From each, `at_rest` [1] times the torque at zero angle and rate is subtracted.
+        """
         places = np.array(list(itertools.product(_TIMES, _ANGLES, _RATES)))
         torques = np.array(
             [self.at(t, *place) - at_rest * self.at(t, 0.0, 0.0) for t, *place in places.tolist()]
         )
         plane = np.column_stack([np.ones(len(places)), -places[:, 1], -places[:, 2]])
-        found = np.linalg.lstsq(plane, torques, rcond=None)[0]
-        rounding = _ROUNDING * max(np.abs(torques).max(), _NOTHING)
-        if np.abs(torques - plane @ found).max() > rounding:
+        coefficients = np.linalg.lstsq(plane, torques, rcond=None)[0]
+        rounding = _ROUNDING * max(np.abs(torques).max(), _NEGLIGIBLE)
+        if np.abs(torques - plane @ coefficients).max() > rounding:
             return None
-        return LinearTorque(*np.where(np.abs(found) > rounding, found, 0.0).tolist())
+        return LinearTorque(*np.where(np.abs(coefficients) > rounding, coefficients, 0.0).tolist())
 
 
 class Torques(NamedTuple):
-    """Hub torques (k) as the compiled equations of motion read them.
+    """Hub torques (k) as arrays, for compiled code.
 
     Attributes:
-      addresses: (k) of the laws.
-      first: (k) index in `values` of the first value of each.
-      values: (n) of all laws, one after the other.
-      on_motor: (k) whether each acts on the motor of a play.
-      since: instant from which the time of the laws counts [s]: the start of a recording.
+      addresses: (k) of the compiled laws.
+      first: (k) index in `values` of the first value of each law.
+      values: (n) parameters of all laws, concatenated.
+      on_motor: (k) whether each acts on the motor of a plant with backlash.
+      since: instant at which the laws' time t is 0 [s]: the start of a recording.
     """
 
     addresses: np.ndarray
@@ -123,15 +141,15 @@ class Torques(NamedTuple):
     on_motor: np.ndarray
     since: float = 0.0
 
-    def only(self, kept: np.ndarray) -> Torques:
-        """Those torques alone of which `kept` (k) is true."""
+    def select(self, kept: np.ndarray) -> Torques:
+        """Returns the torques whose entry of the mask `kept` (k) is true."""
         return self._replace(
             addresses=self.addresses[kept], first=self.first[kept], on_motor=self.on_motor[kept]
         )
 
 
 def as_arrays(torques: Sequence[HubTorque]) -> Torques:
-    """The torques as the compiled equations of motion read them."""
+    """Returns the torques as arrays; compiles their laws."""
     counts = [len(t.values) for t in torques]
     return Torques(
         np.array([t.law.address for t in torques], dtype=np.int64),
@@ -146,7 +164,7 @@ NO_TORQUES = as_arrays(())
 
 @intrinsic
 def call(typingctx, address, t, theta, omega, values, first):
-    """Calls the law at an address with the values from index `first` of an array on."""
+    """Calls the law at an address (int64) with (t, theta, omega) and a pointer to values[first]; compiled code only."""
 
     def generate(context, builder, signature, arguments):
         function, *place, array, start = arguments

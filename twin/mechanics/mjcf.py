@@ -1,21 +1,21 @@
-"""The rig as MJCF: segments, hinges, losses, motor, sensors, and what it looks like.
+"""The rig as MJCF: segments, hinges, damping, motor, sensors, and visual geometry.
 
-The link bends in the horizontal plane; every joint turns about the vertical, z. At zero angle the link lies
-along x. What the numbers of a `Chain` become:
+The link bends in the horizontal plane; every joint turns about the vertical axis z. At zero angle the link lies
+along x. How the parts of a `Chain` and a `Plant` are written:
 
-    segment     body `link_i`, a rod with explicit inertia; hub and payload are bodies welded to the end ones
-    hinge       joint `bend_i` with stiffness; the hub's is called `hub`
-    damping     D = sum_i d_i p_i p_i^T: fixed tendon `loss_i` of length p_i . q with damping d_i, each a mode
-    strain      fixed tendon `strain_base` of length half_thickness * w''(x), a row times the hinge angles
+    segment     body `link_i`, a rod with explicit inertia; hub and payload are bodies fixed to the first and last one
+    hinge       joint `bend_i` with stiffness; the hub's joint is called `hub`
+    damping     D = sum_i d_i p_i p_i^T, a term per mode: fixed tendon `loss_i` of length p_i . q with damping d_i
+    strain      fixed tendon `strain_base` of length half_thickness * w''(x), a linear function of the hinge angles
     torsion     body `torsion` on a spring on the hub's axis
-    backlash    body `rotor` with a joint of its own that the motor turns; the fixed tendon `play`, rotor less hub,
+    backlash    body `rotor` with its own joint, which the motor drives; the fixed tendon `play`, rotor less hub angle,
                 is limited to the gap
-    friction    frictionloss at the Coulomb level, for plain viewers. MuJoCo knows one level only: the
-                break-away level stands in `custom/numeric` and is applied by `twin.mechanics.mujoco_chain`. Coulomb
-                levels that differ by the direction are their mean and a constant torque, actuator `friction_difference`
+    friction    frictionloss at the Coulomb level. MuJoCo has a single level: the break-away level is stored in
+                `custom/numeric` and applied by `twin.mechanics.mujoco_chain`. Coulomb levels that differ by direction
+                are written as their mean and a constant torque, actuator `friction_difference`
     lag         a filter in the motor's actuator
     air drag    geom `drag`, a sphere in a thin fluid, at the tip
-    disturbance of one frequency on the hub: the cogging of a body `clock` that turns at a constant rate
+    sinusoidal torque of time: the cogging of a body `clock` that turns at a constant rate
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from twin.mechanics import mjcf_looks, planar
+from twin.mechanics import mjcf_visuals, planar
 from twin.mechanics.chain import Chain, curvature_row
 from twin.mechanics.hub_law import HubTorque
 from twin.mechanics.plant import CONTACT_STIFFNESS, Plant, declared_plant
@@ -34,12 +34,12 @@ from twin.recording import GAUGES, Sensor
 
 TIMESTEP = 5e-4  # s; below the stability limit 2.8 / omega_max of RK4 for up to 8 segments
 
-_SHORTEST_LAG = 1e-5  # s
-_FLUID = 1e-9  # kg/m^3; of the fluid that only the sphere of a quadratic drag feels
-_CLOCK_RATE = 1e5  # rad/s; so fast that a turn of the hub is nothing beside it
-_CLOCK_INERTIA = 1e-6  # kg m^2
+_SHORTEST_LAG = 1e-5  # s, shortest time constant written; the time step has to resolve it
+_FLUID = 1e-9  # kg/m^3, density: so low that only the sphere of the quadratic drag is affected
+_CLOCK_RATE = 1e5  # rad/s, so high that the hub's angle is negligible beside the clock's
+_CLOCK_INERTIA = 1e-6  # kg m^2; arbitrary: the damping and the drive of the clock are scaled with it
 
-_HUB_MASS = 0.6  # kg; on the axis, so that no motion depends on it
+_HUB_MASS = 0.6  # kg, assumed; its centre is on the axis, so that no motion depends on it
 
 
 def build_spec(
@@ -55,11 +55,11 @@ def build_spec(
     Args:
       rig: parameters, SI; torque_limit may be infinite or missing.
       chain: the chain of this rig.
-      plant: mechanisms to write as well as stiffness, damping and friction levels; `not_native` lists what
-        MJCF cannot say. By default the friction of the rig and nothing else.
-      torques: those of the plant on the hub.
+      plant: mechanisms to write, with stiffness, damping and friction levels; `unsupported_mechanisms` lists those
+        that MJCF has no element for. By default the rig's declared friction and nothing else.
+      torques: the hub torques of the plant.
       scene: add table, light and camera.
-      gauges: strain bridges off the link's end are left out.
+      gauges: strain gauges; those beyond the link's end are omitted.
     """
     plant = declared_plant(rig, chain) if plant is None else plant
     spec = dynamics_spec(chain, plant, rig, torques)
@@ -68,17 +68,17 @@ def build_spec(
         _add_air_drag(spec, plant.link.drag_quadratic)
     for torque in torques:
         if torque.linear is None and torque.write is not None and not torque.exact:
-            torque.write(spec, joint_of(torque, plant))
-    _add_motor(spec, rig, driven_joint(plant))
+            torque.write(spec, torque_joint(torque, plant))
+    _add_motor(spec, rig, motor_joint(plant))
     if plant.motor.lag > 0:
         _add_lag(spec, plant.motor.lag)
     _add_sensors(spec, rig, chain, gauges)
-    mjcf_looks.add_looks(spec, rig, chain, gauges)
-    return mjcf_looks.in_scene(spec) if scene else spec
+    mjcf_visuals.add_visuals(spec, rig, chain, gauges)
+    return mjcf_visuals.with_scene(spec) if scene else spec
 
 
-def not_native(plant: Plant, torques: Sequence[HubTorque] = ()) -> tuple[str, ...]:
-    """Returns the mechanisms of a plant that its MJCF leaves out; the runner applies them step by step."""
+def unsupported_mechanisms(plant: Plant, torques: Sequence[HubTorque] = ()) -> tuple[str, ...]:
+    """Returns the names of a plant's mechanisms that its MJCF lacks; `mujoco_chain` applies them at every step."""
     hub = plant.friction
     present = {
         "break-away friction above Coulomb": hub[:2] != hub[2:4],
@@ -99,16 +99,19 @@ def dynamics_spec(
     locked: bool = False,
     compact: bool = False,
 ) -> mujoco.MjSpec:
-    """Returns the moving parts alone: bodies, joints, losses and native mechanisms, no sensors, no geometry.
+    """Returns the dynamics alone: bodies, joints, damping and mechanisms that MuJoCo has; no sensors, no geometry.
 
     Args:
       chain: lengths, masses, inertias.
-      plant: stiffness, damping, hub mechanisms.
+      plant: stiffness, damping, mechanisms.
       rig: hub_inertia, tip_mass, tip_inertia.
-      torques: those of the plant on the hub.
-      locked: the hub is part of the world, at zero angle.
-      compact: the same motion in fewer operations: bodies without a joint merged into their parents, losses
-        as a triangular factor instead of one tendon per mode.
+      torques: the hub torques of the plant.
+      locked: the hub is fixed to the world at zero angle.
+      compact: same dynamics, faster: bodies without a joint are merged into their parents, and damping is written
+        as its Cholesky factor instead of one tendon per mode.
+
+    Raises:
+      ValueError: plant and chain, or plant and torques, do not belong together.
     """
     links = len(chain.lengths)
     inertia = plant.link.inertia[:links, :links].copy()
@@ -126,11 +129,13 @@ def dynamics_spec(
     spec.option.timestep = _timestep(chain, plant)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     spec.option.noslip_iterations = 3  # without it frictionloss creeps
-    # Nothing in the plane depends on the vertical component.
+    # Motion in the plane does not depend on the vertical component.
     spec.option.gravity = [plant.link.gravity_x, plant.link.gravity_y, -9.81]
     _add_bodies(spec, chain, plant, rig, locked)
     spec.compiler.fusestatic = compact
-    _add_losses(spec, _triangle(plant.link.damping) if compact else _dyads(chain, plant.link.damping))
+    _add_losses(
+        spec, _cholesky_dyads(plant.link.damping) if compact else _modal_dyads(chain, plant.link.damping)
+    )
     if plant.link.torsion_stiffness > 0:
         _add_torsion(spec, plant, float(plant.link.inertia[links, links]))
     if plant.motor.gap > 0:
@@ -140,7 +145,7 @@ def dynamics_spec(
     if not locked:
         _add_friction(spec, plant)
     for torque in torques:
-        joint = joint_of(torque, plant)
+        joint = torque_joint(torque, plant)
         if joint != "hub" or not locked:
             _add_torque(spec, joint, torque)
     if plant.link.drag_linear != 0:
@@ -149,7 +154,7 @@ def dynamics_spec(
 
 
 def _timestep(chain: Chain, plant: Plant) -> float:
-    """A round time step [s] with which the chain is stable and a contact in a play is followed."""
+    """A round time step [s] with which the chain is stable and contacts in a backlash are resolved."""
     limit = min(chain.largest_step(), plant.largest_step)
     return TIMESTEP if limit >= TIMESTEP else 1e-5 * math.floor(limit / 1e-5 + 1e-6)
 
@@ -179,7 +184,7 @@ def _add_bodies(
 
 
 def _add_torsion(spec: mujoco.MjSpec, plant: Plant, inertia: float) -> None:
-    """A disc on a spring on the hub, on its axis: behind the link, so that its joint is the last one."""
+    """Adds a disc on a spring on the hub's axis; after the link, so that its joint comes after the hinges."""
     disc = spec.body("hub").add_body(name="torsion")
     joint = disc.add_joint(name="torsion", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
     joint.stiffness[0], joint.damping[0] = plant.link.torsion_stiffness, plant.link.torsion_damping
@@ -187,14 +192,17 @@ def _add_torsion(spec: mujoco.MjSpec, plant: Plant, inertia: float) -> None:
 
 
 def _add_rotor(spec: mujoco.MjSpec, plant: Plant) -> None:
-    """The motor of a backlash, on the hub's axis: behind all others, so that its joint is the last one."""
+    """Adds the motor of a backlash on the hub's axis; after all other bodies, so that its joint is the last one."""
     rotor = spec.worldbody.add_body(name="rotor")
     rotor.add_joint(name="rotor", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
     _set_inertia(rotor, 1e-3, 0.0, plant.motor.inertia)
 
 
 def _add_play(spec: mujoco.MjSpec, plant: Plant) -> None:
-    """Flanks as limits of a tendon: stiffness and damping of a constraint are per unit of the inertia it moves."""
+    """Adds the flanks of a backlash as limits of a tendon.
+
+    Stiffness and damping of a MuJoCo constraint are per effective inertia, here that of motor and hub in series.
+    """
     play = spec.add_tendon(name="play", group=5)
     play.wrap_joint("rotor", 1.0)
     play.wrap_joint("hub", -1.0)
@@ -204,20 +212,20 @@ def _add_play(spec: mujoco.MjSpec, plant: Plant) -> None:
     play.solref_limit = [-CONTACT_STIFFNESS / together, -planar.contact_damping(plant) / together]
 
 
-def joint_of(torque: HubTorque, plant: Plant) -> str:
-    """Name of the joint that a torque acts on: the hub's, or the motor's where there is a play between them."""
-    return driven_joint(plant) if torque.on_motor else "hub"
+def torque_joint(torque: HubTorque, plant: Plant) -> str:
+    """Returns the joint on which a torque acts: the hub's, or the motor's if there is backlash and it acts there."""
+    return motor_joint(plant) if torque.on_motor else "hub"
 
 
-def driven_joint(plant: Plant) -> str:
-    """Name of the joint that the motor turns: the hub's, or its own where there is a play between them."""
+def motor_joint(plant: Plant) -> str:
+    """Returns the joint that the motor drives: the hub's, or its own if there is backlash."""
     return "rotor" if plant.motor.gap > 0 else "hub"
 
 
 def _set_inertia(body: mujoco.MjsBody, mass: float, centre: float, about_z: float) -> None:
-    """Mass [kg] at `centre` [m] along x with the inertia [kg m^2] about the vertical through it.
+    """Sets mass [kg], its centre along x [m], and the moment of inertia about the vertical through it [kg m^2].
 
-    The other two never act in the plane; they are such that a body with them can exist.
+    The other two moments do not affect motion in the plane; they satisfy the triangle inequality.
     """
     body.explicitinertial = True
     body.mass, body.ipos = mass, [centre, 0, 0]
@@ -228,7 +236,7 @@ _Dyads = list[tuple[np.ndarray, float]]
 
 
 def _add_losses(spec: mujoco.MjSpec, dyads: _Dyads) -> None:
-    """D = sum_i d_i p_i p_i^T as tendons of length p_i . q with damping d_i."""
+    """Adds D = sum_i d_i p_i p_i^T as tendons of length p_i . q with damping d_i; dyads are (p_i, d_i)."""
     for i, (coefficients, value) in enumerate(dyads, start=1):
         tendon = spec.add_tendon(name=f"loss_{i}", group=5)
         tendon.damping[0] = value
@@ -236,8 +244,8 @@ def _add_losses(spec: mujoco.MjSpec, dyads: _Dyads) -> None:
             tendon.wrap_joint(f"bend_{hinge + 1}", coefficients[hinge])
 
 
-def _triangle(damping: np.ndarray) -> _Dyads:
-    """D = L L^T, from the root outwards."""
+def _cholesky_dyads(damping: np.ndarray) -> _Dyads:
+    """Dyads of the Cholesky factor, D = L L^T; hinges without damping are omitted."""
     if not np.any(damping):
         return []
     lossy = np.flatnonzero(np.diag(damping))
@@ -246,13 +254,13 @@ def _triangle(damping: np.ndarray) -> _Dyads:
     return [(column, 1.0) for column in factor.T]
 
 
-def _dyads(chain: Chain, damping: np.ndarray) -> _Dyads:
-    """One p_i = M phi_i for each free mode, scaled to a largest part of 1."""
+def _modal_dyads(chain: Chain, damping: np.ndarray) -> _Dyads:
+    """Dyads (p_i, d_i) with p_i = M phi_i of the free modes, largest element 1; eigenvectors if D is not modal."""
     if not np.any(damping):
         return []
     frequencies, shapes = chain.modes("free")
     momenta = (chain.mass_matrix() @ shapes)[1:]
-    # The share of each free mode, if it is these that the losses are declared for.
+    # D in the basis of the free modes' momenta: diagonal if damping is modal in the free modes.
     shares = np.linalg.solve(momenta, np.linalg.solve(momenta, damping).T)
     values = np.diag(shares).copy()
     if not np.allclose(shares, np.diag(values), rtol=0, atol=1e-9 * values.max()):
@@ -274,14 +282,14 @@ def _add_friction(spec: mujoco.MjSpec, plant: Plant) -> None:
 
 
 def _add_torque(spec: mujoco.MjSpec, name: str, torque: HubTorque) -> None:
-    """A linear torque as stiffness and damping of its joint, another one as the exact element that it has, if any."""
+    """Adds a linear torque as stiffness and damping of its joint, another one as its exact MuJoCo element, if any."""
     if torque.linear is None:
         if torque.write is not None and torque.exact:
             torque.write(spec, name)
         return
     constant, stiffness, damping = torque.linear
     joint = spec.joint(name)
-    # Of several springs k_i (theta - r_i), the sum of k_i is one about the mean of r_i, weighted by k_i.
+    # Springs k_i (theta - r_i) add up to one of stiffness sum k_i about the mean of r_i weighted by k_i.
     pull = joint.stiffness[0] * joint.springref
     joint.damping[0] += damping
     joint.stiffness[0] += stiffness
@@ -292,34 +300,34 @@ def _add_torque(spec: mujoco.MjSpec, name: str, torque: HubTorque) -> None:
 
 
 def _add_constant(spec: mujoco.MjSpec, name: str, torque: float, joint: str = "hub") -> None:
-    """A torque [N m] on a joint that no command changes."""
+    """Adds a constant torque [N m] on a joint."""
     constant = _actuator(spec, joint, name)
     constant.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     constant.gainprm[0], constant.biasprm[0] = 0.0, torque
 
 
 def _add_friction_difference(spec: mujoco.MjSpec, plant: Plant) -> None:
-    """Half of what friction is stronger forwards: with it, a symmetric one has both levels, at rest as well."""
+    """Adds half of the difference of the Coulomb levels as a constant torque: frictionloss has their mean."""
     if plant.friction.coulomb_positive != plant.friction.coulomb_negative:
         half = (plant.friction.coulomb_positive - plant.friction.coulomb_negative) / 2
         _add_constant(spec, "friction_difference", -half)
 
 
-def add_wave(
+def add_sinusoid(
     spec: mujoco.MjSpec, joint: str, name: str, amplitude: float, order: float, phase: float
 ) -> None:
-    """Torque amplitude * sin(order * theta + phase) [N m] on a joint: the cogging of MuJoCo's motor."""
-    set_wave(_actuator(spec, joint, name), amplitude, order, phase)
+    """Adds the torque amplitude * sin(order * theta + phase) [N m] on a joint: the cogging of MuJoCo's motor."""
+    set_sinusoid(_actuator(spec, joint, name), amplitude, order, phase)
 
 
-def set_wave(actuator: mujoco.MjsActuator, amplitude: float, order: float, phase: float) -> None:
-    """Makes an actuator pull with amplitude * sin(order * length + phase)."""
-    # A motor without a winding to speak of: its torque constant may not be 0.
+def set_sinusoid(actuator: mujoco.MjsActuator, amplitude: float, order: float, phase: float) -> None:
+    """Makes an actuator exert amplitude * sin(order * length + phase), the cogging of MuJoCo's motor."""
+    # MuJoCo rejects a torque constant of 0.
     actuator.set_to_dcmotor(motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[amplitude, order, phase])
 
 
 def add_tip_drag(spec: mujoco.MjSpec, drag: float) -> None:
-    """Force ctrl - drag * velocity [N] on the payload, along two fixed axes in the plane."""
+    """Adds the force ctrl - drag * velocity [N] on the payload, along two fixed axes in the plane."""
     spec.worldbody.add_site(name="axis", group=4)
     for name, direction in (("drag_x", [1, 0, 0, 0, 0, 0]), ("drag_y", [0, 1, 0, 0, 0, 0])):
         actuator = spec.add_actuator(name=name, target="tip", trntype=mujoco.mjtTrn.mjTRN_SITE)
@@ -329,25 +337,25 @@ def add_tip_drag(spec: mujoco.MjSpec, drag: float) -> None:
 
 
 def _add_air_drag(spec: mujoco.MjSpec, drag: float) -> None:
-    """Force -drag |v| v [N] on the payload, v its tip's velocity.
+    """Adds the force -drag |v| v [N] on the payload, v being the velocity of the tip.
 
-    MuJoCo's blunt drag of a sphere is density * coefficient * area * |v| v. Of so thin a fluid no other body feels
-    anything.
+    MuJoCo's blunt drag of a sphere is density * coefficient * area * |v| v. The density is so low, and the coefficient
+    so high, that no other body is affected.
     """
     spec.option.density = _FLUID
     ball = spec.body("payload").add_geom(name="drag", type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=0, group=4)
-    ball.size[0] = mjcf_looks.HALF_THICKNESS
+    ball.size[0] = mjcf_visuals.HALF_THICKNESS
     ball.contype = ball.conaffinity = 0
     ball.fluid_ellipsoid = 1
-    ball.fluid_coefs = [drag / (_FLUID * math.pi * mjcf_looks.HALF_THICKNESS**2), 0, 0, 0, 0]
+    ball.fluid_coefs = [drag / (_FLUID * math.pi * mjcf_visuals.HALF_THICKNESS**2), 0, 0, 0, 0]
 
 
-def add_clock_wave(spec: mujoco.MjSpec, frequency: float, amplitude: float, phase: float) -> None:
-    """Torque amplitude sin(2 pi frequency t + phase) on the hub.
+def add_time_sinusoid(spec: mujoco.MjSpec, frequency: float, amplitude: float, phase: float) -> None:
+    """Adds the torque amplitude sin(2 pi frequency t + phase) on the hub.
 
-    Half of it is a wave over the angles clock + hub, half over clock - hub: the hub's own angle is left in the sum
-    by the square of its tiny share, and their pulls at the clock cancel. Once started, the clock is one time constant
-    late.
+    A body `clock` turns at a constant rate. Half of the torque is a sinusoid of the angle clock + hub, the other half
+    of clock - hub: the hub's angle enters their sum by the square of its small share only, and their reactions on the
+    clock cancel. After its start, the clock lags by one time constant, which the phase corrects.
     """
     late = spec.option.timestep
     clock = spec.worldbody.add_body(name="clock")
@@ -361,7 +369,7 @@ def add_clock_wave(spec: mujoco.MjSpec, frequency: float, amplitude: float, phas
         tendon.wrap_joint("clock", 1.0)
         tendon.wrap_joint("hub", sign)
         half = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-        set_wave(half, sign * amplitude / 2, omega / _CLOCK_RATE, phase + omega * late)
+        set_sinusoid(half, sign * amplitude / 2, omega / _CLOCK_RATE, phase + omega * late)
 
 
 def _actuator(spec: mujoco.MjSpec, joint: str, name: str) -> mujoco.MjsActuator:
@@ -380,9 +388,9 @@ def _add_motor(spec: mujoco.MjSpec, rig: Mapping[str, float], joint: str) -> Non
 
 
 def _add_lag(spec: mujoco.MjSpec, lag: float) -> None:
-    """The motor's torque follows its command with a time constant [s] that the time step, halved if need be, resolves.
+    """Adds a first-order lag [s] of the motor's torque; halves the time step until it resolves the lag.
 
-    MuJoCo's "filterexact" is not exact between the stages of RK4; its "filter" is of the fourth order there.
+    MuJoCo's "filterexact" is not exact between the stages of RK4; its "filter" is integrated to fourth order.
     """
     motor = spec.actuator("motor")
     motor.dyntype, motor.dynprm[0] = mujoco.mjtDyn.mjDYN_FILTER, max(lag, _SHORTEST_LAG)
@@ -399,7 +407,7 @@ def _add_sensors(
     for gauge in gauges:
         _add_strain(spec, gauge, curvature_row(chain, rig, gauge.position))
     spec.add_sensor(name="tip", type=kind.mjSENS_FRAMEPOS, objtype=site, objname="tip")
-    # Seen from the hub: its second component is the tip deflection w_c(l, t).
+    # In the hub's frame: the second component is the tip deflection w_c(l, t).
     hub = {"reftype": mujoco.mjtObj.mjOBJ_XBODY, "refname": "hub"}
     spec.add_sensor(name="tip_from_hub", type=kind.mjSENS_FRAMEPOS, objtype=site, objname="tip", **hub)
     spec.add_sensor(name="tip_acceleration", type=kind.mjSENS_ACCELEROMETER, objtype=site, objname="tip")
@@ -408,7 +416,7 @@ def _add_sensors(
 
 
 def _add_strain(spec: mujoco.MjSpec, gauge: Sensor, row: np.ndarray) -> None:
-    """A tendon as long as the strain half_thickness * w''(x); the sensor reads its length."""
+    """Adds a tendon whose length is the strain half_thickness * w''(x), and the sensor of its length."""
     tendon = spec.add_tendon(name=gauge.channel, group=5)
     for hinge, coefficient in enumerate(gauge.half_thickness * row, start=1):
         tendon.wrap_joint(f"bend_{hinge}", coefficient)

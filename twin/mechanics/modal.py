@@ -1,4 +1,4 @@
-"""The linear model of Bossi et al. 2009, section III, in its exact modes.
+"""The linear model of Bossi et al. 2009, section III, in the exact modes of the link.
 
     J alpha_tt = tau
     delta_i_tt + 2 zeta omega_i delta_i_t + omega_i^2 delta_i = phi_i'(0) tau
@@ -26,7 +26,7 @@ from twin.recording import Sensor
 if TYPE_CHECKING:
     import control
 
-# Free modes that make up a clamped one. What is left out falls as their number^-3 at worst (no hub inertia).
+# Number of free modes beyond n in which a clamped mode is expanded; the truncation error falls at least as number^-3.
 _MODES_FOR_CLAMP = 60
 
 
@@ -90,8 +90,8 @@ def clamped_state_space(
 def released_state(rig: Mapping[str, float], n: int, deflection: float) -> np.ndarray:
     """Returns the state (2n) of `clamped_state_space` at rest, the tip held aside by a force.
 
-    delta_i = F phi_i(l) / omega_i^2 with F = 3 EI deflection / l^3. The share of the modes left out of the
-    `deflection` [m] is missing.
+    delta_i = F phi_i(l) / omega_i^2 with F = 3 EI deflection / l^3. The n modes give slightly less than the
+    `deflection` [m]: the share of the omitted modes is missing.
     """
     flexible = modes(rig, n, "clamped")
     force = deflection / static_tip_compliance(rig)
@@ -100,9 +100,9 @@ def released_state(rig: Mapping[str, float], n: int, deflection: float) -> np.nd
 
 
 def clamped_damping_ratios(rig: Mapping[str, float], n: int) -> np.ndarray:
-    """Returns the damping ratios (n) [1] of the clamped modes that the losses of the free modes give.
+    """Returns the damping ratios (n) [1] of the clamped modes that follow from the losses of the free modes.
 
-    A clamped mode of frequency omega_c is the free rig shaken at omega_c by the torque R that holds the hub:
+    A clamped mode of frequency omega_c is the free rig driven at omega_c by the torque R that holds the hub:
 
         alpha = -R / (J omega_c^2)        delta_i = R phi_i'(0) / (omega_i^2 - omega_c^2)
 
@@ -116,17 +116,17 @@ def clamped_damping_ratios(rig: Mapping[str, float], n: int) -> np.ndarray:
     free = modes(rig, n + _MODES_FOR_CLAMP)
     omega, omega_c = free.frequencies, modes(rig, n, "clamped").frequencies[:, None]
     gap = omega**2 - omega_c**2
-    # A hub so heavy that it stands still anyway: the free mode is the clamped one.
+    # With a very heavy hub, free and clamped frequency coincide: avoid the division by zero.
     gap[gap == 0] = np.finfo(float).tiny ** 0.5
     delta = free.shape(0.0, 1)[:, 0] / gap
     modal_mass = 1 / (rigid_inertia(rig) * omega_c[:, 0] ** 4) + np.sum(delta**2, axis=1)
     return rig["damping_ratio"] * np.sum(omega * delta**2, axis=1) / (omega_c[:, 0] * modal_mass)
 
 
-def held_response(
+def zero_order_hold_response(
     system: LinearSystem, time: np.ndarray, inputs: ArrayLike, start: ArrayLike | None = None
 ) -> np.ndarray:
-    """Returns the outputs at each instant, inputs held from their sample to the next; exact.
+    """Returns the outputs at each instant under inputs held from sample to sample (zero-order hold), exactly.
 
     x_(k+1) = exp(A dt) x_k + int_0^dt exp(A s) ds B u_k, both from the exponential of [[A, B], [0, 0]] dt
     (C. F. Van Loan, "Computing integrals involving the matrix exponential", IEEE Trans. AC 23, 1978).
@@ -150,16 +150,17 @@ def held_response(
         raise ValueError(f"inputs have shape {np.shape(inputs)}; expected ({len(time)}, {B.shape[1]})")
     states = np.zeros((len(time), len(A)))
     states[0] = 0.0 if start is None else start
-    # Steps that differ by rounding only share one exponential.
+    # Steps that are equal but for rounding share one matrix exponential.
     steps = [float(f"{step:.12g}") for step in np.diff(time)]
-    held = {step: _held_step(A, B, step) for step in set(steps)}
+    held = {step: _zero_order_hold(A, B, step) for step in set(steps)}
     for k, step in enumerate(steps):
         phi, gamma = held[step]
         states[k + 1] = phi @ states[k] + gamma @ u[k]
     return states @ np.asarray(system.C).T + u @ np.asarray(system.D).T
 
 
-def _held_step(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _zero_order_hold(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Returns exp(A step) and int_0^step exp(A s) ds B."""
     size = len(A)
     augmented = np.zeros((size + B.shape[1],) * 2)
     augmented[:size, :size], augmented[:size, size:] = A, B
@@ -168,7 +169,7 @@ def _held_step(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, n
 
 
 def _strain_rows(flexible: Modes, gauges: Sequence[Sensor]) -> dict[str, np.ndarray]:
-    """Strain per modal amplitude at each gauge: half thickness times curvature."""
+    """Rows (n) from modal amplitudes to the strain at each gauge: half thickness times curvature."""
     return {g.channel: g.half_thickness * flexible.shape(g.position, 2)[:, 0] for g in gauges}
 
 
@@ -181,7 +182,7 @@ def _second_order(
     name_of_input: str,
 ) -> control.StateSpace:
     """q_tt + 2 zeta omega q_t + omega^2 q = force u; outputs are linear in q."""
-    import control  # takes a second, which the command line need not wait for
+    import control  # the import takes a second: only where it is needed
 
     n = len(frequencies)
     A = np.zeros((2 * n, 2 * n))

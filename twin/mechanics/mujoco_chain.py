@@ -1,18 +1,18 @@
-"""The rig simulated by MuJoCo, stick and slip located inside the step.
+"""The rig simulated by MuJoCo, with stick and slip of the hub located inside a step.
 
-Two compiled models share the work: one with the hub's joint, for a hub that slides, and one without it, for a
-hub that sticks or is locked; a hub that is part of the world cannot creep. Both step with MuJoCo's RK4.
+Two compiled models are used in turn: one with the hub's joint while the hub slides, and one without it while the hub
+sticks or is locked, so that it cannot creep. Both step with MuJoCo's RK4.
 
-Friction is as in `twin.mechanics.planar`, against which a test holds this module. Sliding, it is a torque of constant
-direction. Where the hub's rate would cross zero, the step is taken again up to the crossing; there the hub
-sticks if the torque that holds it stays below the static level. With the model that has the joint, at the
-same state, that torque is
+Friction is that of `twin.mechanics.planar`, with which a test compares this module. While the hub slides, it is a
+torque of constant direction. Where the hub's rate would cross zero, the step is repeated up to the crossing; there the
+hub sticks if the torque that holds it does not exceed the static level. Evaluated at the same state in the model with
+the joint, that torque is
 
     needed = theta_tt / (M^-1)_00          theta_tt: acceleration of a hub without dry friction
 
-What `mjcf.dynamics_spec` does not have is added in a control callback at every stage of the step,
-so that the order of the integration stays four. The callback is global to the process: it is set for the time
-of a call only, and two simulations with such mechanisms cannot run in two threads of one process.
+Forces that `mjcf.dynamics_spec` has no element for are applied in a control callback at every stage of a step, so that
+the integration remains of fourth order. The callback is global to the process: it is set during a call only, and two
+simulations with such forces cannot run in two threads of one process.
 """
 
 from __future__ import annotations
@@ -27,18 +27,19 @@ import numpy as np
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubTorque
 from twin.mechanics.mujoco_model import ChainModel
-from twin.mechanics.planar import TIME_TOLERANCE
+from twin.mechanics.planar import EVENT_TOLERANCE
 from twin.mechanics.plant import Plant
 
-_NO_TIME = 1e-12  # s, what rounding leaves of a span
-_UNWATCHED = 2.5e-3  # s, longest time without a look for stick and slip: 1/10 of the third mode's period
+_NO_TIME = 1e-12  # s, remainder of a span by rounding
+_LONGEST_UNCHECKED = 2.5e-3
+"""Longest time between two checks for stick and slip [s]: 1/10 of the third mode's period."""
 
 
 class MujocoChain:
-    """A chain with its friction and mechanisms, simulated by MuJoCo; holds its state between calls.
+    """A chain with its friction and mechanisms, simulated by MuJoCo; keeps its state between calls.
 
-    Angles and rates go in and come out as in `twin.mechanics.planar`: absolute, of the n + 1 segments, the hub's first.
-    The torque limit is the caller's.
+    Angles and rates of the interface are absolute, as in `twin.mechanics.planar`: of the n + 1 segments, the hub's
+    first, then of appended coordinates. Commands are not limited: that is up to the caller.
     """
 
     def __init__(
@@ -49,8 +50,11 @@ class MujocoChain:
         Args:
           rig: hub_inertia, tip_mass, tip_inertia.
           chain: the segments.
-          plant: what acts on them; its inertia must be that of the chain.
-          torques: those of the plant on the hub.
+          plant: the numbers of its equations of motion; their inertia must be that of the chain.
+          torques: the hub torques of the plant.
+
+        Raises:
+          ValueError: plant and chain, or plant and torques, do not belong together.
         """
         self._plant, self._size, self._links = plant, len(plant.link.lengths), len(chain.lengths)
         self._largest_step = chain.largest_step()
@@ -73,13 +77,13 @@ class MujocoChain:
 
     @property
     def torque(self) -> float:
-        """Torque of the motor now [N m], behind its lag."""
+        """Delivered torque of the motor now [N m], lag included."""
         return self._delivered(self._time)
 
     @property
     def joints(self) -> np.ndarray:
         """Joint angles, hub and hinges (n + 1) [rad]: the qpos of `mjcf.build_spec`'s model."""
-        return self._put_state(np.empty(self._size), np.empty(self._size))[0]
+        return self._write_state(np.empty(self._size), np.empty(self._size))[0]
 
     @property
     def angles(self) -> np.ndarray:
@@ -89,7 +93,7 @@ class MujocoChain:
     @property
     def rates(self) -> np.ndarray:
         """Absolute rates of the segments (n + 1) [rad/s]."""
-        return self._absolute(self._put_state(np.empty(self._size), np.empty(self._size))[1])
+        return self._absolute(self._write_state(np.empty(self._size), np.empty(self._size))[1])
 
     def reset(
         self,
@@ -108,30 +112,30 @@ class MujocoChain:
           mode: 0 the hub sticks, +1 or -1 it slides.
           time: time [s].
           clamped: the hub is locked.
-          torque: delivered torque so far [N m], where an actuator lag remembers it.
+          torque: torque that was delivered until now [N m], from which an actuator lag starts.
         """
         rates = np.zeros(len(phi)) if omega is None else omega
         self._time, self._mode, self._clamped = float(time), int(mode), bool(clamped)
         self._u = self._u_before = float(torque)
         self._since = self._time
-        self._remaining, self._change = math.nan, 0.0
+        self._last_margin, self._margin_change = math.nan, 0.0
         self._hub = float(phi[0])
         qpos, qvel = self._relative(phi), self._relative(rates)
         if self._is_locked:
             self._locked.set_state(qpos[1:], qvel[1:])
-            self._locked.turn(self._hub)
+            self._locked.lock_at(self._hub)
         else:
             self._sliding.set_state(qpos, qvel)
 
     # Motion
 
     def advance(self, torque: float, span: float, h_max: float | None = None) -> None:
-        """Moves on by `span` [s] under a held torque command [N m].
+        """Integrates over `span` [s] under a held torque command [N m].
 
         Steps are at most `h_max` [s], by default the largest that is stable.
         """
         self._command(torque)
-        with self._extras():
+        with self._control_callback():
             self._advance(span, self._largest_step if h_max is None else h_max)
 
     def simulate(
@@ -149,7 +153,7 @@ class MujocoChain:
 
         Args:
           command_time, command: (k) instants [s] and torque [N m] held from each to the next; 0 before them.
-          out_time: (m) instants at which the state is wanted [s].
+          out_time: (m) instants at which the state is returned [s].
           phi0, omega0: (n + 1) state at out_time[0].
           mode0: 0 hub sticks, +1 or -1 it slides.
           clamped: the hub is locked.
@@ -160,14 +164,14 @@ class MujocoChain:
         """
         start = float(out_time[0])
         self.reset(phi0, omega0, mode0, start, clamped)
-        instants, torques = _from(start, command_time, command)
+        instants, torques = _commands_from(start, command_time, command)
         if (settled := int(np.searchsorted(command_time, start - 1e-9)) - 1) >= 0:
             self._u = self._u_before = float(command[settled])
         angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
         modes = np.empty(len(out_time))
         h_largest = self._largest_step if h_max is None else h_max
         pointer = 0
-        with self._extras():
+        with self._control_callback():
             for row, wanted in enumerate(out_time.tolist()):
                 while self._time < wanted - _NO_TIME:
                     while pointer < len(instants) and instants[pointer] <= self._time + _NO_TIME:
@@ -175,14 +179,14 @@ class MujocoChain:
                         pointer += 1
                     end = min(wanted, instants[pointer]) if pointer < len(instants) else wanted
                     self._advance(end - self._time, h_largest)
-                self._put_state(angles[row], rates[row])
+                self._write_state(angles[row], rates[row])
                 modes[row] = self._mode
         return self._absolute(angles), self._absolute(rates), modes
 
-    # Inside
+    # Integration
 
     def _absolute(self, joints: np.ndarray) -> np.ndarray:
-        """Angles of the segments, and of extra coordinates behind them, from those of the joints (..., n + 1)."""
+        """Absolute angles (..., n + 1 + k) from joint angles."""
         angles = np.array(joints)
         np.cumsum(joints[..., : self._links], axis=-1, out=angles[..., : self._links])
         if self._plant.link.torsion_stiffness > 0:
@@ -190,7 +194,7 @@ class MujocoChain:
         return angles
 
     def _relative(self, angles: np.ndarray) -> np.ndarray:
-        """Joint angles (n + 1) from absolute ones."""
+        """Joint angles (n + 1 + k) from absolute angles."""
         joints = np.array(angles, dtype=float)
         joints[: self._links] = np.diff(angles[: self._links], prepend=0.0)
         if self._plant.link.torsion_stiffness > 0:
@@ -201,7 +205,7 @@ class MujocoChain:
     def _is_locked(self) -> bool:
         return self._clamped or self._mode == 0
 
-    def _put_state(self, angles: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _write_state(self, angles: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Writes hub and hinge angles and rates to the arrays (n + 1 each); returns them."""
         if self._is_locked:
             angles[0], rates[0] = self._hub, 0.0
@@ -213,10 +217,10 @@ class MujocoChain:
     def _command(self, torque: float) -> None:
         self._u_before = self._delivered(self._time)
         self._u, self._since = float(torque), self._time
-        self._remaining = math.nan
+        self._last_margin = math.nan
 
     def _delivered(self, time: float) -> float:
-        """Torque of the motor [N m], `lag` behind the command."""
+        """Delivered torque of the motor at a time [s] [N m], with its first-order lag behind the command."""
         if self._plant.motor.lag <= 0:
             return self._u
         return self._u + (self._u_before - self._u) * math.exp((self._since - time) / self._plant.motor.lag)
@@ -224,93 +228,93 @@ class MujocoChain:
     def _advance(self, span: float, h_max: float) -> None:
         end = self._time + span
         h_max = min(h_max, self._plant.largest_step)
-        # A contact in a play is over within a few steps: every one is looked at.
-        unwatched = 0.0 if self._plant.motor.gap > 0 else _UNWATCHED
+        # A contact of the backlash lasts a few steps only: check after each.
+        unchecked = 0.0 if self._plant.motor.gap > 0 else _LONGEST_UNCHECKED
         while (left := end - self._time) > _NO_TIME:
             steps = max(1, math.ceil(left / h_max - 1e-9))
             if self._clamped:
-                self._locked.push(self._u, 0)
+                self._locked.apply_torque(self._u, 0)
                 self._locked.step(self._time, left / steps, steps)
                 break
             h = left / steps
-            self._move(h, min(steps, int(unwatched / h)))
+            self._move(h, min(steps, int(unchecked / h)))
         self._time = end
 
     def _move(self, h: float, steps: int) -> None:
-        """Moves on in the present mode: by several steps while its end is far, else by one or a part of one.
+        """Integrates in the present mode: by several steps while its end is far, else by one, or up to the mode's end.
 
-        Far: what remains of the mode is more than what it changed by over the several steps.
+        The end is far if the margin (see `_mode_margin`) is larger than its change over the several steps.
         """
-        before = self._remaining if self._remaining == self._remaining else self._remains()
+        before = self._last_margin if self._last_margin == self._last_margin else self._mode_margin()
         if self._mode == 0 and before < 0:
-            self._switch()
+            self._switch_mode()
             return
         model, start, mode = self._locked if self._mode == 0 else self._sliding, self._time, self._mode
         model.save()
-        model.push(self._u, mode)
+        model.apply_torque(self._u, mode)
 
-        def remaining(length: float, count: int = 1) -> float:
+        def margin_after(length: float, count: int = 1) -> float:
             model.step(start, length / count, count)
             self._time = start + length
-            return self._remains()
+            return self._mode_margin()
 
-        if steps > 1 and before > 2 * self._change:
-            after = remaining(steps * h, steps)
-            self._change = abs(after - before)
-            if min(before, after) > self._change:
-                self._remaining = after
+        if steps > 1 and before > 2 * self._margin_change:
+            after = margin_after(steps * h, steps)
+            self._margin_change = abs(after - before)
+            if min(before, after) > self._margin_change:
+                self._last_margin = after
                 return
             model.restore()
-            model.push(self._u, mode)
+            model.apply_torque(self._u, mode)
 
-        after = remaining(h)
-        self._change, self._remaining = steps * abs(after - before), after
+        after = margin_after(h)
+        self._margin_change, self._last_margin = steps * abs(after - before), after
         if after < 0:
-            _crossing(remaining, model.restore, h, before, after)
-            self._switch()
+            _locate_zero(margin_after, model.restore, h, before, after)
+            self._switch_mode()
 
-    def _remains(self) -> float:
-        """What is left before the mode ends: rate [rad/s] of a sliding hub, static friction [N m] at rest."""
+    def _mode_margin(self) -> float:
+        """Margin to the end of the present mode: rate [rad/s] of a sliding hub, or unused static friction [N m]."""
         if self._mode == 0:
-            return self._margin()
+            return self._stiction_margin()
         return float(self._sliding.qvel[0]) * self._mode
 
-    def _switch(self) -> None:
-        """The mode is at its end: the rate of a sliding hub is zero, or friction cannot hold one at rest."""
-        self._remaining, self._change = math.nan, 0.0
+    def _switch_mode(self) -> None:
+        """Switches the mode at its end: the rate of a sliding hub is zero, or friction cannot hold one at rest."""
+        self._last_margin, self._margin_change = math.nan, 0.0
         sliding = self._sliding
         if self._mode == 0:
-            # `_margin` has just put the sliding model at this state.
+            # `_stiction_margin` has just set the sliding model to this state.
             self._mode = 1 if sliding.needed > 0 else -1
             return
         sliding.qvel[0] = 0.0
         theta = self._hub = float(sliding.qpos[0])
-        needed = self._needed()
+        needed = self._holding_torque()
         if abs(needed) > self._static(theta, needed):
             self._mode = 1 if needed > 0 else -1
             return
         self._mode = 0
         self._locked.set_state(sliding.qpos[1:], sliding.qvel[1:])
-        self._locked.turn(theta)
+        self._locked.lock_at(theta)
 
-    def _margin(self) -> float:
-        """How much more than what is needed static friction can bear [N m]; negative: the hub breaks away.
+    def _stiction_margin(self) -> float:
+        """Static friction level less the torque that holds the hub [N m]; negative: the hub breaks away.
 
-        Leaves the model with the hub's joint at the present state of the locked one.
+        Sets the model with the hub's joint to the present state of the locked one.
         """
         sliding, locked = self._sliding, self._locked
         sliding.qpos[0], sliding.qvel[0] = self._hub, 0.0
         sliding.qpos[1:], sliding.qvel[1:] = locked.qpos, locked.qvel
-        needed = self._needed()
+        needed = self._holding_torque()
         return self._static(self._hub, needed) - abs(needed)
 
-    def _needed(self) -> float:
-        """Torque [N m] that friction must bear to keep the hub where it is."""
-        self._sliding.push(self._u, 0)
+    def _holding_torque(self) -> float:
+        """Torque [N m] of friction, reversed, that keeps the hub at rest; at the state of the model with the joint."""
+        self._sliding.apply_torque(self._u, 0)
         return self._sliding.torque_to_hold(self._time)
 
     def _static(self, theta: float, direction: float) -> float:
-        """As `planar.static_level`, without the price of handing a whole plant to compiled code."""
+        """Static level [N m], as `planar.static_level`; avoids the cost of passing a plant to compiled code."""
         p = self._plant
         level, _ = p.friction.levels(direction)
         if p.friction.amplitude != 0:
@@ -318,9 +322,9 @@ class MujocoChain:
         return level
 
     @contextmanager
-    def _extras(self) -> Iterator[None]:
-        """Installs the callback for the mechanisms that MuJoCo does not have, if there are any."""
-        force = self._extra_force()
+    def _control_callback(self) -> Iterator[None]:
+        """Installs the control callback during a call, if the plant has forces without a MuJoCo element."""
+        force = self._forces_without_element()
         if force is None:
             yield
             return
@@ -331,8 +335,8 @@ class MujocoChain:
         finally:
             mujoco.set_mjcb_control(before)
 
-    def _extra_force(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
-        """Returns a control callback that adds what varies within a step and the models do not have, if anything."""
+    def _forces_without_element(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
+        """Returns a control callback that applies forces which vary within a step and have no element; None without."""
         p, sliding, locked = self._plant, self._sliding, self._locked
         hub = bool(sliding.varying) or p.motor.lag > 0 or p.friction.stribeck_velocity > 0 or p.motor.gap > 0
         soft, drag, shaken = p.link.softening != 0, p.link.drag_quadratic != 0, p.link.is_shaken
@@ -343,38 +347,40 @@ class MujocoChain:
         def force(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             which = sliding if model.nv == joints else locked
             if hub:
-                which.vary_torque(data.time, self._delivered(data.time) - self._u)
+                which.apply_varying_torques(data.time, self._delivered(data.time) - self._u)
             if soft:
-                which.soften()
+                which.apply_softening()
             if drag:
-                which.drag_tip()
+                which.apply_tip_drag()
             if shaken:
-                which.shake(data.time)
+                which.apply_base_acceleration(data.time)
 
         return force
 
 
-def _from(start: float, instants: np.ndarray, torques: np.ndarray) -> tuple[list[float], list[float]]:
-    """The commands that act from `start` on: the last one at or before it, and all later ones."""
+def _commands_from(
+    start: float, instants: np.ndarray, torques: np.ndarray
+) -> tuple[list[float], list[float]]:
+    """Returns the commands that act from `start` on: the last one at or before it, and all later ones."""
     first = max(int(np.searchsorted(instants, start + _NO_TIME, side="right")) - 1, 0)
     return instants[first:].tolist(), torques[first:].tolist()
 
 
-def _crossing(
+def _locate_zero(
     value: Callable[[float], float], restore: Callable[[], None], high: float, at_low: float, at_high: float
 ) -> float:
-    """Returns where `value` has just become negative between 0 and `high`, within TIME_TOLERANCE.
+    """Returns a point between 0 and `high` at which `value` has just become negative, within EVENT_TOLERANCE.
 
-    Regula falsi, one end's value halved when the other moves twice (M. Dowell, P. Jarratt, BIT 11, 1971).
-    `restore` goes before each call of `value`, the last of which is at the returned place: its effects stand.
-    Never 0, so that time goes on.
+    Illinois algorithm: regula falsi with one end's value halved when the other moves twice (M. Dowell, P. Jarratt,
+    BIT 11, 1971). `restore` is called before each call of `value`, the last of which is at the returned point and
+    leaves the state there. The point is never 0, so that time advances.
     """
     low, moved, last = 0.0, 0, high
     at_low = max(at_low, 0.0)
-    while high - low > TIME_TOLERANCE:
+    while high - low > EVENT_TOLERANCE:
         middle = high - at_high * (high - low) / (at_high - at_low)
-        # Stay off the ends, so that the bracket closes from both sides.
-        last = middle = min(max(middle, low + TIME_TOLERANCE / 2), high - TIME_TOLERANCE / 2)
+        # Keep off the ends, so that the bracket shrinks from both sides.
+        last = middle = min(max(middle, low + EVENT_TOLERANCE / 2), high - EVENT_TOLERANCE / 2)
         restore()
         at_middle = value(middle)
         if at_middle < 0:

@@ -1,4 +1,7 @@
-"""One compiled MuJoCo model of the chain, its hub free to turn or locked, stepped with what MuJoCo lacks."""
+"""One compiled MuJoCo model of the chain, hub free to turn or locked, and the forces that MuJoCo has no element for.
+
+`MujocoChain` steps two of these and decides which one; the forces are computed in its control callback.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ _DISABLED = int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_SENSO
 
 
 class ChainModel:
-    """A compiled model, its data and one saved state."""
+    """A compiled model, its data, and one saved state; `varying` are hub laws without an exact MuJoCo element."""
 
     def __init__(
         self,
@@ -29,13 +32,14 @@ class ChainModel:
         torques: Sequence[HubTorque],
         locked: bool,
     ) -> None:
+        """Compiles the model; arguments are those of `mjcf.dynamics_spec`."""
         spec = mjcf.dynamics_spec(chain, plant, rig, torques, locked, compact=True)
         self.varying = [t for t in torques if t.linear is None and not (t.write and t.exact)]
         if plant.link.drag_quadratic != 0 and plant.link.drag_linear == 0:
             mjcf.add_tip_drag(spec, 0.0)
         self._waves = plant.friction.amplitude != 0 and not locked
         if self._waves:
-            mjcf.add_wave(spec, "hub", "friction", 0.0, plant.friction.order, plant.friction.phase)
+            mjcf.add_sinusoid(spec, "hub", "friction", 0.0, plant.friction.order, plant.friction.phase)
         self.model = spec.compile()
         self.model.opt.disableflags = _DISABLED
         self.data, self._options = mujoco.MjData(self.model), self.model.opt
@@ -45,35 +49,36 @@ class ChainModel:
         self._wave = self.model.actuator("friction").id if self._waves else -1
         self._drag = self.model.actuator("drag_x").id if plant.link.drag_quadratic != 0 else -1
         self._gravity = complex(plant.link.gravity_x, plant.link.gravity_y)
+        # Torques held over a step: on the hub, from the motor [N m]; mode; and the torque of `torque_to_hold`.
         self._held, self._drive, self._mode, self.needed = 0.0, 0.0, 0, 0.0
-        self._angle = 0.0  # of a locked hub
-        self._first = 0 if locked else 1
+        self._angle = 0.0  # rad, of a locked hub
+        self._first = 0 if locked else 1  # index of the first hinge among the joints
 
     def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Sets joint angles [rad] and rates [rad/s]."""
         self.qpos[:], self.qvel[:] = qpos, qvel
 
-    def turn(self, theta: float) -> None:
-        """Locks the hub at an angle [rad]: in the hub's frame, gravity turns the other way."""
+    def lock_at(self, theta: float) -> None:
+        """Sets the angle of a locked hub [rad]. The model's hub is at zero angle, so that gravity is rotated back."""
         self._angle = theta
-        seen = self._gravity * cmath.exp(-1j * theta)
-        self.model.opt.gravity[:2] = seen.real, seen.imag
+        gravity = self._gravity * cmath.exp(-1j * theta)
+        self.model.opt.gravity[:2] = gravity.real, gravity.imag
 
     def save(self) -> None:
-        """Remembers the state."""
+        """Saves the state."""
         self._saved[0][:], self._saved[1][:] = self.qpos, self.qvel
 
     def restore(self) -> None:
-        """Returns to the remembered state."""
+        """Restores the saved state."""
         self.qpos[:], self.qvel[:] = self._saved
 
     def step(self, time: float, h: float, steps: int = 1) -> None:
-        """Moves on from `time` by steps of `h` [s]."""
+        """Integrates from `time` by `steps` steps of `h` [s]."""
         self._options.timestep, self.data.time = h, time
         mujoco.mj_step(self.model, self.data, steps)
 
-    def push(self, torque: float, mode: int) -> None:
-        """Applies a torque [N m] and the friction of a hub that slides in direction `mode`; 0: none."""
+    def apply_torque(self, torque: float, mode: int) -> None:
+        """Applies a motor torque [N m], and Coulomb friction of a hub that slides in direction `mode`; 0: none."""
         p = self._plant
         raised = p.friction.amplitude / 2
         _, level = p.friction.levels(mode)
@@ -83,7 +88,7 @@ class ChainModel:
             self.model.actuator_biasprm[self._wave, 0] = -mode * raised
 
     def _apply(self, on_hub: float, drive: float) -> None:
-        """Applies torques [N m] to the hub, if it can turn, and to what the motor turns."""
+        """Applies a torque on the hub, if it can turn, and the motor's [N m], on its own joint if there is backlash."""
         if self._plant.motor.gap > 0:
             self._applied[-1] = drive
         else:
@@ -92,23 +97,28 @@ class ChainModel:
             self._applied[0] = on_hub
 
     def torque_to_hold(self, time: float) -> float:
-        """Torque against the hub [N m] that would take its acceleration away."""
+        """Returns the torque [N m] that, subtracted, would make the hub's acceleration zero; keeps it in `needed`."""
         self.data.time = time
         mujoco.mj_forward(self.model, self.data)
         # M = L^T D L with the hub first: (M^-1)_00 = 1 / D_0, one over the hub's articulated inertia.
         self.needed = float(self.data.qacc[0] / self.data.qLDiagInv[0])
         return self.needed
 
-    # Mechanisms that the models do not have, at the state of a stage
+    # Forces without a MuJoCo element, at the state of a stage of the integrator
 
-    def vary_torque(self, time: float, lagging: float) -> None:
-        """Adds what the lag keeps back [N m], laws that MuJoCo lacks, Stribeck's excess and the contact in a play."""
+    def apply_varying_torques(self, time: float, lagging: float) -> None:
+        """Applies all torques that vary within a step: hub laws, Stribeck friction, contact torque of a backlash.
+
+        Args:
+          time: time [s].
+          lagging: delivered motor torque less the command [N m].
+        """
         p, torque, drive = self._plant, self._held, self._drive + lagging
         for law in self.varying:
             if law.on_motor and p.motor.gap > 0:
                 drive += law.at(time - p.torques.since, self.qpos[-1], self.qvel[-1])
             else:
-                torque += law.at(time - p.torques.since, *self._of_hub())
+                torque += law.at(time - p.torques.since, *self._hub_state())
         if p.friction.stribeck_velocity > 0 and self._mode != 0:
             static, coulomb = p.friction.levels(self._mode)
             excess = static - coulomb
@@ -119,8 +129,8 @@ class ChainModel:
         self._apply(torque, drive)
 
     def _contact(self) -> float:
-        """Torque [N m] from the motor to the hub, as `planar.contact_torque`."""
-        angle, rate = self._of_hub()
+        """Contact torque [N m] of the motor on the hub, as `planar.contact_torque`."""
+        angle, rate = self._hub_state()
         play = self.qpos[-1] - angle
         beyond = abs(play) - self._plant.motor.gap / 2
         if beyond <= 0:
@@ -129,20 +139,20 @@ class ChainModel:
         push = CONTACT_STIFFNESS * beyond + planar.contact_damping(self._plant) * pressing
         return math.copysign(max(push, 0.0), play)
 
-    def _of_hub(self) -> tuple[float, float]:
+    def _hub_state(self) -> tuple[float, float]:
         """Angle [rad] and rate [rad/s] of the hub."""
         return (self.qpos[0], self.qvel[0]) if self._first else (self._angle, 0.0)
 
-    def shake(self, time: float) -> None:
-        """Pushes every mass back as the base is accelerated; a locked hub sees it turned the other way."""
+    def apply_base_acceleration(self, time: float) -> None:
+        """Applies the inertial force of an accelerated base to every body, rotated back by a locked hub's angle."""
         p = self._plant
         wave = math.sin(2 * math.pi * p.link.shake_frequency * time + p.link.shake_phase)
         field = -wave * complex(p.link.shake_x, p.link.shake_y) * cmath.exp(-1j * self._angle)
         self.data.xfrc_applied[:, 0] = field.real * self.model.body_mass
         self.data.xfrc_applied[:, 1] = field.imag * self.model.body_mass
 
-    def soften(self) -> None:
-        """Takes away what a hinge's moment lacks: k q s kappa^2 / (kappa^2 + kappa_0^2)."""
+    def apply_softening(self) -> None:
+        """Applies the missing part of the hinge moments, k q s kappa^2 / (kappa^2 + kappa_0^2)."""
         p, bends = self._plant, len(self._plant.link.stiffness)
         hinges = slice(self._first, self._first + bends)
         angle = self.qpos[hinges]
@@ -150,8 +160,8 @@ class ChainModel:
         share = p.link.softening * squared / (squared + p.link.softening_curvature**2)
         self._applied[hinges] = p.link.stiffness * angle * share
 
-    def drag_tip(self) -> None:
-        """Force -c |v| v on the payload, v as the drag's transmission sees it."""
+    def apply_tip_drag(self) -> None:
+        """Applies the force -c |v| v on the payload, v being the velocity of the drag actuators' transmission."""
         pair = slice(self._drag, self._drag + 2)
         vx, vy = self.data.actuator_velocity[pair]
         factor = -self._plant.link.drag_quadratic * math.hypot(vx, vy)

@@ -1,20 +1,30 @@
-"""The chain's equations of motion, compiled: what the search for missing effects integrates.
+"""The chain's equations of motion in compiled code, integrated with stick and slip of the hub located inside a step.
 
-MuJoCo is the reference that every result is reported with; this module integrates the same chain some ten
-times faster and locates every stick and slip inside the step. A test holds the two together.
+The fits and the search for missing effects integrate this module; MuJoCo, the reference with which results are
+reported, integrates the same chain some ten times slower (`twin.mechanics.mujoco_chain`). A test compares the two.
 
-Coordinates are the absolute angles phi_0 (hub) ... phi_n of n + 1 rigid segments, so that with the constants
-c_ij of `Chain.inertia` (Lagrange, planar open chain)
+Equations. Coordinates are the absolute angles phi_0 (hub) ... phi_n of n + 1 rigid segments in the plane. With the
+constants c_ij of `Chain.inertia` (Lagrange's equations of a planar open chain)
 
     sum_j c_ij cos(phi_i - phi_j) phi_j'' = - sum_j c_ij sin(phi_i - phi_j) phi_j'^2 + Q_i
 
-and the hinge moments act between neighbours. Friction acts on the hub only. Sliding, it is the Coulomb level
-against the motion; where the hub's rate crosses zero it sticks if the torque that holds it is below the static
-level, and slides again where that torque exceeds it. Both instants are located by bisection.
+`_generalised_forces` fills the mass matrix and the right-hand side except the torques on the hub: moments of the hinges
+between neighbouring segments, damping, gravity, drag. `hub_torque` adds the torques of the hub laws, `sliding_level`
+the friction. All numbers are fields of `twin.mechanics.plant.Plant`, whose module lists the terms of Q_i.
 
-Extra coordinates stand behind the segments where an effect asks for them: the absolute angle of an oscillator on
-the hub (a torsional mode), then that of a motor with play between it and the hub. The flanks of the play are
-springs with a damper that push and never pull; their numbers are assumed.
+Stick and slip. Dry friction acts on the hub only. `mode` is +1 or -1, the direction in which the hub slides, or 0 while
+it sticks. While it slides, friction is the sliding level against the motion. Where the hub's rate crosses zero, the hub
+sticks if the torque that holds it at rest does not exceed the static level; it breaks away where that torque does.
+Both instants are located by bisection, and integration restarts there.
+
+Appended coordinates follow the segments where an effect needs them: the absolute angle of an oscillator on the hub (a
+torsional mode), then that of a motor separated from the hub by backlash. The flanks of the backlash are springs with
+dampers whose force can push and not pull; their constants are assumed.
+
+Reading the code: functions with a leading underscore work in place on preallocated arrays. `phi`, `omega`, `acc` are
+angles, rates and accelerations (n + 1 + k); u is the command held now, `age` the time since it came [s], and u_before
+the torque that was delivered then, both needed for the motor's lag. Compiled functions stay in this file, because
+numba's cache does not notice a change in another one.
 """
 
 from __future__ import annotations
@@ -29,15 +39,16 @@ from twin.mechanics.plant import CONTACT_STEP, CONTACT_STIFFNESS, Plant
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
-# A `Plant` is some 70 words, passed by value: what is called at every stage is inlined.
+# Numba passes a `Plant`, some 70 words, by value: functions called at every stage of a step are inlined.
 _inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
 
-TIME_TOLERANCE = 1e-7
-"""Width of the interval in which a stick or slip is located [s]."""
+EVENT_TOLERANCE = 1e-7
+"""Width of the interval to which the instant of a stick or slip is bisected [s]."""
 
 
 @_inlined
 def _friction_raise(plant, theta):
+    """Increase of both friction levels at hub angle theta [N m]."""
     if plant.friction.amplitude == 0.0:
         return 0.0
     return 0.5 * plant.friction.amplitude * (1 + np.sin(plant.friction.order * theta + plant.friction.phase))
@@ -45,14 +56,14 @@ def _friction_raise(plant, theta):
 
 @compiled
 def static_level(plant, theta, direction):
-    """Torque [N m] that a resting hub withstands in `direction` (+1 or -1)."""
+    """Static friction level [N m] of a hub at rest at angle theta, for a torque in `direction` (+1 or -1)."""
     level = plant.friction.static_positive if direction > 0 else plant.friction.static_negative
     return level + _friction_raise(plant, theta)
 
 
 @_inlined
 def sliding_level(plant, theta, omega, direction):
-    """Friction torque [N m] on a hub that slides in `direction` at rate `omega` [rad/s]."""
+    """Magnitude of friction [N m] on a hub at angle theta that slides in `direction` at rate `omega` [rad/s]."""
     if direction > 0:
         coulomb, static = plant.friction.coulomb_positive, plant.friction.static_positive
     else:
@@ -63,8 +74,8 @@ def sliding_level(plant, theta, omega, direction):
 
 
 @_inlined
-def torque_of_laws(plant, t, theta, omega, on_motor):
-    """Torque [N m] of the laws that act on the motor, or of those that do not."""
+def law_torque(plant, t, theta, omega, on_motor):
+    """Sum of the hub laws' torques [N m] at time t: of those that act on the motor, or of the others."""
     torques, torque = plant.torques, 0.0
     since = t - torques.since
     for k in range(torques.addresses.size):
@@ -77,13 +88,13 @@ def torque_of_laws(plant, t, theta, omega, on_motor):
 
 @_inlined
 def contact_damping(plant):
-    """Of a flank of the play [N m s/rad]."""
+    """Damping constant of a flank of the backlash [N m s/rad]."""
     return 2 * plant.motor.contact_loss * np.sqrt(CONTACT_STIFFNESS * plant.motor.inertia)
 
 
 @_inlined
 def contact_torque(plant, play, rate):
-    """Torque [N m] from the motor to the hub at their relative angle [rad] and rate [rad/s]."""
+    """Contact torque [N m] of the motor on the hub; `play` is motor less hub angle [rad], `rate` its rate [rad/s]."""
     beyond = abs(play) - 0.5 * plant.motor.gap
     if beyond <= 0.0:
         return 0.0
@@ -93,21 +104,21 @@ def contact_torque(plant, play, rate):
 
 @_inlined
 def hub_torque(plant, t, theta, omega):
-    """Torque [N m] on the hub at time t [s] from everything but the drive, dry friction and the link.
+    """Torque [N m] of the hub laws on the hub at time t [s]: without motor torque, dry friction and the link.
 
-    What acts on the motor is among it unless there is a play between motor and hub.
+    Laws that act on the motor are included unless there is backlash.
     """
-    torque = torque_of_laws(plant, t, theta, omega, False)
+    torque = law_torque(plant, t, theta, omega, False)
     if plant.motor.gap == 0.0:
-        torque += torque_of_laws(plant, t, theta, omega, True)
+        torque += law_torque(plant, t, theta, omega, True)
     return torque
 
 
 @compiled
-def _directions(phi, sin, cos):
-    """Fills sin and cos of the angles (n + 1) relative to the hub, which is all that the inertia depends on.
+def _relative_sines(phi, sin, cos):
+    """Fills `sin` and `cos` of the angles phi_i - phi_0 (n + 1), which determine the mass matrix.
 
-    Hinge angles are small: their sine and cosine come from a series, good to 1e-13 below 0.5 rad.
+    Hinge angles below 0.5 rad use a power series with an error below 1e-13, which is faster.
     """
     sin[0], cos[0] = 0.0, 1.0
     for i in range(1, phi.size):
@@ -123,8 +134,8 @@ def _directions(phi, sin, cos):
 
 
 @_inlined
-def field(plant, t):
-    """Acceleration field on every mass [m/s^2]: gravity, and what a base that is shaken takes away."""
+def acceleration_field(plant, t):
+    """Acceleration field (x, y) on every mass [m/s^2]: gravity less the acceleration of the base."""
     if plant.link.shake_x == 0.0 and plant.link.shake_y == 0.0:
         return plant.link.gravity_x, plant.link.gravity_y
     shake = np.sin(2 * np.pi * plant.link.shake_frequency * t + plant.link.shake_phase)
@@ -136,9 +147,9 @@ def field(plant, t):
 
 @_inlined
 def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
-    """Fills `force` (n + 1) with all but hub torques and `mass` (n + 1, n + 1) with the mass matrix."""
+    """Fills the mass matrix `mass` (lower triangle) and the right-hand side `force` without the torques on the hub."""
     m = phi.size
-    _directions(phi, sin, cos)
+    _relative_sines(phi, sin, cos)
     for i in range(m):
         force[i] = 0.0
     for i in range(m):
@@ -152,7 +163,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
             force[j] += s * squared
         force[i] -= total
         mass[i, i] = plant.link.inertia[i, i]
-    # Hinge moments: stiffness (softening with curvature) and modal damping.
+    # Hinge moments: stiffness, reduced with curvature, and damping.
     links = plant.link.stiffness.size + 1
     for i in range(1, links):
         angle = phi[i] - phi[i - 1]
@@ -181,9 +192,9 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
         drag = plant.link.drag_linear + plant.link.drag_quadratic * np.sqrt(vx * vx + vy * vy)
         for i in range(m):
             force[i] -= drag * plant.link.lengths[i] * (cos[i] * vy - sin[i] * vx)
-    field_x, field_y = field(plant, t)
+    field_x, field_y = acceleration_field(plant, t)
     if field_x != 0.0 or field_y != 0.0:
-        # In the hub's frame.
+        # Components in the hub's frame, as sin and cos are relative to it.
         s, c = np.sin(phi[0]), np.cos(phi[0])
         gx = c * field_x + s * field_y
         gy = c * field_y - s * field_x
@@ -193,7 +204,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
 
 @compiled
 def _solve(mass, force, first):
-    """Solves mass x = force in place for rows and columns from `first` on (Cholesky, LDL'); x in `force`."""
+    """Solves mass x = force in place (LDL' factorisation) for rows and columns from `first` on; x replaces `force`."""
     m = force.size
     for i in range(first, m):
         # Row i of L D, then of L; the inverse pivots stay on the diagonal.
@@ -220,12 +231,12 @@ def _solve(mass, force, first):
 
 @compiled
 def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch):
-    """Fills `acc` (n + 1); returns the torque [N m] that friction must bear to hold a locked hub."""
+    """Fills `acc` (n + 1) under the motor torque `drive`; returns the torque [N m] that holds a locked hub, else 0."""
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
     if plant.motor.gap > 0.0:
-        acc[m - 1] += drive + torque_of_laws(plant, t, phi[m - 1], omega[m - 1], True)
+        acc[m - 1] += drive + law_torque(plant, t, phi[m - 1], omega[m - 1], True)
         drive = 0.0
     torque = drive + hub_torque(plant, t, phi[0], omega[0])
     if locked:
@@ -245,8 +256,8 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch)
 
 
 @compiled
-def _drive(u, u_before, age, lag):
-    """Delivered torque [N m] `age` seconds after the command stepped to u from a delivered u_before."""
+def _lagged_torque(u, u_before, age, lag):
+    """Delivered torque [N m] of a first-order lag, `age` seconds after the command stepped to u from u_before."""
     if lag <= 0.0:
         return u
     return u + (u_before - u) * np.exp(-age / lag)
@@ -254,15 +265,23 @@ def _drive(u, u_before, age, lag):
 
 @compiled
 def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, omega1, work, scratch):
-    """One classical Runge-Kutta step of length h; the result goes to phi1, omega1."""
+    """One classical fourth-order Runge-Kutta step of length h from phi, omega to phi1, omega1."""
     m = phi.size
     k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a = work
     for i in range(m):
         k1v[i] = omega[i]
     _accelerations(
-        plant, t, phi, omega, _drive(u, u_before, age, plant.motor.lag), direction, locked, k1a, scratch
+        plant,
+        t,
+        phi,
+        omega,
+        _lagged_torque(u, u_before, age, plant.motor.lag),
+        direction,
+        locked,
+        k1a,
+        scratch,
     )
-    half = _drive(u, u_before, age + h / 2, plant.motor.lag)
+    half = _lagged_torque(u, u_before, age + h / 2, plant.motor.lag)
     for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k1v[i]
         k2v[i] = omega[i] + 0.5 * h * k1a[i]
@@ -274,7 +293,7 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
     for i in range(m):
         phi1[i] = phi[i] + h * k3v[i]
         k4v[i] = omega[i] + h * k3a[i]
-    end = _drive(u, u_before, age + h, plant.motor.lag)
+    end = _lagged_torque(u, u_before, age + h, plant.motor.lag)
     _accelerations(plant, t + h, phi1, k4v, end, direction, locked, k4a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
@@ -285,31 +304,43 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
 
 
 @compiled
-def _needed(plant, t, phi, omega, drive, acc, scratch):
-    """Torque [N m] that friction must bear to keep the hub at rest."""
+def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
+    """Torque [N m] of friction, reversed, that keeps the hub at rest."""
     return _accelerations(plant, t, phi, omega, drive, 0, True, acc, scratch)
 
 
 @compiled
-def _holds(plant, theta, needed):
+def _friction_holds(plant, theta, needed):
+    """Whether the static level is at least the torque `needed` to keep the hub at rest."""
     return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
 
 
 @compiled
 def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, work, scratch):
-    """Integrates phi, omega (n + 1) in place over `span` [s] under a held command u.
+    """Integrates phi, omega in place over `span` [s] under a held command u; returns the mode at the end.
 
-    `mode` is 0 while the hub sticks, else the direction +1 or -1 in which it slides. Returns the mode at the end.
+    Args:
+      plant: the `Plant`.
+      t: instant at which the span begins [s].
+      span: its length [s].
+      phi, omega: (n + 1 + k) state, overwritten.
+      u: command, held [N m].
+      u_before: torque that was delivered when the command came [N m].
+      age: time since the command came [s].
+      mode: 0 while the hub sticks, else the direction +1 or -1 in which it slides.
+      clamped: the hub is locked.
+      h_max: largest step [s].
+      work, scratch: (8, n + 1 + k) and (n + 4 + k, n + 1 + k), of any content.
     """
     m = phi.size
     phi1, omega1, acc = np.empty(m), np.empty(m), np.empty(m)
     left = span
     while left > 1e-12:
         if not clamped:
-            drive = _drive(u, u_before, age, plant.motor.lag)
+            drive = _lagged_torque(u, u_before, age, plant.motor.lag)
             if mode == 0:
-                needed = _needed(plant, t, phi, omega, drive, acc, scratch)
-                if not _holds(plant, phi[0], needed):
+                needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
+                if not _friction_holds(plant, phi[0], needed):
                     mode = 1 if needed > 0 else -1
         locked = clamped or mode == 0
         h = left / max(1.0, np.ceil(left / h_max - 1e-9))
@@ -318,13 +349,13 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
             crossed = mode != 0 and omega1[0] * mode < 0.0
             slipped = False
             if mode == 0:
-                drive = _drive(u, u_before, age + h, plant.motor.lag)
-                needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
-                slipped = not _holds(plant, phi[0], needed)
+                drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
+                needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
+                slipped = not _friction_holds(plant, phi[0], needed)
             if crossed or slipped:
-                # Bisect for the instant of the event, then restart behind it.
+                # Bisect for the instant of the event, then restart just after it.
                 low, high = 0.0, h
-                while high - low > TIME_TOLERANCE:
+                while high - low > EVENT_TOLERANCE:
                     mid = 0.5 * (low + high)
                     _step(
                         plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, scratch
@@ -332,21 +363,21 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                     if crossed:
                         beyond = omega1[0] * mode < 0.0
                     else:
-                        drive = _drive(u, u_before, age + mid, plant.motor.lag)
-                        needed = _needed(plant, t + mid, phi1, omega1, drive, acc, scratch)
-                        beyond = not _holds(plant, phi[0], needed)
+                        drive = _lagged_torque(u, u_before, age + mid, plant.motor.lag)
+                        needed = _torque_to_hold(plant, t + mid, phi1, omega1, drive, acc, scratch)
+                        beyond = not _friction_holds(plant, phi[0], needed)
                     if beyond:
                         high = mid
                     else:
                         low = mid
                 h = high
                 _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, scratch)
-                drive = _drive(u, u_before, age + h, plant.motor.lag)
+                drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
                 if crossed:
                     omega1[0] = 0.0
-                needed = _needed(plant, t + h, phi1, omega1, drive, acc, scratch)
+                needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
                 onwards = 1 if needed > 0 else -1
-                mode = 0 if crossed and _holds(plant, phi1[0], needed) else onwards
+                mode = 0 if crossed and _friction_holds(plant, phi1[0], needed) else onwards
         for i in range(m):
             phi[i] = phi1[i]
             omega[i] = omega1[i]
@@ -356,10 +387,11 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
     return mode
 
 
-STUCK, UNSURE = 0, 2
-"""What the measurement says of the hub at a sample: it rests, or no clear word; +1 and -1: it moves."""
+STUCK, UNDECIDED = 0, 2
+"""Flags of the hub at a measured sample: at rest, or neither rest nor motion is certain; +1 and -1: it moves."""
 
 
+# Of a free-running simulation.
 _NO_FLAGS, _NO_ANCHOR = np.empty(0, dtype=np.int64), np.empty(0)
 
 
@@ -378,23 +410,24 @@ def simulate(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrates from out_time[0] to out_time[-1].
 
-    Free-running where `observed` is empty. Otherwise guided: where the measurement is sure that the hub rests or
-    moves and the model disagrees, the model follows; and where a measured rest ends, the whole rig is turned to
-    the measured angle. Between rests the run is free, so a stick too many or too few does not decide the rest.
+    Free-running where `observed` is empty. Otherwise guided by the measurement: where a flag says that the hub rests or
+    moves and the simulation disagrees, its mode is set to the flag; and where a measured rest ends, the whole rig is
+    rotated to the measured angle. Between rests the simulation runs freely. So one wrong stick does not offset all that
+    follows.
 
     Args:
       plant: the `Plant`.
       command_time, command: (k) instants [s] and torque [N m] held from each to the next; before the first, 0.
-      out_time: (m) instants at which the state is wanted [s].
-      phi0, omega0: (n + 1) state at out_time[0].
-      mode0: 0 hub sticks, +1 or -1 it slides.
+      out_time: (m) instants at which the state is returned [s].
+      phi0, omega0: (n + 1 + k) state at out_time[0].
+      mode0: mode at out_time[0]: 0 the hub sticks, +1 or -1 it slides.
       clamped: the hub is locked.
       h_max: largest step [s].
-      observed: (m) or (0) int64, `STUCK`, +1, -1 or `UNSURE` at each instant.
+      observed: (m) or (0) int64, `STUCK`, +1, -1 or `UNDECIDED` at each instant.
       anchor: (m) or (0) measured hub angle while it rests [rad].
 
     Returns:
-      (m, n + 1) angles [rad], (m, n + 1) rates [rad/s], (m) mode.
+      (m, n + 1 + k) angles [rad], (m, n + 1 + k) rates [rad/s], (m) mode.
     """
     phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
     command_time, command, out_time = (
@@ -434,7 +467,7 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
             t = end
             while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
                 pointer += 1
-                u_before = _drive(u, u_before, t - since, plant.motor.lag)
+                u_before = _lagged_torque(u, u_before, t - since, plant.motor.lag)
                 u = command[pointer]
                 since = t
         if observed.size > 0 and not clamped:
@@ -461,16 +494,16 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
 def holding_torque(
     plant: Plant, time: np.ndarray, angles: np.ndarray, rates: np.ndarray, drive: np.ndarray
 ) -> np.ndarray:
-    """Torque [N m] that friction bears while it keeps the hub at rest, at each instant.
+    """Torque that friction balances while the hub is held at rest, at each instant.
 
     Args:
       plant: the `Plant`.
       time: (m) [s].
-      angles, rates: (m, n + 1) state [rad], [rad/s].
-      drive: (m) delivered torque [N m].
+      angles, rates: (m, n + 1 + k) state [rad], [rad/s].
+      drive: (m) delivered motor torque [N m].
 
     Returns:
-      (m) positive where friction keeps the hub from turning to the positive side.
+      (m) [N m], positive where friction keeps the hub from turning to the positive side.
     """
     return _holding_torque(plant, time, angles, rates, np.ascontiguousarray(drive))
 
@@ -481,11 +514,11 @@ def _holding_torque(plant, time, angles, rates, drive):
     acc, scratch = np.empty(size), np.empty((size + 3, size))
     needed = np.empty(time.size)
     for row in range(time.size):
-        needed[row] = _needed(plant, time[row], angles[row], rates[row], drive[row], acc, scratch)
+        needed[row] = _torque_to_hold(plant, time[row], angles[row], rates[row], drive[row], acc, scratch)
     return needed
 
 
-def driven(
+def simulate_prescribed_hub(
     plant: Plant,
     time: np.ndarray,
     angle: np.ndarray,
@@ -495,27 +528,29 @@ def driven(
     omega0: np.ndarray,
     h_max: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Moves the link under a prescribed motion of the hub: no friction, no drive, no stick or slip.
+    """Integrates the link under a prescribed motion of the hub: no friction, no motor torque, no stick or slip.
+
+    The acceleration is linear between instants; hub angle and rate are reset to the given ones at each.
 
     Args:
       plant: the `Plant`.
       time: (m) instants [s].
       angle, rate, acceleration: (m) of the hub [rad], [rad/s], [rad/s^2].
-      phi0, omega0: (n + 1) state at the first instant.
+      phi0, omega0: (n + 1 + k) state at the first instant; rotated to angle[0].
       h_max: largest step [s].
 
     Returns:
-      (m, n + 1) angles, (m, n + 1) rates, and (m) the torque [N m] on the hub that this motion takes.
+      (m, n + 1 + k) angles [rad], (m, n + 1 + k) rates [rad/s], (m) torque on the hub that this motion takes [N m].
     """
     time, angle, rate = (np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate))
     acceleration = np.ascontiguousarray(acceleration, dtype=float)
     phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
-    return _driven(plant, time, angle, rate, acceleration, phi, omega, h_max)
+    return _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max)
 
 
 @compiled
-def _driven_accelerations(plant, t, phi, omega, alpha, acc, scratch):
-    """Fills acc (n + 1) under a hub acceleration alpha; returns the hub torque that it takes."""
+def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
+    """Fills `acc` (n + 1 + k) under the hub acceleration alpha; returns the hub torque that it takes [N m]."""
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
     m = phi.size
@@ -532,7 +567,7 @@ def _driven_accelerations(plant, t, phi, omega, alpha, acc, scratch):
 
 
 @compiled
-def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
+def _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max):
     m = phi.size
     k1v, k2v, k3v, k4v = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
     k1a, k2a, k3a, k4a = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
@@ -545,7 +580,9 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
     for row in range(time.size):
         angles[row] = phi
         rates[row] = omega
-        torques[row] = _driven_accelerations(plant, time[row], phi, omega, acceleration[row], k1a, scratch)
+        torques[row] = _prescribed_accelerations(
+            plant, time[row], phi, omega, acceleration[row], k1a, scratch
+        )
         if row + 1 == time.size:
             break
         span = time[row + 1] - time[row]
@@ -558,20 +595,20 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
             middle, end = start + slope * h / 2, start + slope * h
             for i in range(m):
                 k1v[i] = omega[i]
-            if step > 0:  # the first is known: it gave the torque
-                _driven_accelerations(plant, t, phi, omega, start, k1a, scratch)
+            if step > 0:  # those of the first step were computed above, with the torque
+                _prescribed_accelerations(plant, t, phi, omega, start, k1a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k1v[i]
                 k2v[i] = omega[i] + 0.5 * h * k1a[i]
-            _driven_accelerations(plant, t + h / 2, p, k2v, middle, k2a, scratch)
+            _prescribed_accelerations(plant, t + h / 2, p, k2v, middle, k2a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k2v[i]
                 k3v[i] = omega[i] + 0.5 * h * k2a[i]
-            _driven_accelerations(plant, t + h / 2, p, k3v, middle, k3a, scratch)
+            _prescribed_accelerations(plant, t + h / 2, p, k3v, middle, k3a, scratch)
             for i in range(m):
                 p[i] = phi[i] + h * k3v[i]
                 k4v[i] = omega[i] + h * k3a[i]
-            _driven_accelerations(plant, t + h, p, k4v, end, k4a, scratch)
+            _prescribed_accelerations(plant, t + h, p, k4v, end, k4a, scratch)
             for i in range(m):
                 phi[i] += h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
                 omega[i] += h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
@@ -580,18 +617,24 @@ def _driven(plant, time, angle, rate, acceleration, phi, omega, h_max):
     return angles, rates, torques
 
 
-def hub_laws(
+def hub_torque_along(
     plant: Plant, time: np.ndarray, angle: np.ndarray, rate: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
-    """Torque [N m] of the hub laws and of sliding friction along a motion of the hub (m,); direction 0: no friction."""
+    """Returns the torque (m) of hub laws and sliding friction along a motion of the hub [N m].
+
+    Args:
+      plant: the `Plant`.
+      time, angle, rate: (m) of the hub [s], [rad], [rad/s].
+      direction: (m) +1 or -1 in which it slides; 0: no friction.
+    """
     time, angle, rate, direction = (
         np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, direction)
     )
-    return _hub_laws(plant, time, angle, rate, direction)
+    return _hub_torque_along(plant, time, angle, rate, direction)
 
 
 @compiled
-def _hub_laws(plant, time, angle, rate, direction):
+def _hub_torque_along(plant, time, angle, rate, direction):
     torque = np.empty(time.size)
     for k in range(time.size):
         torque[k] = hub_torque(plant, time[k], angle[k], rate[k])
@@ -601,12 +644,12 @@ def _hub_laws(plant, time, angle, rate, direction):
 
 
 def mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Torque of sliding friction (m) along a motion [N m], its mean over steps in which the rate changes steadily.
+    """Returns the mean torque of sliding friction (m) over steps in each of which the rate is linear in time [N m].
 
     Args:
       plant: the `Plant`.
       angle, rate: (m) of the hub in the middle of each step [rad], [rad/s].
-      change: (m) of the rate over the step [rad/s].
+      change: (m) change of the rate over the step [rad/s].
     """
     angle, rate, change = (np.ascontiguousarray(v, dtype=float) for v in (angle, rate, change))
     return _mean_friction(plant, angle, rate, change)
@@ -618,7 +661,9 @@ def _mean_friction(plant, angle, rate, change):
     for k in range(angle.size):
         if abs(change[k]) > 1e-9:
             ends = rate[k] + 0.5 * change[k], rate[k] - 0.5 * change[k]
-            mean = (_to_rate(plant, angle[k], ends[0]) - _to_rate(plant, angle[k], ends[1])) / change[k]
+            mean = (
+                _torque_integral(plant, angle[k], ends[0]) - _torque_integral(plant, angle[k], ends[1])
+            ) / change[k]
         else:
             mean = np.sign(rate[k]) * sliding_level(plant, angle[k], rate[k], np.sign(rate[k]))
         torque[k] = -mean
@@ -626,8 +671,8 @@ def _mean_friction(plant, angle, rate, change):
 
 
 @_inlined
-def _to_rate(plant, theta, omega):
-    """Integral of the friction torque over the rate, from rest to `omega` [N m rad/s]."""
+def _torque_integral(plant, theta, omega):
+    """Integral of the friction torque over the rate from 0 to `omega` [N m rad/s], in closed form."""
     if omega > 0:
         coulomb, static = plant.friction.coulomb_positive, plant.friction.static_positive
     else:
@@ -639,7 +684,7 @@ def _to_rate(plant, theta, omega):
     return (coulomb + _friction_raise(plant, theta)) * abs(omega) + fallen
 
 
-def transmitted(
+def backlash_torque(
     plant: Plant,
     period: float,
     acceleration: np.ndarray,
@@ -648,27 +693,29 @@ def transmitted(
     mobility: float = 0.0,
     start: float = 0.0,
 ) -> np.ndarray:
-    """Mean torque [N m] in each of some short cells (c) through the play on a hub that moves as prescribed.
+    """Returns the mean torque (c) that backlash passes on to a hub with prescribed motion, in each time cell [N m].
 
-    The motor starts in the middle of the play, at rest against the hub.
+    The motor starts in the middle of the backlash, at rest relative to the hub. Free flight and contact with one flank
+    have closed forms; a cell in which contact begins or ends is integrated.
 
     Args:
-      plant: the `Plant`, with a play.
+      plant: the `Plant`, with backlash.
       period: length of a cell [s].
       acceleration, angle: (c) of the hub in the middle of each cell [rad/s^2], [rad].
-      drive: (c) delivered torque, its mean over each cell [N m].
-      mobility: acceleration of the hub per torque through the play, beside the one prescribed [1/(kg m^2)].
+      drive: (c) delivered motor torque, its mean over each cell [N m].
+      mobility: additional acceleration of the hub per transmitted torque [1/(kg m^2)].
       start: instant of the first cell [s].
     """
     acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
-    return _transmitted(plant, period, acceleration, angle, drive, mobility, start)
+    return _backlash_torque(plant, period, acceleration, angle, drive, mobility, start)
 
 
 @compiled
-def _transmitted(plant, period, acceleration, angle, drive, mobility, start):
+def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start):
     half, inverse = 0.5 * plant.motor.gap, 1 / plant.motor.inertia + mobility
     damping = contact_damping(plant)
-    # On a flank: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
+    # In contact: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
+    # `place` and `rate` are the motor's angle relative to the hub [rad] and its rate [rad/s].
     square, delta = CONTACT_STIFFNESS * inverse, 0.5 * damping * inverse
     omega = np.sqrt(max(square - delta * delta, 1e-12))
     kept = np.exp(-delta * period)
@@ -677,7 +724,7 @@ def _transmitted(plant, period, acceleration, angle, drive, mobility, start):
     torque = np.zeros(drive.size)
     for k in range(drive.size):
         turning = (angle[min(k + 1, drive.size - 1)] - angle[max(k - 1, 0)]) / (2 * period) + rate
-        own = torque_of_laws(plant, start + k * period, angle[k] + place, turning, True)
+        own = law_torque(plant, start + k * period, angle[k] + place, turning, True)
         pushed = (drive[k] + own) / plant.motor.inertia - acceleration[k]
         if abs(place) < half:
             ahead = place + period * (rate + 0.5 * period * pushed)
@@ -697,13 +744,13 @@ def _transmitted(plant, period, acceleration, angle, drive, mobility, start):
                 torque[k] = (pushed - (faster - rate) / period) / inverse
                 place, rate = ahead, faster
                 continue
-        place, rate, torque[k] = _at_edge(plant, period, place, rate, pushed, inverse)
+        place, rate, torque[k] = _contact_transition(plant, period, place, rate, pushed, inverse)
     return torque
 
 
 @compiled
-def _at_edge(plant, period, place, rate, pushed, inverse):
-    """A cell in which a contact begins or ends: place and rate behind it, mean torque; by Runge-Kutta steps."""
+def _contact_transition(plant, period, place, rate, pushed, inverse):
+    """Integrates a cell in which contact begins or ends (Runge-Kutta); returns place and rate after it, mean torque."""
     count = int(np.ceil(period / CONTACT_STEP))
     h, total = period / count, 0.0
     for _ in range(count):

@@ -1,8 +1,22 @@
-"""What the equations of motion of the chain read, as one value: link, friction, motor, torques on the hub.
+"""All numbers of the chain's equations of motion, as one value: link, friction, motor, torques on the hub.
 
-Arrays are for n hinges and n + 1 segments. Extra coordinates stand behind the segments where an effect asks for them:
-the absolute angle of an oscillator on the hub (a torsional mode), then that of a motor with play between it and the
-hub.
+How to read them, with the equations of `twin.mechanics.planar`. The coordinates phi are absolute angles [rad]: phi_0 of
+segment 0, which is rigidly part of the hub, then those of the n other segments. With i, j = 0..n,
+
+    sum_j c_ij cos(phi_i - phi_j) phi_j'' = - sum_j c_ij sin(phi_i - phi_j) phi_j'^2 + Q_i
+
+    c_ij                 `Link.inertia`
+    Q_i, hinge moments   M_k = stiffness_k (phi_k - phi_(k-1)) + sum_j damping_kj (phi_j' - phi_(j-1)'), k = 1..n:
+                         -M_k on segment k, +M_k on segment k - 1
+    Q_i, gravity         first_moment_i (gravity_y cos phi_i - gravity_x sin phi_i), less those of `shake_x`, `shake_y`
+    Q_i, drag            -(drag_linear + drag_quadratic |v|) v on the tip, v its velocity
+    Q_0, hub only        motor torque (`Motor`), dry friction (`Friction`), other torques (`Torques`)
+
+Each mechanism that an effect may add is a field whose default switches it off: an equation holds without the term.
+
+Some effects append coordinates after those of the segments, first the absolute angle of an oscillator on the hub (a
+torsional mode), then that of a motor separated from the hub by backlash. Arrays of size n + 1 then have size n + 1 + k,
+with length 0 and no first moment for each of the k appended coordinates.
 """
 
 from __future__ import annotations
@@ -15,64 +29,64 @@ import numpy as np
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import NO_TORQUES, Torques
 
-FIRM = 1e9
-"""Static level of a hub that no torque moves out of a rest [N m]."""
+IMMOVABLE = 1e9
+"""Static friction level of a hub that no torque can move from rest [N m]."""
 
 CONTACT_STIFFNESS = 1000.0
-"""Of the flanks of a backlash [N m/rad]: the largest torque of a motor like this turns them by 0.01 degrees."""
+"""Contact stiffness of the flanks of a backlash [N m/rad], assumed: 0.2 N m compress them by 0.01 degrees."""
 CONTACT_LOSS = 0.2
-"""Damping ratio of the motor's inertia on a flank: it comes back with half of its speed, as steel on steel."""
+"""Damping ratio of the motor's inertia on a flank [1], assumed: rebound with half of the speed, as steel on steel."""
 CONTACT_STEP = 1e-4
-"""Largest step with which the motor is followed through a contact of some 2 ms [s]."""
+"""Largest integration step with backlash [s]: an impact takes about 2 ms."""
 
 
 class Link(NamedTuple):
-    """Link, payload and oscillators: all on which their motion depends where that of the hub is given; SI units.
+    """Link, payload and the oscillator on the hub, SI units; n hinges, k appended coordinates (see the module).
 
-    Neutral values switch a mechanism off.
+    These numbers alone determine how the link moves under a given motion of the hub. Defaults switch a mechanism off.
     """
 
-    lengths: np.ndarray  # (n + 1) m
-    inertia: np.ndarray  # (n + 1, n + 1) kg m^2, c_ij
-    stiffness: np.ndarray  # (n) N m/rad
-    damping: np.ndarray  # (n, n) N m s/rad, on the hinge rates
-    first_moment: np.ndarray  # (n + 1) kg m, sum of mass times lever along segment i
-    flexibility: float  # 1/(N m^2), curvature of the link per bending moment
-    drag_linear: float = 0.0  # N s/m, of the tip
-    drag_quadratic: float = 0.0  # N s^2/m^2
-    softening: float = 0.0
-    softening_curvature: float = 1.0  # 1/m
-    gravity_x: float = 0.0  # m/s^2
-    gravity_y: float = 0.0
-    shake_x: float = 0.0  # m/s^2, amplitude of an acceleration of the base
-    shake_y: float = 0.0
+    lengths: np.ndarray  # (n + 1 + k) m, of the segments
+    inertia: np.ndarray  # (n + 1 + k, n + 1 + k) kg m^2, c_ij; hub, motor and payload included
+    stiffness: np.ndarray  # (n) N m/rad, of the hinges
+    damping: np.ndarray  # (n, n) N m s/rad, hinge moments per hinge rate
+    first_moment: np.ndarray  # (n + 1 + k) kg m, mass times lever, summed over all that segment i carries
+    flexibility: float  # 1/(N m^2), 1/EI: curvature of the link per bending moment
+    drag_linear: float = 0.0  # N s/m, force on the tip against its velocity v: drag_linear v
+    drag_quadratic: float = 0.0  # N s^2/m^2, and drag_quadratic |v| v
+    softening: float = 0.0  # s [1]: stiffness of a hinge is k (1 - s kappa^2/(kappa^2 + kappa_0^2))
+    softening_curvature: float = 1.0  # 1/m, kappa_0
+    gravity_x: float = 0.0  # m/s^2, component in the plane of motion
+    gravity_y: float = 0.0  # m/s^2
+    shake_x: float = 0.0  # m/s^2, amplitude of a sinusoidal acceleration of the base
+    shake_y: float = 0.0  # m/s^2
     shake_frequency: float = 1.0  # Hz
-    shake_phase: float = 0.0
-    torsion_stiffness: float = 0.0  # N m/rad, of an oscillator on the hub
+    shake_phase: float = 0.0  # rad
+    torsion_stiffness: float = 0.0  # N m/rad, between the hub and an oscillator on it
     torsion_damping: float = 0.0  # N m s/rad
 
     @property
     def is_shaken(self) -> bool:
-        """Whether its base is accelerated."""
+        """Whether the base is accelerated."""
         return self.shake_x != 0 or self.shake_y != 0
 
     @property
     def curvature_per_angle(self) -> np.ndarray:
-        """Curvature that a hinge angle stands for (n) [1/m per rad]: none at a clamp that gives, on the hub's axis."""
+        """Curvature of the link per hinge angle (n) [1/m per rad]; 0 for a compliant clamp's hinge on the hub axis."""
         return np.where(self.lengths[: len(self.stiffness)] > 0, self.flexibility * self.stiffness, 0.0)
 
     @property
     def mechanisms(self) -> dict[str, float]:
-        """What acts on the link beyond its own inertia, stiffness and damping, as far as it depends on its state."""
+        """Scalar fields of the forces on the link that depend on its state: drag, softening, gravity, torsion."""
         own = ("flexibility", "shake_x", "shake_y", "shake_frequency", "shake_phase")
         return {n: v for n, v in self._asdict().items() if n not in own and not isinstance(v, np.ndarray)}
 
 
 class Friction(NamedTuple):
-    """Dry friction of the hub [N m]: levels of each direction, static and Coulomb, and how they vary.
+    """Dry friction of the hub: static (break-away) and Coulomb level of each direction [N m], and their variation.
 
-    Both are raised by amplitude (1 + sin(order theta + phase))/2; the sliding level falls from the static to the
-    Coulomb one as exp(-(omega/stribeck_velocity)^2), at once where that velocity is 0.
+    At hub angle theta and rate omega, both levels are raised by amplitude (1 + sin(order theta + phase))/2. The sliding
+    level is coulomb + (static - coulomb) exp(-(omega/stribeck_velocity)^2), and coulomb where that velocity is 0.
     """
 
     static_positive: float = 0.0
@@ -80,20 +94,20 @@ class Friction(NamedTuple):
     coulomb_positive: float = 0.0
     coulomb_negative: float = 0.0
     stribeck_velocity: float = 0.0  # rad/s
-    amplitude: float = 0.0
-    order: float = 1.0
-    phase: float = 0.0
+    amplitude: float = 0.0  # N m
+    order: float = 1.0  # periods per turn of the hub
+    phase: float = 0.0  # rad
 
     def levels(self, direction: float) -> tuple[float, float]:
-        """Static and Coulomb level in a direction, +1 or -1, before any raise [N m]."""
+        """Static and Coulomb level in a direction, +1 or -1, without the variation with angle [N m]."""
         if direction > 0:
             return self.static_positive, self.coulomb_positive
         return self.static_negative, self.coulomb_negative
 
     def scaled(self, share: float) -> Friction:
-        """Friction whose static levels are so many times as large: at least the Coulomb ones.
+        """Returns friction with its static levels multiplied by `share`, but not below the Coulomb levels.
 
-        A hub that came free below what it slides against would stop at once, and come free again, without end.
+        A hub that broke away below the Coulomb level would stop and break away again without end.
         """
         return self._replace(
             static_positive=max(share * self.static_positive, self.coulomb_positive),
@@ -102,23 +116,23 @@ class Friction(NamedTuple):
 
 
 class Motor(NamedTuple):
-    """The motor: lag of its torque, and its play against the hub; neutral values are none."""
+    """The motor: first-order lag of its torque, and backlash between it and the hub; defaults are neither."""
 
-    lag: float = 0.0  # s
-    gap: float = 0.0  # rad, whole play between motor and hub
-    inertia: float = 0.0  # kg m^2, of a motor with play; `Link.inertia` has it already
-    contact_loss: float = CONTACT_LOSS  # damping ratio of a motor with play on its flanks
+    lag: float = 0.0  # s, time constant of the torque behind its command
+    gap: float = 0.0  # rad, whole backlash between motor and hub
+    inertia: float = 0.0  # kg m^2, of a motor with backlash; included in `Link.inertia`
+    contact_loss: float = CONTACT_LOSS  # [1] damping ratio of a motor with backlash on the flanks
 
 
 class Plant(NamedTuple):
-    """Everything the equations of motion read, SI units.
+    """All numbers of the equations of motion, SI units.
 
     Attributes:
       link: link and payload.
-      friction: of the hub.
-      motor: lag and play.
-      torques: on the hub, beside drive and friction.
-      hub_inertia: as declared [kg m^2]; `link.inertia` has it already.
+      friction: dry friction of the hub.
+      motor: lag and backlash.
+      torques: on the hub, other than motor torque and dry friction.
+      hub_inertia: as declared [kg m^2]; included in `link.inertia`.
     """
 
     link: Link
@@ -128,37 +142,42 @@ class Plant(NamedTuple):
     hub_inertia: float = 0.0
 
     def with_link(self, **changes: Any) -> Plant:
-        """A plant with some fields of its link changed."""
+        """Returns a plant with some fields of its link changed."""
         return self._replace(link=self.link._replace(**changes))
 
     def with_friction(self, **changes: float) -> Plant:
-        """A plant with some fields of its friction changed."""
+        """Returns a plant with some fields of its friction changed."""
         return self._replace(friction=self.friction._replace(**changes))
 
     def with_motor(self, **changes: float) -> Plant:
-        """A plant with some fields of its motor changed."""
+        """Returns a plant with some fields of its motor changed."""
         return self._replace(motor=self.motor._replace(**changes))
 
     def with_torsion(self, inertia: float, stiffness: float, damping: float) -> Plant:
-        """A plant with an oscillator on the hub, whose inertia [kg m^2] is taken from the hub's."""
-        # It stands before the motor, which keeps the last place.
+        """Returns a plant with an oscillator on the hub.
+
+        Args:
+          inertia: of the oscillator, subtracted from that of the hub [kg m^2].
+          stiffness, damping: between hub and oscillator [N m/rad], [N m s/rad].
+        """
+        # The motor's coordinate stays the last one.
         place = len(self.link.lengths) - (1 if self.motor.gap > 0 else 0)
         added = self._with_extra(inertia, place)
         return added.with_link(torsion_stiffness=stiffness, torsion_damping=damping)
 
     def with_backlash(self, gap: float, motor_inertia: float, loss: float = CONTACT_LOSS) -> Plant:
-        """A plant whose motor has a play against the hub.
+        """Returns a plant with backlash between motor and hub.
 
         Args:
-          gap: the play in all [rad].
-          motor_inertia: the motor's part of the hub's inertia [kg m^2].
+          gap: whole backlash [rad].
+          motor_inertia: the motor's share of the hub's inertia [kg m^2].
           loss: damping ratio of the motor on the flanks [1].
         """
         behind = self._with_extra(motor_inertia, len(self.link.lengths))
         return behind.with_motor(gap=gap, inertia=motor_inertia, contact_loss=loss)
 
     def without_motor(self) -> Plant:
-        """What is behind the play: the same plant where it has none, else the hub without the motor."""
+        """Returns the hub side of the backlash: the plant without motor coordinate; itself where it has no backlash."""
         if self.motor.gap <= 0:
             return self
         behind = self.with_link(
@@ -166,10 +185,10 @@ class Plant(NamedTuple):
             inertia=np.ascontiguousarray(self.link.inertia[:-1, :-1]),
             first_moment=self.link.first_moment[:-1],
         )
-        return behind.with_motor(gap=0.0)._replace(torques=self.torques.only(~self.torques.on_motor))
+        return behind.with_motor(gap=0.0)._replace(torques=self.torques.select(~self.torques.on_motor))
 
-    def closed(self) -> Plant:
-        """A plant whose motor stays on the flank that pushes: the same where it has no play."""
+    def with_backlash_closed(self) -> Plant:
+        """Returns a plant whose motor stays in contact, rigidly part of the hub; itself where it has no backlash."""
         if self.motor.gap <= 0:
             return self
         behind = self.without_motor()
@@ -179,15 +198,15 @@ class Plant(NamedTuple):
 
     @property
     def largest_step(self) -> float:
-        """Longest step [s] that the extra coordinates allow."""
+        """Largest integration step that the appended coordinates allow [s]."""
         return CONTACT_STEP if self.motor.gap > 0 else np.inf
 
-    def extended(self, state: np.ndarray) -> np.ndarray:
-        """A state (n + 1) of the link as one of the plant: extra coordinates move with the hub."""
+    def extend_state(self, state: np.ndarray) -> np.ndarray:
+        """Returns angles or rates (n + 1 + k) from those of the segments (n + 1): appended ones equal the hub's."""
         return np.r_[state, np.full(len(self.link.lengths) - len(state), state[0])]
 
     def _with_extra(self, inertia: float, place: int) -> Plant:
-        """A plant with one more coordinate on the hub's axis, its inertia [kg m^2] taken from the hub's."""
+        """Returns a plant with a coordinate inserted at `place`, its inertia [kg m^2] subtracted from the hub's."""
         matrix = np.insert(np.insert(self.link.inertia, place, 0.0, axis=0), place, 0.0, axis=1)
         matrix[0, 0] -= inertia
         matrix[place, place] = inertia
@@ -199,7 +218,7 @@ class Plant(NamedTuple):
 
 
 def declared_plant(rig: Mapping[str, float], chain: Chain) -> Plant:
-    """The plant of a rig with its declared friction and no other mechanism."""
+    """Returns the plant of a rig with its declared friction and no other mechanism."""
     coulomb = float(rig.get("coulomb_friction", 0.0))
     static = max(float(rig.get("static_friction", 0.0)), coulomb)
     link = Link(

@@ -1,4 +1,4 @@
-"""What moves: the state at the first sample, the guide of a run, and the motion that comes of them."""
+"""Initial state of a simulation, the measured rests that guide it, and the motion that it returns."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class Motion:
     Attributes:
       time: (m) [s].
       angles: (m, n + 1) absolute angles of the segments [rad].
-      rates: (m, n + 1) [rad/s].
-      modes: (m) 0 where the hub sticks, +1 or -1 where it slides.
-      extra, extra_rates: (m, k) of coordinates that effects add: absolute angles of a torsional mode, of a motor
-        with play.
+      rates: (m, n + 1) their rates [rad/s].
+      modes: (m) 0 where the hub sticks, +1 or -1 the direction in which it slides.
+      extra, extra_rates: (m, k) absolute angles and rates of the coordinates that effects append: of a torsional mode,
+        of a motor with backlash.
     """
 
     time: np.ndarray
@@ -28,12 +28,14 @@ class Motion:
     extra_rates: np.ndarray
 
     @staticmethod
-    def of(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, modes: np.ndarray, links: int) -> Motion:
-        """Splits the coordinates of a plant (m, n + 1 + k) into those of the link (n + 1) and the others."""
+    def from_coordinates(
+        time: np.ndarray, angles: np.ndarray, rates: np.ndarray, modes: np.ndarray, links: int
+    ) -> Motion:
+        """Returns a motion from coordinates of a plant (m, n + 1 + k); the first `links` = n + 1 are segments."""
         return Motion(time, angles[:, :links], rates[:, :links], modes, angles[:, links:], rates[:, links:])
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angles and rates of all coordinates (m, n + 1 + k), as the plant has them."""
+        """Angles and rates of all coordinates of the plant, (m, n + 1 + k) each."""
         return np.hstack([self.angles, self.extra]), np.hstack([self.rates, self.extra_rates])
 
 
@@ -43,7 +45,7 @@ class Start:
 
     Attributes:
       hub_angle, hub_rate: of the hub [rad], [rad/s].
-      bend, bend_rate: amplitude of the first two clamped modes (2) and its rate, as tip deflection [m], [m/s].
+      bend, bend_rate: (2) tip deflection by each of the first two clamped modes [m], and its rate [m/s].
     """
 
     hub_angle: float = 0.0
@@ -54,11 +56,11 @@ class Start:
 
 @dataclass(frozen=True)
 class Guide:
-    """What the measured hub angle says of sticking and sliding: see `planar.simulate`.
+    """Measured rests and directions of motion of the hub, imposed on a simulation: see `planar.simulate`.
 
     Attributes:
-      observed: (m) int64 flags.
-      anchor: (m) measured angle while the hub rests [rad].
+      observed: (m) int64, `planar.STUCK`, +1, -1 or `planar.UNDECIDED` at each sample.
+      anchor: (m) measured hub angle while the hub rests [rad].
     """
 
     observed: np.ndarray

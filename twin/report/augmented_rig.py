@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from twin.diagnosis.answer import Diagnosis, KnownEffect
 from twin.parameters import Parameter
 from twin.recording import Sensor
-from twin.rigs.rig_file import effect_lines, header, parameter_lines
+from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines
 
 if TYPE_CHECKING:
     from twin.rigs.mjcf_export import AugmentedMjcf
@@ -42,7 +42,7 @@ def to_toml(diagnosis: Diagnosis) -> str:
         "no-missing-effect": "calibrated; nothing was missing",
         "outside-library": "with what could be explained; something that no known effect explains is left",
     }[diagnosis.verdict]
-    lines = header(diagnosis.fitted.name, what)
+    lines = header_lines(diagnosis.fitted.name, what)
     for parameter in diagnosis.fitted.parameters.values():
         lines += _parameter_lines(diagnosis, parameter)
     for known in diagnosis.known:

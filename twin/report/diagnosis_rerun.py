@@ -16,7 +16,7 @@ import numpy as np
 
 from twin import labels
 from twin.diagnosis.answer import UNSEEN, Diagnosis, Prediction, Trace
-from twin.recording import HUB, Recording, Sensor
+from twin.recording import HUB_TORQUE, Recording, Sensor
 from twin.report import display
 from twin.report import rerun_parts as parts
 
@@ -107,7 +107,7 @@ class _Shown:
     def torque(self) -> tuple[Trace, np.ndarray, np.ndarray] | None:
         """The trace of an unmodelled torque with its samples and instants here, if there is one."""
         for trace in self.diagnosis.traces:
-            if trace.channel == HUB:
+            if trace.channel == HUB_TORQUE:
                 samples, time = _samples(self.diagnosis, trace, self.file)
                 return (trace, samples, time) if len(samples) else None
         return None
@@ -222,7 +222,7 @@ def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
     plots = [parts.channel_view(f"{entry.root}/{name}", name) for name in entry.channels()]
     plots.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]"))
     if entry.torque():
-        shown = labels.unmodelled(HUB)
+        shown = labels.unmodelled(HUB_TORQUE)
         plots.append(parts.series_view(f"{entry.root}/unmodelled", f"{shown.label} [{shown.unit}]"))
     left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
     return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)

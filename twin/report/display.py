@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from twin import effects
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Prediction
-from twin.labels import _listed, angle_in_degrees, over_noise, ratio, unit, with_error, words
+from twin.labels import angle_in_degrees, join_with_and, over_noise, ratio, unit, with_error, words
 
 MODELS = ("before", "calibrated", "after")
 """Names of the models in the order in which a diagnosis comes to them."""
@@ -69,12 +69,12 @@ def headline(diagnosis: Diagnosis) -> str:
         meaning = effects.meaning(diagnosis.effects[0].name) if len(names) == 1 else ""
         if meaning:
             return f"The model lacks {names[0]}: {meaning}."
-        return f"The model lacks {_listed(names)}." if names else "The deviation is explained."
+        return f"The model lacks {join_with_and(names)}." if names else "The deviation is explained."
     if diagnosis.verdict == "no-missing-effect":
         return "Nothing is missing: the declared model, calibrated within its uncertainty, explains these recordings."
     if names:
         explain = "explains" if len(names) == 1 else "explain"
-        return f"{_listed(names).capitalize()} {explain} part of it; the rest is outside the library."
+        return f"{join_with_and(names).capitalize()} {explain} part of it; the rest is outside the library."
     return "Something is missing that no effect in the library explains."
 
 

@@ -50,7 +50,7 @@ def watch(
     import mujoco
 
     scenario = scenarios.scenario(experiment.scenario)
-    model = plants.model_of(experiment.rig, experiment.effects)
+    model = plants.make_model(experiment.rig, experiment.effects)
     plant = ChainPlant(model)
     controller = experiment.law(plant.period)
     compiled = mjcf.build_spec(model.rig, model.chain, model.plant, model.hub_torques, scene=True).compile()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.campaigns.campaign import files_of, read_campaign
+from twin.campaigns.campaign import campaign_files, read_campaign
 from twin.control.closed_loop import Run
 from twin.errors import InputError
 from twin.files.outputs import writing
@@ -77,7 +77,7 @@ def files_read(path: Path) -> tuple[Path, ...]:
     Raises:
       InputError: the campaign of the file cannot be used.
     """
-    return (path, *files_of(path.parent)) if (path.parent / "campaign.toml").is_file() else (path,)
+    return (path, *campaign_files(path.parent)) if (path.parent / "campaign.toml").is_file() else (path,)
 
 
 def _run_track(path: Path, rig: Mapping[str, float]) -> Track:

@@ -130,7 +130,7 @@ def _errors_table(predictions: Mapping[str, Prediction], patched: Patched | None
     return table
 
 
-def _cell(value: float, noise: float, shown: labels.Shown) -> str:
+def _cell(value: float, noise: float, shown: labels.Display) -> str:
     if value != value:
         return ""
     over = labels.over_noise(value, noise)

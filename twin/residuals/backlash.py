@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin.mechanics.planar import transmitted
+from twin.mechanics.planar import backlash_torque
 from twin.mechanics.plant import Plant
 from twin.residuals.cell_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
 from twin.residuals.filters import GRID, REACH, low_passed
@@ -45,7 +45,7 @@ class _Hub(NamedTuple):
         """Mean torque (c) on the hub in each cell of a part [N m]."""
         motion = self.acceleration[part], self.angle[part]
         start = ((part.start or 0) - CELLS) * self.period
-        return transmitted(self.plant, self.period, *motion, self.drive[part], self.mobility, start)
+        return backlash_torque(self.plant, self.period, *motion, self.drive[part], self.mobility, start)
 
 
 def passed_on(view: View, prepared: Prepared, model: Model) -> np.ndarray:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.campaigns.rests import BEFORE_ONSET
+from twin.campaigns.rests import SAMPLES_BEFORE_ONSET
 from twin.mechanics import planar
-from twin.mechanics.plant import FIRM
+from twin.mechanics.plant import IMMOVABLE
 from twin.mechanics.state import Motion, Start
 from twin.residuals.prepared import Prepared, guided
 from twin.rigs.model import Model
@@ -57,7 +57,7 @@ def levels(events: Sequence[BreakAway]) -> dict[int, float]:
 def _held(model: Model, prepared: Prepared, start: Start) -> Motion:
     """A recording simulated with a hub that rests whenever the measured one does, whatever it takes to hold it."""
     # A friction that falls from the static level would hold it in motion too.
-    firm = model.with_friction(static_positive=FIRM, static_negative=FIRM, stribeck_velocity=0.0)
+    firm = model.with_friction(static_positive=IMMOVABLE, static_negative=IMMOVABLE, stribeck_velocity=0.0)
     return integrate(firm, prepared.recording, start, guided(firm, prepared, tight=True))
 
 
@@ -71,7 +71,7 @@ def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) ->
     found = []
     assert prepared.hub is not None
     for onset, direction in prepared.hub.onsets:
-        k = onset - BEFORE_ONSET
+        k = onset - SAMPLES_BEFORE_ONSET
         if k < lag or motion.modes[k] != 0 or np.sign(needed[k]) != direction:
             continue
         if np.abs(needed[k] - needed[k - lag]) < _SLOW * abs(needed[k]):

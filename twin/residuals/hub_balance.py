@@ -57,7 +57,7 @@ def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
 
 def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
     """Torque (m) of all hub laws [N m], friction that of a hub that slides in a direction (m), 0 where that is 0."""
-    return planar.hub_laws(
+    return planar.hub_torque_along(
         model.plant, view.time - view.time[0], motion.angles[:, 0], motion.rates[:, 0], direction
     )
 

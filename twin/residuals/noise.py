@@ -21,7 +21,7 @@ from twin.residuals.residual import residual
 from twin.residuals.ringing import Ringing, Swing
 from twin.residuals.view import View, move, padding, whitened
 from twin.rigs.model import Model
-from twin.rigs.simulate import reported
+from twin.rigs.simulate import sensor_readings
 
 _DRAWS = 4  # noises that are tried on the link
 _LOCAL = 0.4  # s to either side over which their effect is averaged
@@ -41,7 +41,7 @@ def propagated(prepared: Prepared, view: View, model: Model) -> tuple[dict[str, 
     asked = Recording(
         "", view.time, {c: np.zeros(len(view.time)) for c in view.measured if c != "motor_torque"}
     )
-    a, b = reported(model, asked, plain), reported(model, asked, moved)
+    a, b = sensor_readings(model, asked, plain), sensor_readings(model, asked, moved)
     with np.errstate(invalid="ignore"):  # a simulation that ran away
         hub = {c: float(np.std(low_passed(a[c] - b[c], GRID))) for c in asked.measured()}
         return sensor_noise(prepared, hub), low_passed(torque_moved - torque, GRID)

@@ -43,10 +43,10 @@ def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared,
     channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= _FEWEST)
     hub = None
     if "hub_angle" in channels and not clean.clamped:
-        hub = rests.hub_motion(clean, known["hub_angle"])
+        hub = rests.classify_hub_motion(clean, known["hub_angle"])
     start = Start(hub_angle=rests.first_reading(clean, hub))
     if clean.start == "unknown":
-        start = rests.moving_start(clean)
+        start = rests.estimate_moving_start(clean)
     return Prepared(clean, known, channels, hub, start), notes
 
 
@@ -60,7 +60,7 @@ def guided(model: Model, prepared: Prepared, tight: bool) -> Guide | None:
     if prepared.hub is None:
         return None
     angle = model.hub_angle_of(prepared.hub.reading, prepared.recording.time)
-    return rests.guide(prepared.hub, angle, tight)
+    return rests.simulation_guide(prepared.hub, angle, tight)
 
 
 def reading_start(model: Model, prepared: Prepared, start: Start) -> Start:

@@ -12,7 +12,7 @@ from twin.residuals.hub_balance import break_aways, delivered, read_torque, unmo
 from twin.residuals.prepared import Prepared
 from twin.residuals.view import LEFT_OUT, View, before_end, move, whitened
 from twin.rigs.model import Model
-from twin.rigs.simulate import reported
+from twin.rigs.simulate import sensor_readings
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
@@ -55,7 +55,7 @@ def missing(view: View, prepared: Prepared, model: Model, start: Start) -> dict[
     motion, required = move(view, prepared, model, start)
     asked = Recording("", view.time, {c: np.zeros(len(view.time)) for c in view.measured})
     parts = {}
-    simulated = reported(model, asked.replace(channels=_strains_only(asked)), motion)
+    simulated = sensor_readings(model, asked.replace(channels=_strains_only(asked)), motion)
     for channel, values in view.measured.items():
         if channel == "motor_torque":
             predicted = read_torque(view, prepared, model)

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.campaigns.rests import BEFORE_ONSET
+from twin.campaigns.rests import SAMPLES_BEFORE_ONSET
 from twin.mechanics import planar
 from twin.mechanics.planar import STUCK
-from twin.mechanics.plant import FIRM, Plant
+from twin.mechanics.plant import IMMOVABLE, Plant
 from twin.mechanics.state import Motion
 from twin.recording import Recording
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model
-from twin.rigs.simulate import delivered, reported
+from twin.rigs.simulate import delivered_torque, sensor_readings
 
 REST = 0.2
 """Span before a break-away in which the hub has to rest [s]."""
@@ -65,7 +65,7 @@ class RestRun:
         """The run about the sample at which a motion is first seen; None without a rest before, or if it was short."""
         recording, hub = prepared.recording, prepared.hub
         assert hub is not None
-        time, last = recording.time, onset - BEFORE_ONSET
+        time, last = recording.time, onset - SAMPLES_BEFORE_ONSET
         end = time[max(last, 0)]
         rest = (time > end - REST) & (time <= end)
         if time[0] > end - REST or not (hub.tight[rest] == STUCK).all():
@@ -77,8 +77,8 @@ class RestRun:
         rows = rows[rows < again[0]] if len(again) else rows
         if (rows > last).sum() < _FEWEST:
             return None
-        plant = model.plant_of(recording).closed()
-        angles, rates = (plant.extended(values[row]) for values in motion.state())
+        plant = model.plant_of(recording).with_backlash_closed()
+        angles, rates = (plant.extend_state(values[row]) for values in motion.state())
         resting = model.hub_angle_of(hub.reading, time)[rows[0]]
         return RestRun(
             model,
@@ -111,7 +111,7 @@ class RestRun:
     def borne(self) -> tuple[float, float]:
         """Torque that friction bore at the end of the rest [N m], and how fast it grew [N m/s]."""
         rest = self.time[: self.end + 1]
-        firm = self.plant.with_friction(static_positive=FIRM, static_negative=FIRM)
+        firm = self.plant.with_friction(static_positive=IMMOVABLE, static_negative=IMMOVABLE)
         angles, rates, _ = self._moved(firm, rest)
         drive = self.model.drive(self.prepared.recording).at(rest)
         torque = self.direction * planar.holding_torque(firm, rest, angles, rates, drive)
@@ -124,7 +124,7 @@ class RestRun:
     def is_slow(self) -> bool:
         """Whether the torque grew so slowly that the instant at which the hub came free tells the level."""
         torque, slope = self.borne
-        about = self.model.drive(self.prepared.recording).at(self.time[: self.end + BEFORE_ONSET + 1])
+        about = self.model.drive(self.prepared.recording).at(self.time[: self.end + SAMPLES_BEFORE_ONSET + 1])
         return slope * INSTANT < _KNOWN * torque and np.abs(np.diff(about)).max() < _JUMP * torque
 
     def readings(self, level: float, time: np.ndarray) -> np.ndarray:
@@ -136,8 +136,8 @@ class RestRun:
             static_positive=max(ahead, _ABOVE * own.coulomb_positive),
             static_negative=max(back, _ABOVE * own.coulomb_negative),
         )
-        motion = Motion.of(time, *self._moved(plant, time), len(self.model.chain.lengths))
-        return reported(self.model, Recording("", time, {"hub_angle": time}), motion)["hub_angle"]
+        motion = Motion.from_coordinates(time, *self._moved(plant, time), len(self.model.chain.lengths))
+        return sensor_readings(self.model, Recording("", time, {"hub_angle": time}), motion)["hub_angle"]
 
     def _moved(self, plant: Plant, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angles, rates and modes of a plant at some instants."""
@@ -148,4 +148,4 @@ class RestRun:
     @functools.cached_property
     def _drive(self) -> tuple[Plant, np.ndarray, np.ndarray]:
         """What all levels have in common: see `delivered`."""
-        return delivered(self.model, self.prepared.recording)
+        return delivered_torque(self.model, self.prepared.recording)

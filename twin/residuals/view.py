@@ -107,16 +107,18 @@ def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Mo
     plant = model.plant.without_motor()
 
     def simulated() -> Moved:
-        first = plant.extended(phi), plant.extended(omega)
+        first = plant.extend_state(phi), plant.extend_state(omega)
         if prepared.recording.start == "unknown":
             first = first[0], first[1] - omega[0] + hub.rate[0]
         parts = max(1, round(GRID / model.step))
-        fine = planar.driven(plant, *_between(view.time, hub, parts), *first, model.link_step)
+        fine = planar.simulate_prescribed_hub(
+            plant, *_between(view.time, hub, parts), *first, model.link_step
+        )
         return fine[0][::parts].copy(), fine[1][::parts].copy(), fine[2][::parts].copy()
 
     on = (*plant.link, model.step, hub.angle, phi, omega)
     angles, rates, required = view.moves.get(on, simulated)
-    return Motion.of(view.time, angles, rates, hub.direction, len(phi)), required
+    return Motion.from_coordinates(view.time, angles, rates, hub.direction, len(phi)), required
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Published rigs, one module each, named after its paper."""
+"""A rig with its effects as a model, a parameter file and MJCF; published rigs by name (`PRESETS`)."""
 
 from twin.errors import InputError, nearest
 from twin.parameters import Rig

@@ -1,8 +1,8 @@
 """TEMSRAD, the rig of Bossi, Magni, Rottenbacher and Mimmi, "Modeling and Validation of a Planar Flexible
 Manipulator", European Control Conference 2009, pp. 2809-2814.
 
-The paper states no uncertainties, so those below are assumed: a ruler and a scale for length and masses, the
-spread of Table I for the stiffness, drawings for the inertias, repeated tests for damping and friction.
+The paper states no uncertainties; those below are assumed: of a ruler and a scale for length and masses, of the
+spread of Table I for the stiffness, of drawings for the inertias, of repeated tests for damping and friction.
 """
 
 from dataclasses import replace
@@ -36,17 +36,17 @@ def printed() -> Rig:
 
 
 def reconciled() -> Rig:
-    """Table II with hub and payload inertia solved for, such that the modes are at 7.27 and 18.21 Hz.
+    """Table II with hub and payload inertia changed such that the first two free modes are at 7.27 and 18.21 Hz.
 
-    Stiffness, density, length and payload mass were measured or identified on the rig; J0 and Jp were only
-    computed from drawings, and move: `reconciliation()` says from where to where.
+    Stiffness, density, length and payload mass were measured or identified on the rig; J0 and Jp were only computed
+    from drawings, so that these two are solved for. `reconciliation()` has their values before and after.
     """
     return reconciliation().rig
 
 
 @cache
 def reconciliation() -> Reconciliation:
-    """Solves for the two values of Table II that were never measured; returns which moved, and how far."""
+    """Solves for the two values of Table II that were never measured; returns them before and after."""
     solved = reconcile(printed(), FREQUENCIES_HZ, move=("hub_inertia", "tip_inertia"))
     reason = (
         "solved for the modes at 7.27 and 18.21 Hz that the paper gives for its model; Table II prints {:g}, "

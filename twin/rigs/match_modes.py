@@ -1,4 +1,4 @@
-"""Moves chosen parameters of a rig until its modes have the frequencies that were published or measured."""
+"""Solves for chosen parameters of a rig such that its modes have published or measured frequencies."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from twin.parameters import Rig
 
 @dataclass(frozen=True)
 class Reconciliation:
-    """A rig that has the wanted frequencies, and how it came about.
+    """A rig solved for given frequencies.
 
     Attributes:
-      rig: the rig with the moved values.
-      moved: name -> (value before, value after), SI.
-      frequencies_hz: the wanted frequencies [Hz].
-      residual: relative error of each frequency that is left [1].
+      rig: the rig with the changed values.
+      moved: name of each changed parameter -> (value before, value after), SI.
+      frequencies_hz: the given frequencies (n) [Hz].
+      residual: (n) remaining relative error of each frequency [1].
     """
 
     rig: Rig
@@ -42,17 +42,17 @@ def reconcile(
 ) -> Reconciliation:
     """Solves for the parameters in `move` such that the first modes have `frequencies_hz`.
 
-    The logarithms of the values are moved, within the bounds of each parameter, by least squares on the
-    logarithms of the frequencies. Where no values meet the frequencies, `residual` says by how much.
+    Least squares on the logarithms of the frequencies, in the logarithms of the values, within the bounds of each
+    parameter. Where no values reach the frequencies, `residual` has the remaining errors.
 
     Args:
-      rig: parameters to start from.
+      rig: initial values.
       frequencies_hz: frequencies of modes 1, 2, ... [Hz].
-      move: names of the parameters that may move; at most as many as there are frequencies.
+      move: names of the parameters to solve for; at most as many as there are frequencies.
       boundary: hub "free" or "clamped", as in `modes`.
 
     Raises:
-      ValueError: more parameters than frequencies, or a parameter is 0 and has no logarithm.
+      ValueError: more parameters than frequencies, or a parameter is not positive and has no logarithm.
     """
     if not 1 <= len(move) <= len(frequencies_hz):
         raise ValueError(
@@ -79,5 +79,6 @@ def reconcile(
 
 
 def _log_bounds(rig: Rig, move: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithms of the lower and upper bounds of the parameters."""
     bounds = np.array([rig.parameters[name].bounds for name in move])
     return np.log(np.maximum(bounds[:, 0], 1e-30)), np.log(bounds[:, 1])

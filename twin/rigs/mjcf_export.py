@@ -1,8 +1,7 @@
-"""The augmented rig as MJCF: the fitted chain with the effects that MuJoCo has elements for.
+"""A rig with effects as MJCF: the chain with every effect for which MuJoCo has an element.
 
-Effects of the mechanics are written by `twin.mechanics.mjcf`, those of the sensors by
-`twin.rigs.mjcf_sensors`. Those of the drive are read off what it makes of a command u that is held from time 0 on,
-delivered(t) = gain * u(t - delay) + bias, behind a lag.
+`twin.mechanics.mjcf` writes effects on the mechanics, `twin.rigs.mjcf_sensors` those on the sensors. Effects on the
+drive are written as gain, bias, delay and lag of the motor (`twin.rigs.drive_law`).
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from twin.mechanics import chain, mjcf
 from twin.parameters import Rig
 from twin.recording import Sensor
 from twin.rigs import mjcf_sensors
-from twin.rigs.drive_law import DriveLaw, drive_law, not_linear
+from twin.rigs.drive_law import DriveLaw, drive_law, nonlinear_drives
 from twin.rigs.model import Effects, Model
 
 
@@ -28,7 +27,7 @@ class AugmentedMjcf:
 
     Attributes:
       xml: the text of the file.
-      left_out: mechanisms that MJCF cannot say.
+      left_out: names of mechanisms that the file lacks, as MuJoCo has no element for them.
     """
 
     xml: str
@@ -42,9 +41,9 @@ def to_mjcf(
 
     Args:
       rig: its parameters without effects.
-      effects: that act: name -> parameter -> value, SI.
-      sensors: channel -> sensor; strain gauges are written where there are any.
-      comment: lines at the head of the file, before what it leaves out.
+      effects: name -> parameter -> value, SI.
+      sensors: channel -> sensor; strain gauges among them are written.
+      comment: lines of a comment at the head of the file, before the list of what it lacks.
     """
     model = Model(rig, sensors, chain.fit_shape(rig), effects)
     drive = drive_law(effects)
@@ -54,11 +53,11 @@ def to_mjcf(
     spec = mjcf.build_spec(model.rig, model.chain, plant, model.hub_torques, gauges=gauges)
     spec.modelname = _plain(rig.name)
     _write_drive(spec, drive)
-    mjcf_sensors.write(spec, readings)
+    mjcf_sensors.write_sensors(spec, readings)
     left_out = (
-        *mjcf.not_native(plant, model.hub_torques),
-        *not_linear(effects),
-        *mjcf_sensors.left_out(effects),
+        *mjcf.unsupported_mechanisms(plant, model.hub_torques),
+        *nonlinear_drives(effects),
+        *mjcf_sensors.unsupported_effects(effects),
     )
     if model.curvature_rate_rows:
         left_out += ("lag of strains behind a clamp that gives",)
@@ -68,7 +67,7 @@ def to_mjcf(
 
 def _write_drive(spec: mujoco.MjSpec, drive: DriveLaw) -> None:
     motor = spec.actuator("motor")
-    # The command saturates, and what is delivered is a multiple of that and the bias.
+    # The command is limited first; gain and bias act on the limited command.
     motor.gainprm[0] = drive.gain
     motor.forcerange = drive.gain * motor.forcerange + drive.bias
     if drive.bias != 0:
@@ -79,7 +78,7 @@ def _write_drive(spec: mujoco.MjSpec, drive: DriveLaw) -> None:
 
 
 def _with_gain(gauge: Sensor, gain: float) -> Sensor:
-    """A gauge whose strain is `gain` times as large."""
+    """Returns a gauge that reads `gain` times the strain."""
     return replace(gauge, half_thickness=gain * gauge.half_thickness)
 
 
@@ -92,6 +91,6 @@ def _comment(comment: Sequence[str], left_out: tuple[str, ...]) -> str:
 
 
 def _plain(text: str) -> str:
-    """A text that may stand in a comment and in an attribute: ASCII, no mark-up, no two hyphens in a row."""
+    """Returns a text that XML allows in a comment and in an attribute: ASCII, no mark-up, no two hyphens in a row."""
     kept = (c if c.isascii() and (c.isalnum() or c in " -_.,:'()") else "?" for c in text)
     return re.sub("-(?=-)", "- ", "".join(kept))

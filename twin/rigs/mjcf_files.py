@@ -1,4 +1,4 @@
-"""The MJCF files of `models/`: `python -m twin.rigs.mjcf_files [FOLDER]` writes them."""
+"""Writes the MJCF files of `models/`: `python -m twin.rigs.mjcf_files [FOLDER]`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from twin.mechanics.chain import build
 from twin.mechanics.mjcf import build_spec
-from twin.mechanics.mjcf_looks import scene_xml
+from twin.mechanics.mjcf_visuals import scene_xml
 from twin.rigs import preset
 
 
@@ -23,7 +23,7 @@ def write_models(folder: Path) -> tuple[Path, ...]:
 
 
 def _tidy(xml: str) -> str:
-    """Drops blank lines at the end, and says where the file comes from."""
+    """Returns the XML without blank lines at the end, and with a note on its origin at the head."""
     note = (
         "<!-- Written by `python -m twin.rigs.mjcf_files models`; see README.md. "
         "Edit the generator, not this file. -->"

@@ -1,12 +1,12 @@
-"""What sensors report, in MJCF: effects of the sensors become tendons, actuators and delays.
+"""Effects on the sensors in MJCF, as tendons, actuators and sensor delays.
 
-A reading that is a multiple of the truth is the length of a fixed tendon. One with more to it is the force on such a
-tendon, which MuJoCo adds up over the actuators that pull at it, at a gear so small that no motion feels them:
+A reading that is a multiple of the true value is the length of a fixed tendon. Any other is the sum of the forces of
+actuators on such a tendon, with a gear ratio so small that they do not affect the motion:
 
     truth       an actuator whose bias is the tendon's length
-    drift       an integrator of a command that cannot leave 1: its activation is the time
-    wave        the cogging of MuJoCo's motor
-    delay       of the sensor, with a history between whose samples it interpolates; until it has passed, 0 is read
+    drift       an integrator of a command that is limited to 1: its activation is the time
+    wave        the cogging of MuJoCo's motor, a sinusoid of the tendon's length
+    delay       the sensor's delay, with interpolation between the samples of its history; it reads 0 until then
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ SENSORS = {
     "tip_acceleration": "tip_acceleration",
     "motor_torque": "motor_torque",
 }
-"""Channel -> the sensor of `mjcf.build_spec` that reads it."""
+"""Channel -> name of the sensor of `mjcf.build_spec` that measures it."""
 
-_GEAR = 1e-9  # of actuators that only read: 1 rad on the hub is a torque of 1e-9 N m
-_CUBIC = 2  # `interp` of a history
+_GEAR = 1e-9  # [1] gear ratio of actuators that only measure: 1 rad of the hub makes a torque of 1e-9 N m
+_CUBIC = 2  # value of a sensor's `interp`: cubic interpolation of its history
 
 
 Readings = Mapping[str, Reading]
-"""Channel -> what is reported of it."""
+"""Channel -> its reading as a function of the true value."""
 
 
 def readings(effects: Effects) -> Readings:
-    """Returns what effects, in their order, make of the true value of every channel."""
+    """Returns the reading of every channel under effects, applied in their order."""
     return {channel: _reading(channel, effects) for channel in SENSORS}
 
 
@@ -52,8 +52,8 @@ def _reading(channel: str, effects: Effects) -> Reading:
     return reading
 
 
-def left_out(effects: Effects) -> tuple[str, ...]:
-    """Names of the effects whose readings MJCF cannot say."""
+def unsupported_effects(effects: Effects) -> tuple[str, ...]:
+    """Returns the names of the effects whose readings MJCF has no element for."""
     return tuple(
         name
         for name, p in effects.items()
@@ -61,14 +61,14 @@ def left_out(effects: Effects) -> tuple[str, ...]:
     )
 
 
-def write(spec: mujoco.MjSpec, found: Readings) -> None:
-    """Makes the sensors of a rig report as they do.
+def write_sensors(spec: mujoco.MjSpec, channels: Readings) -> None:
+    """Changes the sensors of a specification such that they report the given readings.
 
     Args:
-      spec: from `mjcf.build_spec`, with the gains of the gauges in them.
-      found: channel -> reading.
+      spec: from `mjcf.build_spec`, with the gains of the strain gauges included in the gauges.
+      channels: channel -> reading.
     """
-    for channel, reading in found.items():
+    for channel, reading in channels.items():
         sensor = spec.sensor(SENSORS[channel])
         if sensor is None:
             continue
@@ -86,42 +86,44 @@ def write(spec: mujoco.MjSpec, found: Readings) -> None:
 
 
 def _read_through_tendon(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, joint: str, gain: float) -> None:
-    """The sensor reads the length of a tendon of its name, gain times a joint's angle."""
+    """Makes the sensor read the length of a tendon of its name, gain times a joint's angle."""
     spec.add_tendon(name=sensor.name, group=5).wrap_joint(joint, gain)
     sensor.type, sensor.objtype = mujoco.mjtSensor.mjSENS_TENDONPOS, mujoco.mjtObj.mjOBJ_TENDON
     sensor.objname = sensor.name
 
 
 def _read_sum(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, reading: Reading) -> None:
-    """The sensor adds up what pulls at its tendon: its length, a drift, a wave."""
+    """Makes the sensor read the force on its tendon: the sum of its length, a drift and a sinusoid."""
     sensor.type = mujoco.mjtSensor.mjSENS_TENDONACTFRC
-    truth = _puller(spec, sensor, "truth")
+    truth = _tendon_actuator(spec, sensor, "truth")
     truth.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     truth.gainprm[0], truth.biasprm[0], truth.biasprm[1] = 0.0, reading.offset, 1 / _GEAR
     if reading.rate != 0:
-        drift = _puller(spec, sensor, "drift")
+        drift = _tendon_actuator(spec, sensor, "drift")
         drift.dyntype, drift.gainprm[0] = mujoco.mjtDyn.mjDYN_INTEGRATOR, reading.rate
         drift.ctrllimited, drift.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [1.0, 1.00001]
     if reading.amplitude != 0:
-        wave = _puller(spec, sensor, "wave")
-        mjcf.set_wave(wave, reading.amplitude, reading.order / _GEAR, reading.phase)
+        wave = _tendon_actuator(spec, sensor, "wave")
+        mjcf.set_sinusoid(wave, reading.amplitude, reading.order / _GEAR, reading.phase)
 
 
-def _puller(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, what: str) -> mujoco.MjsActuator:
+def _tendon_actuator(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, what: str) -> mujoco.MjsActuator:
+    """Returns a new actuator on the tendon of a sensor, with the gear ratio `_GEAR`."""
     kind = mujoco.mjtTrn.mjTRN_TENDON
-    puller = spec.add_actuator(name=f"{sensor.name}_{what}", target=sensor.name, trntype=kind)
-    puller.gear[0] = _GEAR
-    return puller
+    actuator = spec.add_actuator(name=f"{sensor.name}_{what}", target=sensor.name, trntype=kind)
+    actuator.gear[0] = _GEAR
+    return actuator
 
 
 def _delay(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, delay: float) -> None:
-    """The sensor reads what its history says of `delay` [s] ago: between samples, or held as a torque is.
+    """Delays a sensor by `delay` [s]: interpolated between the samples of its history, or held for a torque.
 
-    A history is written when RK4 has just been at the end of the step: there it finds tendons and frames, and
-    stamps them with the start. Joints are back at the start, and a torque is the same all along.
+    MuJoCo stores a sample after the last stage of RK4 and stamps it with the start of the step. Tendons and frames are
+    then evaluated at the end of the step, which costs one step; joints are at its start, and a torque is constant.
     """
     kind, held = mujoco.mjtSensor, sensor.type == mujoco.mjtSensor.mjSENS_ACTUATORFRC
     step = spec.option.timestep
     sensor.delay = delay if held or sensor.type == kind.mjSENS_JOINTPOS else delay + step
-    sensor.nsample = math.ceil(sensor.delay / step) + 3  # a cubic needs one more at each end
+    # Cubic interpolation needs one more sample at each end.
+    sensor.nsample = math.ceil(sensor.delay / step) + 3
     sensor.interp = 0 if held else _CUBIC

@@ -1,4 +1,4 @@
-"""The twin as one value: a rig, the effects added to it, and what its sensors would report."""
+"""The model of a rig as one immutable value: parameters, effects, chain; derived quantities are cached properties."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from twin.mechanics.hub_law import HubTorque, as_arrays
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.recording import Recording, Sensor
-from twin.rigs.drive_law import through
+from twin.rigs.drive_law import apply_drive_effects
 from twin.rigs.patch import Patch
 
 Effects = Mapping[str, Mapping[str, float]]
@@ -30,12 +30,12 @@ class Model:
       declared: the rig without effects.
       sensors: channel -> how it is measured.
       shape: proportions of the chain.
-      effects: effects that act, with their parameters.
+      effects: effects with their parameters, applied in this order.
       step: largest integration step [s].
-      late: how much later than stamped a card puts its commands out [s].
-      patch: a correction without a cause, looked up; None for none.
-      friction: fields of `Friction` that are set, whatever rig and effects say.
-      break_away: factor on the static levels.
+      late: delay of the card's output: commands act this much later than their time stamps [s].
+      patch: empirical lookup table added to the hub torque or a reading; None for none.
+      friction: fields of `Friction` that override those of rig and effects.
+      break_away: factor on the static friction levels [1].
     """
 
     declared: Rig
@@ -54,7 +54,7 @@ class Model:
 
     @functools.cached_property
     def rig(self) -> Rig:
-        """The rig with what the effects change in it."""
+        """The rig's parameters with the effects applied."""
         rig = self.declared
         for name, p in self.effects.items():
             rig = REGISTRY[name].rig(rig, p)
@@ -62,7 +62,7 @@ class Model:
 
     @functools.cached_property
     def chain(self) -> Chain:
-        """The chain of `rig` with what the effects change in it."""
+        """The chain of `rig` with the effects applied."""
         links = chain.build(self.rig, shape=self.shape)
         for name, p in self.effects.items():
             links = REGISTRY[name].links(links, self.rig, p)
@@ -70,29 +70,31 @@ class Model:
 
     @functools.cached_property
     def gauge_rows(self) -> dict[str, np.ndarray]:
-        """Channel -> row from hinge angles, the clamp rigid, to the curvature at its gauge [1/m per rad]."""
+        """Channel -> row from hinge angles, on a rigid clamp, to the curvature at its gauge [1/m per rad]."""
         gauges = {name: s for name, s in self.sensors.items() if s.half_thickness}
         links = self.chain.rigid or self.chain
         return {name: self.gauge_row(links, s.position) for name, s in gauges.items()}
 
     def gauge_row(self, links: Chain, x: float) -> np.ndarray:
-        """Row (n) from hinge angles of links on a rigid clamp to the curvature at x [1/m per rad]."""
+        """Returns the row (n) from hinge angles of a chain on a rigid clamp to the curvature at x [m] [1/m per rad]."""
         return chain.curvature_row(links, self.rig, x)
 
     @functools.cached_property
     def curvature_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from hinge angles to the curvature at its gauge [1/m per rad]."""
-        return {name: chain.through_root(self.chain, row) for name, row in self.gauge_rows.items()}
+        return {
+            name: chain.row_with_root_compliance(self.chain, row) for name, row in self.gauge_rows.items()
+        }
 
     @functools.cached_property
     def curvature_rate_rows(self) -> dict[str, np.ndarray]:
-        """Channel -> row (n) from hinge rates to the curvature at its gauge [s/m per rad], where there is one."""
-        rows = {name: chain.lagging_row(self.chain, row) for name, row in self.gauge_rows.items()}
+        """Channel -> row (n) from hinge rates to the curvature at its gauge [s/m per rad], if it depends on them."""
+        rows = {name: chain.curvature_rate_row(self.chain, row) for name, row in self.gauge_rows.items()}
         return {name: row for name, row in rows.items() if row is not None}
 
     @functools.cached_property
     def plant(self) -> Plant:
-        """What the equations of motion read."""
+        """The numbers of the equations of motion, with the effects applied."""
         plant = declared_plant(self.rig, self.chain)
         for name, p in self.effects.items():
             plant = REGISTRY[name].plant(plant, p)
@@ -104,78 +106,81 @@ class Model:
     @functools.cached_property
     def hub_torques(self) -> tuple[HubTorque, ...]:
         """Torques on the hub that effects and patch add."""
-        found = [REGISTRY[name].hub_torque(p) for name, p in self.effects.items()]
-        found += [self.patch.hub_torque()] if self.patch is not None else []
-        return tuple(torque for torque in found if torque is not None)
+        torques = [REGISTRY[name].hub_torque(p) for name, p in self.effects.items()]
+        torques += [self.patch.hub_torque()] if self.patch is not None else []
+        return tuple(torque for torque in torques if torque is not None)
 
     def plant_of(self, recording: Recording) -> Plant:
-        """The plant, time of its torques counted from the first sample of a recording."""
+        """Returns the plant with the time of its hub torques counted from the first sample of a recording."""
         return self.plant._replace(torques=self.plant.torques._replace(since=float(recording.time[0])))
 
     @property
     def link_step(self) -> float:
-        """Integration step [s] of the link by itself: `step`, or less where the chain asks for less."""
+        """Integration step [s] of the link under a given motion of the hub: `step`, or the chain's stability limit."""
         return min(self.step, self.chain.largest_step())
 
     @property
     def stable_step(self) -> float:
-        """Integration step [s]: `link_step`, or less where what stands behind the chain asks for less."""
+        """Integration step [s]: `link_step`, or the limit of the appended coordinates."""
         return min(self.link_step, self.plant.largest_step)
 
     def with_friction(self, **levels: float) -> Model:
-        """A model with some fields of its `Friction` set, whatever rig and effects say; they stay set."""
+        """Returns a model with some fields of its `Friction` set, overriding rig and effects."""
         return self.replace(friction={**self.friction, **levels})
 
     def with_break_away(self, share: float) -> Model:
-        """A model whose static levels are so many times as large, see `Friction.scaled`; they stay so."""
+        """Returns a model with its static friction levels multiplied by `share`; see `Friction.scaled`."""
         return self.replace(break_away=share * self.break_away)
 
     def drive(self, recording: Recording) -> Drive:
-        """Delivered torque of a recording's command: saturated, then through the effects of the drive."""
+        """Delivered torque for a recording's command: limited by the amplifier, then changed by the drive's effects."""
         limit = self.declared["torque_limit"]
         put_out = recording.commanded_at + self.late
-        command = through(self.effects, Drive(put_out, np.clip(recording["torque_command"], -limit, limit)))
+        command = apply_drive_effects(
+            self.effects, Drive(put_out, np.clip(recording["torque_command"], -limit, limit))
+        )
         if self.patch is not None:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
 
     @property
     def torque_gain(self) -> float:
-        """Torque that is delivered for one that is commanded [1], whatever else is added to it."""
-        steps = through(self.effects, Drive(np.arange(2.0), np.arange(2.0)))
+        """Delivered torque per commanded torque between 0 and 1 N m [1], without bias."""
+        steps = apply_drive_effects(self.effects, Drive(np.arange(2.0), np.arange(2.0)))
         return float(np.diff(steps.torque)[0])
 
     def read_torque(self, recording: Recording) -> np.ndarray:
-        """Delivered torque at the samples of a recording: a card reads it as it puts its commands out."""
+        """Delivered torque (m) [N m] at the samples of a recording; a card reads it when it outputs its commands."""
         return self.drive(recording).at(recording.commanded_at + self.late)
 
     def report(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What the sensors report of true channel values (name -> (m,), SI), `time` from the start of a recording."""
+        """Returns the readings of true channel values (name -> (m), SI), `time` [s] from the start of a recording."""
         for name, p in self.effects.items():
             true = REGISTRY[name].sensing(time, true, p)
         return true if self.patch is None else self.patch.on_reading(time, true)
 
     @property
     def hub_late(self) -> float:
-        """By how much the hub's reading lags behind its angle [s]: what it does in the end is not read any more."""
+        """Delay of the hub's reading [s]; the last motion of a recording within it is not measured."""
         return sum(REGISTRY[name].hub_late(p) for name, p in self.effects.items())
 
     def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Hub angle (m,) that the sensor reports as `reading`."""
+        """Returns the hub angle (m) [rad] for which the sensor reports `reading` (m)."""
         for name, p in reversed(list(self.effects.items())):
             reading = REGISTRY[name].hub_angle_of(time, reading, p)
         return reading
 
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
+"""Segments and largest step [s] of a chain whose discretisation error is taken as negligible."""
 
 
-def fine(model: Model) -> Model:
-    """The same model on a chain fine enough to stand for the limit."""
+def with_fine_chain(model: Model) -> Model:
+    """Returns the model on a chain whose discretisation error is taken as negligible."""
     return model.replace(shape=_fine_shape(model), step=FINE_STEP)
 
 
 def _fine_shape(model: Model) -> ChainShape:
-    # A shape fits all rigs that are much alike: fitted to three digits, it is found again.
-    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPED_BY}
+    # A shape suits all similar rigs: parameters are rounded, so that the cache of `fit_shape` has it already.
+    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPE_PARAMETERS}
     return chain.fit_shape(rounded, FINE_SEGMENTS)

@@ -1,7 +1,7 @@
-"""A correction without a cause: what a model leaves unexplained, as a smooth function of the variable it depends on.
+"""Empirical lookup table of the remaining residual: a smooth function of one variable, without a physical explanation.
 
-It says what is left, where, and over which range that was seen; it explains nothing. As a lookup it can be added to a
-model, marked as a patch: a torque on the hub (by angle, rate, time or command), or a change of a reading.
+It has the size of the residual and the range of the variable over which it was observed. As a patch it can be added to
+a model: a torque on the hub as a function of hub angle, rate, time or command, or a change of a reading.
 """
 
 from __future__ import annotations
@@ -16,21 +16,24 @@ from scipy.interpolate import make_smoothing_spline
 from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table
 from twin.mechanics.hub_law import HubLaw, HubTorque
-from twin.recording import HUB, MEASURED
+from twin.recording import HUB_TORQUE, MEASURED
 
-_ON_HUB = {"hub_angle": 1.0, "hub_rate": 2.0, "time": 3.0}
-_ADDED, _SAMPLES = "added_to_", "samples"  # columns of its table
-_BINS = 40
-_FEW = 15  # samples below which a bin says nothing
-_LEAST = 6  # points of a curve
-_REPEATED = 2  # recordings in which a value of the variable must have been seen
+_HUB_VARIABLES = {"hub_angle": 1.0, "hub_rate": 2.0, "time": 3.0}
+"""Variables of a patch on the hub torque -> their code among the values of `lookup_torque`."""
+_ADDED, _SAMPLES = "added_to_", "samples"
+"""Columns of the CSV table: prefix of a channel, and number of samples."""
+_BINS = 40  # bins of the variable, at most
+_FEWEST_IN_BIN = 15  # samples; bins with fewer are omitted, as their means are too uncertain
+_FEWEST_POINTS = 6  # points of a curve; with fewer there is none
+_REPEATED = 2  # recordings that a bin must have samples of, so that it is no peculiarity of one
 
 
 @HubLaw
-def looked_up(t, theta, omega, values):
-    """Torque [N m] of a lookup: linear between its points, constant beyond them.
+def lookup_torque(t, theta, omega, values):
+    """Torque [N m] of a lookup table: linear between its points, constant beyond them.
 
-    Values are the variable (1 angle, 2 rate, 3 time), the number k of points, k values of the variable, k torques.
+    `values` are the code of the variable (1 angle, 2 rate, 3 time), the number of points k, k values of the variable in
+    ascending order, k torques.
     """
     count = int(values[1])
     value = theta if values[0] == 1.0 else omega if values[0] == 2.0 else t
@@ -51,14 +54,14 @@ def looked_up(t, theta, omega, values):
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A lookup: linear between its points, constant beyond them.
+    """A lookup table: linear between its points, constant beyond them.
 
     Attributes:
       channel: `hub_torque`, or the channel whose reading it changes.
-      variable: on which it depends.
-      x: (k) values of the variable, SI, ascending: the range in which it was seen.
-      y: (k) what is added, in the unit of the channel (N m for the hub).
-      count: (k) samples behind each point.
+      variable: name of the variable on which it depends.
+      x: (k) values of the variable, SI, ascending: the observed range.
+      y: (k) added values, in the unit of the channel (N m for the hub torque).
+      count: (k) number of samples of which each point is the mean.
     """
 
     channel: str
@@ -68,39 +71,41 @@ class Patch:
     count: np.ndarray = field(repr=False)
 
     def at(self, values: np.ndarray) -> np.ndarray:
-        """What is added at values (m) of the variable."""
+        """Returns the added value at values (m) of the variable."""
         return np.interp(values, self.x, self.y)
 
     def hub_torque(self) -> HubTorque | None:
-        """The lookup as a torque on the hub; None where it is none, or goes by the command."""
-        if self.channel != HUB or self.variable not in _ON_HUB:
+        """The table as a torque on the hub; None where it changes a reading, or depends on the command."""
+        if self.channel != HUB_TORQUE or self.variable not in _HUB_VARIABLES:
             return None
-        values = (_ON_HUB[self.variable], len(self.x), *self.x.tolist(), *self.y.tolist())
-        return HubTorque("patch", looked_up, tuple(map(float, values)))
+        values = (_HUB_VARIABLES[self.variable], len(self.x), *self.x.tolist(), *self.y.tolist())
+        return HubTorque("patch", lookup_torque, tuple(map(float, values)))
 
     @property
     def on_sensor(self) -> bool:
-        """It changes a reading, not the torque on the hub."""
-        return self.channel != HUB
+        """Whether it changes a reading instead of the torque on the hub."""
+        return self.channel != HUB_TORQUE
 
     @property
-    def known_variables(self) -> tuple[str, ...]:
-        """What a simulation can look it up by."""
-        return (*_ON_HUB, "torque_command") if self.channel == HUB else ("time", *MEASURED)
+    def allowed_variables(self) -> tuple[str, ...]:
+        """Variables on which a patch of this channel may depend in a simulation."""
+        return (*_HUB_VARIABLES, "torque_command") if self.channel == HUB_TORQUE else ("time", *MEASURED)
 
     @property
-    def acts(self) -> bool:
-        """A simulation can look it up."""
-        return self.variable in self.known_variables
+    def is_simulable(self) -> bool:
+        """Whether a simulation has the variable on which it depends."""
+        return self.variable in self.allowed_variables
 
     def on_command(self, torque: np.ndarray) -> np.ndarray:
-        """Delivered torque (k) for a command (k) [N m]."""
+        """Returns the torque (k) [N m] with the patch added where it depends on the command (k)."""
         return (
-            torque + self.at(torque) if self.channel == HUB and self.variable == "torque_command" else torque
+            torque + self.at(torque)
+            if self.channel == HUB_TORQUE and self.variable == "torque_command"
+            else torque
         )
 
     def on_reading(self, time: np.ndarray, true: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Readings by channel (m) of true values, `time` (m) from the start of a recording."""
+        """Returns readings by channel (m) of true values, SI; `time` (m) [s] from the start of a recording."""
         known = {**true, "time": time}
         if self.channel not in true or self.variable not in known:
             return dict(true)
@@ -108,16 +113,16 @@ class Patch:
 
 
 def to_csv(patch: Patch) -> str:
-    """Returns the lookup as a table: the variable, what is added, both SI, and the samples behind each point."""
+    """Returns the patch as CSV: variable, added value, both SI, and number of samples of each point."""
     rows = [f"{x:.9g},{y:.9g},{n:.0f}" for x, y, n in zip(patch.x, patch.y, patch.count, strict=True)]
     return "\n".join([f"{patch.variable},{_ADDED}{patch.channel},{_SAMPLES}", *rows]) + "\n"
 
 
-def read(path: Path) -> Patch:
-    """Reads a lookup from a table as `to_csv` writes it; samples may be left out.
+def read_patch(path: Path) -> Patch:
+    """Reads a patch from a CSV file as `to_csv` writes it; the column of samples may be missing.
 
     Raises:
-      InputError: it is none; the message names file, line or column, and what would be right.
+      InputError: the file is no such table, or no simulation can apply it.
     """
     table = read_table(path, path.name)
     added = [column for column in table.header if column.startswith(_ADDED)]
@@ -130,21 +135,22 @@ def read(path: Path) -> Patch:
     x, y = table.columns[variables[0]], table.columns[added[0]]
     _check_points(path.name, table, x, y)
     count = table.columns.get(_SAMPLES, np.zeros(len(x)))
-    found = Patch(added[0].removeprefix(_ADDED), variables[0], x, y, count)
-    if found.channel not in (HUB, *MEASURED):
+    patch = Patch(added[0].removeprefix(_ADDED), variables[0], x, y, count)
+    if patch.channel not in (HUB_TORQUE, *MEASURED):
         raise InputError(
-            f"{path.name}, line 1: nothing can be added to '{found.channel}'; expected one of: "
-            f"{', '.join((HUB, *MEASURED))}{nearest(found.channel, (HUB, *MEASURED))}"
+            f"{path.name}, line 1: nothing can be added to '{patch.channel}'; expected one of: "
+            f"{', '.join((HUB_TORQUE, *MEASURED))}{nearest(patch.channel, (HUB_TORQUE, *MEASURED))}"
         )
-    if not found.acts:
+    if not patch.is_simulable:
         raise InputError(
-            f"{path.name}, line 1: no simulation looks up {found.channel} by '{found.variable}'; expected one of: "
-            f"{', '.join(found.known_variables)}{nearest(found.variable, found.known_variables)}"
+            f"{path.name}, line 1: no simulation looks up {patch.channel} by '{patch.variable}'; expected one of: "
+            f"{', '.join(patch.allowed_variables)}{nearest(patch.variable, patch.allowed_variables)}"
         )
-    return found
+    return patch
 
 
 def _check_points(name: str, table: Table, x: np.ndarray, y: np.ndarray) -> None:
+    """Raises InputError where a patch has fewer than 2 points, a missing number, or an x that does not increase."""
     if len(x) < 2:
         raise InputError(f"{name} has {len(x)} points after its header; expected at least 2")
     missing = np.flatnonzero(~np.isfinite(x + y))
@@ -160,46 +166,51 @@ def _check_points(name: str, table: Table, x: np.ndarray, y: np.ndarray) -> None
         )
 
 
-def smooth(
-    left: np.ndarray, values: np.ndarray, recording: np.ndarray, channel: str, variable: str
+def fit_lookup(
+    residual: np.ndarray, values: np.ndarray, recording: np.ndarray, channel: str, variable: str
 ) -> Patch | None:
-    """Fits what is left of a channel as a smooth function of one variable.
+    """Fits the remaining residual of a channel by a smooth function of one variable.
 
-    Means of bins, those seen in one recording only left out, joined by a smoothing spline whose stiffness generalised
-    cross-validation chooses. Half of the bins' edges share out the samples, half the range: what happens seldom, at
-    large values, is often what is wrong.
+    A smoothing spline through the means of bins; its parameter is from generalised cross-validation. Bins with
+    samples of one recording only are omitted. Half of the bin edges are quantiles, half are evenly spaced, because
+    residuals are often large at values of the variable that are rare.
 
     Args:
-      left: (n) what is unexplained, in the channel's unit.
+      residual: (n) what the model lacks and the patch shall add, in the channel's unit.
       values: (n) of the variable.
       recording: (n) index of the recording of each sample.
       channel, variable: their names.
 
     Returns:
-      The lookup; None where too little of the range was seen in more than one recording.
+      The patch; None where too few bins have samples of several recordings.
     """
     shares = np.linspace(0, 1, _BINS // 2 + 1)
     edges = np.unique([np.quantile(values, shares), values.min() + shares * np.ptp(values)])
     bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     needed = min(_REPEATED, len(np.unique(recording)))
     points = [
-        _point(left[inside], values[inside])
+        _point(residual[inside], values[inside])
         for inside in (bins == k for k in range(len(edges) - 1))
-        if inside.sum() >= _FEW and len(np.unique(recording[inside])) >= needed
+        if inside.sum() >= _FEWEST_IN_BIN and len(np.unique(recording[inside])) >= needed
     ]
-    if len(points) < _LEAST:
+    if len(points) < _FEWEST_POINTS:
         return None
     x, y, count, variance = np.array(points).T
     x, keep = np.unique(x, return_index=True)
-    if len(x) < _LEAST:
+    if len(x) < _FEWEST_POINTS:
         return None
     weight = 1 / np.clip(variance[keep], 1e-2 * np.median(variance), 1e2 * np.median(variance))
-    # Over the number of the bin and scaled: the spline's search for its stiffness is lost where points nearly coincide.
+    # Fitted over the bin's number, with y scaled: cross-validation fails where points nearly coincide.
     scale, bin_number = max(float(np.abs(y).max()), 1e-30), np.arange(len(x), dtype=float)
     curve = make_smoothing_spline(bin_number, y[keep] / scale, weight / weight.max())
     return Patch(channel, variable, x, scale * curve(bin_number), count[keep])
 
 
-def _point(left: np.ndarray, values: np.ndarray) -> tuple[float, float, int, float]:
-    """Middle of a bin, its mean, its samples, and the variance of the mean."""
-    return float(np.median(values)), float(left.mean()), len(left), float(left.var() / len(left))
+def _point(residual: np.ndarray, values: np.ndarray) -> tuple[float, float, int, float]:
+    """Returns median of the variable in a bin, mean of the residual, number of samples, and variance of that mean."""
+    return (
+        float(np.median(values)),
+        float(residual.mean()),
+        len(residual),
+        float(residual.var() / len(residual)),
+    )

@@ -1,4 +1,4 @@
-"""The parameter file of a rig: what `--rig` reads, and how such a file is written.
+"""The parameter file of a rig, as `--rig` reads it: format, reader and writer.
 
 format = 1
 name = "my-rig"
@@ -15,7 +15,7 @@ stiffness = 0.0101  # N*m/rad, standard error 0.0003
 [standard_errors.cable-torsion]
 stiffness = 0.0003
 
-and how these errors go together: see `twin.correlations`.
+The table [correlations] has the correlations of all these errors: see `twin.correlations`.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlat
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
 
 
-def header(name: str, what: str) -> list[str]:
-    """Returns the first lines of a file: the name of the rig, and a comment on what it is."""
+def header_lines(name: str, what: str) -> list[str]:
+    """Returns the first lines of a file: the name of the rig, and a comment, "A rig" and `what`."""
     return [f"# A rig {what}. SI units.", "format = 1", f"name = {_text(name)}"]
 
 
@@ -47,18 +47,18 @@ def parameter_lines(parameter: Parameter, standard_error: float | None = None) -
     """Yields the table of a parameter.
 
     Args:
-      parameter: what is known of it.
-      standard_error: of a fitted value, in its unit; None where it stands as it was declared.
+      parameter: the parameter.
+      standard_error: of a fitted value, in its unit; None for a declared value.
     """
     yield ""
     yield f"[parameters.{parameter.name}]"
-    yield f"value = {number(parameter.value)}"
+    yield f"value = {toml_number(parameter.value)}"
     yield f"unit = {_text(parameter.unit)}"
     if standard_error is None:
         if parameter.uncertainty is not None:
-            yield f"uncertainty = {number(parameter.uncertainty)}  # relative, as declared"
+            yield f"uncertainty = {toml_number(parameter.uncertainty)}  # relative, as declared"
     elif math.isfinite(standard_error):
-        yield f"standard_error = {number(standard_error)}"
+        yield f"standard_error = {toml_number(standard_error)}"
     yield f"source = {_text(parameter.source)}"
 
 
@@ -69,35 +69,44 @@ def effect_lines(
     units: Mapping[str, str],
     comment: str,
 ) -> Iterator[str]:
-    """Yields the table of an effect, and that of the standard errors of its parameters that are known."""
+    """Yields the table of an effect, and that of its parameters' standard errors.
+
+    Args:
+      name: of the effect.
+      values: parameter -> value, SI.
+      errors: parameter -> standard error, SI; NaN, or missing, where it is unknown.
+      units: parameter -> unit.
+      comment: behind the head of the table.
+    """
     yield ""
     yield f"[effects.{name}]  # {comment}"
     for key, value in values.items():
         error = errors.get(key, math.nan)
-        said = [units.get(key, "")] if units.get(key, "1") != "1" else []
-        said += [f"standard error {error:.2g}"] if math.isfinite(error) else []
-        yield f"{key} = {number(value)}" + (f"  # {', '.join(said)}" if said else "")
+        notes = [units.get(key, "")] if units.get(key, "1") != "1" else []
+        notes += [f"standard error {error:.2g}"] if math.isfinite(error) else []
+        yield f"{key} = {toml_number(value)}" + (f"  # {', '.join(notes)}" if notes else "")
     known = {key: error for key, error in errors.items() if math.isfinite(error)}
     if known:
         yield from ("", f"[standard_errors.{name}]")
-        yield from (f"{key} = {number(error)}" for key, error in known.items())
+        yield from (f"{key} = {toml_number(error)}" for key, error in known.items())
 
 
-def number(value: float) -> str:
-    """Returns a number as TOML, with all its digits."""
+def toml_number(value: float) -> str:
+    """Returns a number as TOML, with all digits."""
     return repr(float(value))  # "inf" and "nan" are TOML too
 
 
 def _text(value: str) -> str:
+    """Returns a text as a TOML string."""
     # A JSON string is a TOML one but for DEL, and for lone surrogates, which no UTF-8 file can hold.
     whole = value.encode("utf-8", "replace").decode("utf-8")
     return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def read_rig_file(path: str | PathLike[str]) -> tuple[Rig, dict[str, dict[str, float]]]:
-    """Reads a rig with its effects from a parameter file, one that the twin wrote or a person did.
+    """Reads a rig with its effects from a parameter file.
 
-    A parameter is a table as above or just a number. A standard error becomes its uncertainty.
+    A parameter is a table as in the module's example, or a number. A standard error becomes the relative uncertainty.
 
     Args:
       path: the file.
@@ -112,13 +121,15 @@ def read_rig_file(path: str | PathLike[str]) -> tuple[Rig, dict[str, dict[str, f
 
 
 def read_uncertainty(path: str | PathLike[str]) -> tuple[dict[str, dict[str, float]], Correlations]:
-    """Reads what a parameter file says of its errors, apart from the uncertainty of the rig's parameters.
+    """Reads the standard errors of effects and the correlations of all errors from a parameter file.
+
+    The uncertainty of the rig's parameters is part of the rig, see `read_rig_file`.
 
     Args:
       path: the file.
 
     Returns:
-      Effect name -> parameter name -> standard error (SI), and how all errors go together; empty where it has none.
+      Effect name -> parameter name -> standard error (SI), and the correlations; both empty where there are none.
 
     Raises:
       InputError: the file cannot be used; the message names file and field.
@@ -134,10 +145,10 @@ def _read(
     try:
         _check_keys(content, _KEYS, "")
         if content.get("format") != 1:
-            raise InputError(f"format is {_found(content.get('format'))}; expected format = 1")
+            raise InputError(f"format is {_quoted(content.get('format'))}; expected format = 1")
         name = content.get("name")
         if not isinstance(name, str) or not name:
-            raise InputError(f'name is {_found(name)}; expected name = "..." of the rig')
+            raise InputError(f'name is {_quoted(name)}; expected name = "..." of the rig')
         rig = Rig(name, _parameters(_table(content, "parameters")))
         effects = checked_effects(_table(content, "effects"), rig)
         errors = _standard_errors(_table(content, "standard_errors"), effects)
@@ -148,15 +159,15 @@ def _read(
 
 
 def _parameters(tables: Mapping[str, Any]) -> dict[str, Parameter]:
-    found = {name: _parameter(name, given) for name, given in tables.items()}
-    lacking = [name for name in PARAMETERS if name not in DEFAULTS and name not in found]
+    parameters = {name: _parameter(name, given) for name, given in tables.items()}
+    lacking = [name for name in PARAMETERS if name not in DEFAULTS and name not in parameters]
     if lacking:
         raise InputError(f"parameters: {', '.join(lacking)} missing; expected a value for each")
     for name, value in DEFAULTS.items():
         unit, bounds = PARAMETERS[name]
         default = Parameter(name, value, unit, None, bounds, "default of the recording format")
-        found.setdefault(name, default)
-    return found
+        parameters.setdefault(name, default)
+    return parameters
 
 
 def _parameter(name: str, given: Any) -> Parameter:
@@ -169,7 +180,7 @@ def _parameter(name: str, given: Any) -> Parameter:
     unit, bounds = PARAMETERS[name]
     value = _value(f"{field}.value", table.get("value"))
     if table.get("unit", unit) != unit:
-        raise InputError(f"{field}.unit is {_found(table['unit'])}; expected '{unit}'")
+        raise InputError(f"{field}.unit is {_quoted(table['unit'])}; expected '{unit}'")
     try:
         return Parameter(name, value, unit, _uncertainty(field, table, value), bounds, _source(field, table))
     except ValueError as error:
@@ -177,7 +188,7 @@ def _parameter(name: str, given: Any) -> Parameter:
 
 
 def _uncertainty(field: str, table: Mapping[str, Any], value: float) -> float | None:
-    """Returns the relative standard deviation: given as such, or as a standard error, or not at all."""
+    """Returns the relative standard deviation, given as `uncertainty` or `standard_error`; None where neither is."""
     if "standard_error" in table:
         error = _value(f"{field}.standard_error", table["standard_error"])
         if not 0 <= error < math.inf:
@@ -191,15 +202,15 @@ def _uncertainty(field: str, table: Mapping[str, Any], value: float) -> float | 
 def _source(field: str, table: Mapping[str, Any]) -> str:
     source = table.get("source", "parameter file")
     if not isinstance(source, str):
-        raise InputError(f"{field}.source is {_found(source)}; expected a text in quotes")
+        raise InputError(f"{field}.source is {_quoted(source)}; expected a text in quotes")
     return source
 
 
 def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, float]]:
-    """Returns effects as they were given, name -> parameter -> value (SI); what is not said is neutral.
+    """Returns effects, name -> parameter -> value (SI), with the neutral value of each parameter that is not given.
 
     Raises:
-      InputError: an effect or a parameter is not known, or is no finite number.
+      InputError: an effect or a parameter is unknown, or a value is no finite number.
     """
     if not tables:
         return {}
@@ -213,7 +224,7 @@ def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, 
                 f"effects.{name} is not an effect; expected one of: {known}{nearest(name, REGISTRY)}"
             )
         if not isinstance(given, dict):
-            raise InputError(f"effects.{name} is {_found(given)}; expected a table")
+            raise InputError(f"effects.{name} is {_quoted(given)}; expected a table")
         neutral = REGISTRY[name].neutral(rig)
         _check_keys(given, tuple(neutral), f"effects.{name}.")
         values = {key: _value(f"effects.{name}.{key}", value) for key, value in given.items()}
@@ -237,7 +248,7 @@ def _standard_errors(
                 f"{field} is of no effect of the rig; its effects are: {', '.join(effects) or 'none'}"
             )
         if not isinstance(given, dict):
-            raise InputError(f"{field} is {_found(given)}; expected a table")
+            raise InputError(f"{field} is {_quoted(given)}; expected a table")
         _check_keys(given, tuple(effects[name]), f"{field}.")
         errors[name] = {key: _value(f"{field}.{key}", value) for key, value in given.items()}
         for key, error in errors[name].items():
@@ -249,7 +260,7 @@ def _standard_errors(
 def _table(content: Mapping[str, Any], key: str) -> dict[str, Any]:
     table = content.get(key, {})
     if not isinstance(table, dict):
-        raise InputError(f"{key} is {_found(table)}; expected a table")
+        raise InputError(f"{key} is {_quoted(table)}; expected a table")
     return table
 
 
@@ -263,11 +274,12 @@ def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], prefix: str) -
 
 def _value(field: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
-        raise InputError(f"{field} is {_found(value)}; expected a number")
+        raise InputError(f"{field} is {_quoted(value)}; expected a number")
     return float(value)
 
 
-def _found(value: Any) -> str:
+def _quoted(value: Any) -> str:
+    """Returns a value from a TOML file as an error message has it."""
     if value is None:
         return "missing"
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""The twin as one value: a rig, the effects added to it, and what its sensors would report."""
+"""Simulation of a recording with a model: initial state, motion of the compiled chain, and sensor readings."""
 
 from __future__ import annotations
 
@@ -16,35 +16,42 @@ from twin.rigs.model import Model
 
 
 def simulate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Recording:
-    """Returns what the sensors of the recording would have reported, simulated with the compiled chain."""
+    """Returns the readings that the model predicts for a recording, simulated with the compiled chain.
+
+    Args:
+      model: the model.
+      recording: its command, time stamps and channels are used.
+      start: state at the first sample.
+      guide: measured rests to impose on the simulation; None for a free run.
+    """
     motion = integrate(model, recording, start, guide)
-    return reported(model, recording, motion)
+    return sensor_readings(model, recording, motion)
 
 
 def integrate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Motion:
-    """Moves the chain under the recording's command."""
-    plant, times, torques = delivered(model, recording)
+    """Returns the motion of the chain under a recording's command; arguments as for `simulate`."""
+    plant, times, torques = delivered_torque(model, recording)
     phi, omega = initial_state(model, recording, start)
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
-    phi, omega = plant.extended(phi), plant.extended(omega)
+    phi, omega = plant.extend_state(phi), plant.extend_state(omega)
     motion = planar.simulate(
         plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.stable_step, *flags
     )
-    return Motion.of(recording.time, *motion, len(model.chain.lengths))
+    return Motion.from_coordinates(recording.time, *motion, len(model.chain.lengths))
 
 
-def delivered(model: Model, recording: Recording) -> tuple[Plant, np.ndarray, np.ndarray]:
-    """The plant, its motor as slow as the drive makes it, and what the drive delivers: instants [s], torques [N m]."""
+def delivered_torque(model: Model, recording: Recording) -> tuple[Plant, np.ndarray, np.ndarray]:
+    """Returns the plant with the lag of the drive, and instants [s] and values [N m] of the delivered torque (k)."""
     drive = model.drive(recording)
-    # A command before the first sample stands for what the drive delivered until then.
+    # A command long before the first sample gives the torque that was delivered until then.
     times = np.r_[drive.time[0] - 1e3, drive.time]
     plant = model.plant_of(recording).with_motor(lag=float(drive.lag))
     return plant, times, np.r_[drive.before, drive.torque]
 
 
 def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.ndarray, np.ndarray]:
-    """Absolute angles and rates (n + 1) at the first sample."""
+    """Returns absolute angles [rad] and rates [rad/s] (n + 1) of the segments at the first sample."""
     links = model.chain
     angles, rates = np.zeros(len(links.stiffness)), np.zeros(len(links.stiffness))
     if recording.initial_tip_deflection and recording.start == "rest":
@@ -53,21 +60,21 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
         shapes = bending_shapes(links)
         angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
     elif recording.start == "rest":
-        angles = hanging(model, start.hub_angle)
+        angles = gravity_equilibrium(model, start.hub_angle)
     phi = start.hub_angle + np.r_[0.0, np.cumsum(angles)]
     omega = start.hub_rate + np.r_[0.0, np.cumsum(rates)]
     return phi, omega
 
 
 def bending_shapes(links: Chain) -> np.ndarray:
-    """Hinge angles (n x 2) of the first two clamped modes, per tip deflection [rad/m]."""
+    """Returns hinge angles (n x 2) of the first two clamped modes per tip deflection [rad/m]."""
     shapes = links.modes("clamped")[1][1:, :2]
     levers = links.lengths.sum() - links.hinges
     return shapes / (levers @ shapes)
 
 
-def hanging(model: Model, hub_angle: float) -> np.ndarray:
-    """Hinge angles (n) of a link at rest under what gravity acts in the plane."""
+def gravity_equilibrium(model: Model, hub_angle: float) -> np.ndarray:
+    """Returns hinge angles (n) [rad] in static equilibrium with gravity in the plane, at a hub angle [rad]."""
     plant, size = model.plant, len(model.chain.stiffness)
     bends = np.zeros(size)
     if plant.link.gravity_x == 0 and plant.link.gravity_y == 0:
@@ -81,9 +88,9 @@ def hanging(model: Model, hub_angle: float) -> np.ndarray:
 
 
 def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
-    """Hinge angles (n) at which a tip force across the hub's direction holds the tip at `deflection` [m].
+    """Returns hinge angles (n) [rad] in equilibrium with a transverse tip force that holds the tip at `deflection` [m].
 
-    The moment of the force about each hinge balances its spring; finite rotations.
+    The moment of the force about each hinge balances its spring; rotations are finite.
     """
     scale = links.stiffness.mean()
     levers = links.lengths.sum() - links.hinges
@@ -100,10 +107,10 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
     return root(unbalance, np.r_[guess, force], tol=1e-12).x[:-1]
 
 
-def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
-    """What the sensors report of a motion, at the samples and in the channels of the recording."""
-    with np.errstate(invalid="ignore"):  # a simulation that ran away
-        true = {channel: _true(model, recording, motion, channel) for channel in recording.measured()}
+def sensor_readings(model: Model, recording: Recording, motion: Motion) -> Recording:
+    """Returns the readings of a motion, at the samples and in the channels of a recording."""
+    with np.errstate(invalid="ignore"):  # a diverged simulation
+        true = {channel: _true_channel(model, recording, motion, channel) for channel in recording.measured()}
     if model.plant.link.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
     since = motion.time - motion.time[0]
@@ -114,7 +121,8 @@ def reported(model: Model, recording: Recording, motion: Motion) -> Recording:
     )
 
 
-def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> np.ndarray:
+def _true_channel(model: Model, recording: Recording, motion: Motion, channel: str) -> np.ndarray:
+    """True value (m) of a channel along a motion, SI, before the effects of its sensor."""
     links = model.chain
     hinges = np.diff(motion.angles, axis=1)
     relative = motion.angles - motion.angles[:, :1]
@@ -137,10 +145,10 @@ def _true(model: Model, recording: Recording, motion: Motion, channel: str) -> n
 
 
 def _tip_acceleration(links: Chain, motion: Motion) -> np.ndarray:
-    """Absolute acceleration of the tip across the link's end (m) [m/s^2]."""
+    """Absolute acceleration of the tip perpendicular to the last segment (m) [m/s^2]."""
     swept = links.lengths * motion.rates
     velocity = np.stack([-np.sum(np.sin(motion.angles) * swept, 1), np.sum(np.cos(motion.angles) * swept, 1)])
-    if not np.isfinite(velocity).all():  # a simulation that ran away
+    if not np.isfinite(velocity).all():  # a diverged simulation
         return np.full(len(motion.time), np.nan)
     acceleration = CubicSpline(motion.time, velocity, axis=1).derivative()(motion.time)
     tip = motion.angles[:, -1]

@@ -1,1 +1,1 @@
-"""Validation before hardware: one controller on many rigs that the parameters' uncertainty allows."""
+"""Validation before hardware: one controller on many rigs drawn from the parameters' uncertainty."""

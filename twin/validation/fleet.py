@@ -17,7 +17,7 @@ from twin.control import closed_loop, plants, scenarios
 from twin.control.laws import library
 from twin.control.laws.base import Controller
 from twin.control.plants.chain import CompiledPlant
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
 from twin.parameters import Rig
@@ -102,7 +102,7 @@ class Bench:
         """
         self._period = period
         # Its proportions serve all rigs: finding them takes longer than a run, and the stiffness is of each rig.
-        self._believed = plants.model_of(job.rig)
+        self._believed = plants.make_model(job.rig)
         self._scenario = scenarios.scenario(job.scenario)
         self._law = job.law(period)
         self.no_form = ""
@@ -121,7 +121,7 @@ class Bench:
         model = self._believed.replace(declared=drawn.rig, effects=drawn.effects)
         plant = _ReadOnce(model, self._period)
         try:
-            sensors = Sensors(reporting=Reporting(model, plant))
+            sensors = Sensors(effects=SensorEffects(model, plant))
             run = closed_loop.run(
                 plant, self._law, self._scenario.reference, self._scenario.duration, sensors
             )

@@ -76,13 +76,15 @@ def _has_slope(name: str, p: Mapping[str, float]) -> bool:
     effect = REGISTRY[name]
     torque = effect.hub_torque(p)
     return (
-        effect.linearisable and drive_law({name: p}).linear and (torque is None or torque.slope is not None)
+        effect.linearisable
+        and drive_law({name: p}).linear
+        and (torque is None or torque.linear_part is not None)
     )
 
 
 def _hub_slopes(model: Model) -> list[LinearTorque]:
     """What torques on the hub change with angle and rate, of those that are linear in them."""
-    return [torque.slope for torque in model.hub_torques if torque.slope is not None]
+    return [torque.linear_part for torque in model.hub_torques if torque.linear_part is not None]
 
 
 def _chain(model: Model) -> tuple[np.ndarray, ...]:

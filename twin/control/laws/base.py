@@ -1,4 +1,4 @@
-"""What a controller is, and the linear one."""
+"""The interface of a controller, and a linear controller."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Controller(Protocol):
-    """A discrete-time controller, called once a sample.
+    """A discrete-time controller, called once per sample.
 
-    It may have `states`, a mapping from name to the present value of what it remembers: a run records them.
+    It may have an attribute `states`, a mapping from name to present value of its states, which a run records.
     """
 
     def reset(self) -> None:
-        """Forgets everything: the rig rests, and time begins."""
+        """Resets all states, for a rig at rest at time 0."""
 
     def torque(self, measured: Mapping[str, float], reference: float) -> float:
-        """Returns the torque [N m] to command until the next sample.
+        """Returns the torque command [N m] until the next sample.
 
         Args:
-          measured: what the sensors read now, SI, by channel of the recording format: hub_angle,
+          measured: present sensor readings, SI, by channel of the recording format: hub_angle,
             tip_deflection, strain_base, strain_mid, motor_torque; and `time` [s].
-          reference: wanted hub angle [rad].
+          reference: reference of the hub angle [rad].
         """
 
 
 class LinearController:
     """u = gain K(z) (reference - hub_angle), with K a discrete-time system.
 
-    It commands what K asks for; the amplifier limits it. K must have no integrator if that limit is reached for
-    long: nothing here stops one from winding up.
+    The command is not limited here, but by the amplifier. There is no anti-windup: K should have no integrator if the
+    limit is reached for long.
     """
 
     def __init__(self, system: control.StateSpace, gain: float = 1.0) -> None:
-        """Takes a single-input single-output discrete-time system and the gain before it [1/rad]."""
+        """Takes a discrete-time system K with one input and one output, and the gain before it [1/rad]."""
         self._A, self._B, self._C, self._D = (
             np.asarray(m, dtype=float) for m in (system.A, system.B, system.C, system.D)
         )

@@ -1,4 +1,4 @@
-"""Feed-forward of friction: the torque that the hub's friction will take, added to what a controller asks for."""
+"""Feed-forward compensation of the hub's friction, added to the torque of another controller."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from collections.abc import Mapping
 from twin.control.laws.base import Controller
 
 RATE = 0.05
-"""Rate of the reference [rad/s] at which the feed-forward has reached 76 % of the level: tanh(1)."""
+"""Rate of the reference [rad/s] at which the feed-forward is 76 % of the level, tanh(1); chosen."""
 
 
 class FrictionFeedForward:
     """Adds level * tanh(rate of the reference / RATE) to the torque of another controller.
 
-    The reference, not the measured rate, decides the sign: noise cannot make it chatter. A reference that
-    jumps has a rate for one sample only; a smooth one is meant.
+    The sign is that of the reference's rate instead of the measured one, so that noise does not make it chatter. It is
+    meant for smooth references: one that jumps has a rate during a single sample only.
     """
 
     def __init__(self, inner: Controller, level: float, period: float) -> None:
-        """Takes the controller, the level to make up for [N m], and the sample period [s]."""
+        """Takes the other controller, the friction level to compensate [N m], and the sample period [s]."""
         self._inner, self._level, self._period = inner, level, period
         self.reset()
 
     @property
     def states(self) -> dict[str, float]:
-        """Torque that is added [N m], and the states of the controller."""
+        """Added torque [N m], and the states of the other controller."""
         return {"friction_torque": self._added, **getattr(self._inner, "states", {})}
 
     def reset(self) -> None:
-        """Forgets the reference."""
+        """Resets the previous reference and the other controller."""
         self._inner.reset()
         self._before: float | None = None
         self._added = 0.0

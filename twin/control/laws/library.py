@@ -1,4 +1,4 @@
-"""Controllers by name: those of the paper, two that go beyond it, and those of the user's files."""
+"""Controllers by name: the paper's two, variants of them, and those of users' files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from twin.control.laws.base import Controller
 from twin.control.laws.friction import FrictionFeedForward
-from twin.control.laws.lqi import least_damped, lqi
+from twin.control.laws.lqi import least_damped_mode, lqi
 from twin.control.laws.shaper import ShapedReference, extra_insensitive, zero_vibration
 from twin.control.laws.siso import siso
 from twin.errors import InputError, nearest
@@ -17,20 +17,21 @@ Factory = Callable[[Mapping[str, float], float], Controller]
 
 
 def shaped_lqi(rig: Mapping[str, float], period: float) -> Controller:
-    """The LQ regulator behind a zero-vibration shaper for the least damped mode of its loop."""
-    return ShapedReference(lqi(rig, period), *zero_vibration(*least_damped(rig)), period)
+    """Returns the LQ regulator with a zero-vibration shaper for the least damped mode of its loop."""
+    return ShapedReference(lqi(rig, period), *zero_vibration(*least_damped_mode(rig)), period)
 
 
 def insensitive_lqi(rig: Mapping[str, float], period: float) -> Controller:
-    """The LQ regulator behind an extra-insensitive shaper for the same mode."""
-    return ShapedReference(lqi(rig, period), *extra_insensitive(*least_damped(rig)), period)
+    """Returns the LQ regulator with an extra-insensitive shaper for the same mode."""
+    return ShapedReference(lqi(rig, period), *extra_insensitive(*least_damped_mode(rig)), period)
 
 
 def siso_with_friction(rig: Mapping[str, float], period: float) -> Controller:
-    """The paper's compensator with a feed-forward of the Coulomb level."""
+    """Returns the paper's compensator with feed-forward of the Coulomb friction level."""
     return FrictionFeedForward(siso(rig, period), rig["coulomb_friction"], period)
 
 
+# Name on the command line -> design function.
 CONTROLLERS: Mapping[str, Factory] = {
     "siso": siso,
     "lqi": lqi,
@@ -41,11 +42,11 @@ CONTROLLERS: Mapping[str, Factory] = {
 
 
 def controller(name: str, rig: Mapping[str, float], period: float) -> Controller:
-    """Returns the controller called `name`, or the one that NAME of FILE.py:NAME makes.
+    """Returns the controller called `name`, or NAME of a user's FILE.py, designed for a rig.
 
     Args:
       name: a key of `CONTROLLERS`, or FILE.py:NAME.
-      rig: parameters that its synthesis believes in.
+      rig: parameters of its design model.
       period: sample period [s].
 
     Raises:

@@ -1,9 +1,9 @@
 """The paper's LQ regulator with observer and integral action, for two measurements.
 
 It works on the error state [alpha - reference, delta_1, alpha_t, delta_1_t, v] with v_t = hub_angle - reference,
-u = -K x, K from the weights of Bossi et al. 2009, section V; the observer has the poles -5, -5, -10, -10 on the
-hub angle's error and the tip deflection. Fed with absolute states instead, the reference would enter through the
-slow integrator alone.
+u = -K x, K from the weights of Bossi et al. 2009, section V; the observer has the poles -5, -5, -10, -10 and
+measures the hub angle's error and the tip deflection. With absolute states instead, the reference would act through
+the slow integrator only.
 """
 
 from __future__ import annotations
@@ -14,16 +14,19 @@ from collections.abc import Mapping
 import numpy as np
 
 WEIGHTS = (50.0, 1.0, 1.0, 1.0, 0.05)
+"""Diagonal of Q, of the error state in SI units; section V."""
 TORQUE_WEIGHT = 1000.0
+"""R [1/(N m)^2]; section V."""
 OBSERVER_POLES = (-5.0, -5.0, -10.0, -10.0)
+"""Poles of the observer [1/s]; section V."""
 
 
 class LqiController:
     """LQ regulator with observer and integral action.
 
-    Anti-windup: the observer is told the torque after the amplifier's limit, and the integrator stands still
-    while that limit is reached and the error would push further into it. The observer is told where the reference
-    goes as well: a jump of it is no motion of the hub.
+    Anti-windup: the observer's input is the limited torque, and the integrator is held while the limit is reached and
+    the error would increase the torque further. The observer's estimate is shifted by every change of the reference, as
+    a jump of the error is then no motion of the hub.
     """
 
     def __init__(
@@ -32,7 +35,7 @@ class LqiController:
         """Takes the discrete observer x+ = A x + B [u, y], the gains K (5) on [x, v], the period and the limit.
 
         Args:
-          observer: A (4, 4) and B (4, 3), its inputs the torque [N m], hub angle's error [rad], deflection [m].
+          observer: A (4, 4) and B (4, 3); its inputs are torque [N m], hub angle's error [rad], deflection [m].
           gains: K (5).
           period: sample period [s].
           limit: of the amplifier [N m].
@@ -48,7 +51,7 @@ class LqiController:
         return {**dict(zip(names, self._x.tolist(), strict=True)), "integral": self._v}
 
     def reset(self) -> None:
-        """The estimate starts from the first measurement, at rest; the integral at zero."""
+        """Resets the estimate, which starts at rest at the first measurement, and the integral to zero."""
         self._x, self._v = np.zeros(4), 0.0
         self._reference: float | None = None
 
@@ -60,22 +63,22 @@ class LqiController:
         else:
             self._x[0] -= reference - self._reference
         self._reference = reference
-        wanted = -float(self._gains[:4] @ self._x + self._gains[4] * self._v)
-        u = min(max(wanted, -self._limit), self._limit)
-        if u == wanted or wanted * error > 0:  # more error needs less torque
+        unlimited = -float(self._gains[:4] @ self._x + self._gains[4] * self._v)
+        u = min(max(unlimited, -self._limit), self._limit)
+        if u == unlimited or unlimited * error > 0:  # the integral of a positive error reduces the torque
             self._v += self._period * error
         self._x = self._A @ self._x + self._B @ np.array([u, error, measured["tip_deflection"]])
         return u
 
 
 def lqi(rig: Mapping[str, float], period: float) -> LqiController:
-    """Synthesises the regulator from the modal model with one mode.
+    """Designs the regulator with the modal model of one mode.
 
-    Designed in continuous time, as in the paper; the observer is discretised exactly for inputs held over a
-    sample, the integral by Euler's rule.
+    The design is in continuous time, as in the paper; the observer is discretised with a zero-order hold, the integral
+    by Euler's rule.
 
     Args:
-      rig: parameters of the model that the synthesis believes in, torque_limit included.
+      rig: parameters of the design model, torque_limit included.
       period: sample period [s].
     """
     A, B, C, K, L = design(rig)
@@ -90,7 +93,7 @@ def lqi(rig: Mapping[str, float], period: float) -> LqiController:
 def design(
     rig: Mapping[str, float],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Returns A, B, C of the model with one mode, the gains K (5) and the observer's L (4, 2)."""
+    """Returns A, B, C of the modal model with one mode, the gains K (5) and the observer gains L (4, 2)."""
     import control
 
     from twin.mechanics.modal import state_space
@@ -103,10 +106,10 @@ def design(
     return A, B, C, K, L
 
 
-def least_damped(rig: Mapping[str, float]) -> tuple[float, float]:
-    """Returns frequency [Hz] and damping ratio of the least damped mode of the loop: what a reference makes ring.
+def least_damped_mode(rig: Mapping[str, float]) -> tuple[float, float]:
+    """Returns frequency [Hz] and damping ratio [1] of the closed loop's least damped mode, which a reference excites.
 
-    The observer is told the reference, so that it excites the poles of the regulator alone.
+    The observer knows the reference, so that a change of it excites the poles of the regulator only.
     """
     A, B, C, K, _ = design(rig)
     whole, push = _with_integral(A, B, C)
@@ -116,7 +119,7 @@ def least_damped(rig: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _with_integral(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (5, 5) and B (5, 1) with the integral of the hub angle's error as the last state."""
+    """Returns A (5, 5) and B (5, 1) with the integral of the hub angle's error as the last state."""
     whole = np.zeros((5, 5))
     whole[:4, :4], whole[4, :4] = A, C[0]
     return whole, np.vstack([B, [[0.0]]])

@@ -1,6 +1,6 @@
-"""Input shapers: a reference split into impulses that leave no vibration behind.
+"""Input shapers: the reference is convolved with impulses such that it leaves no residual vibration.
 
-A shaper is a controller around a controller: it hands the shaped reference on and is seen by no plant.
+A shaper wraps another controller and passes the shaped reference on to it.
 Zero-vibration and extra-insensitive shapers: Singer and Seering, J. Dyn. Syst. Meas. Control 112 (1990) 76-82;
 Singhose, Seering and Singer, J. Mech. Des. 116 (1994) 654-659, here in the form of three equal-strength lobes.
 """
@@ -34,10 +34,10 @@ def zero_vibration(frequency: float, damping_ratio: float) -> tuple[np.ndarray, 
 def extra_insensitive(
     frequency: float, damping_ratio: float, tolerated: float = TOLERATED
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns instants [s] and amplitudes [1] of three impulses that bear a wrong frequency.
+    """Returns instants [s] and amplitudes [1] of three impulses that are insensitive to errors of the frequency.
 
-    A residual of `tolerated` at the modelled frequency buys a zero on both sides of it. Exact without damping;
-    with damping the amplitudes are weighted with the decay between the impulses.
+    A residual of `tolerated` at the modelled frequency is accepted for zero vibration at a frequency on either side of
+    it. Exact without damping; with damping the amplitudes are weighted by the decay between the impulses.
     """
     half, decay = _half_period(frequency, damping_ratio)
     outer, inner = (1 + tolerated) / 4, (1 - tolerated) / 2
@@ -48,7 +48,7 @@ def extra_insensitive(
 def residual_vibration(
     instants: np.ndarray, amplitudes: np.ndarray, frequency: float, damping_ratio: float
 ) -> float:
-    """Vibration that the impulses leave, relative to one impulse [1] (Singer and Seering 1990)."""
+    """Returns the residual vibration relative to that of one impulse [1] (Singer and Seering 1990)."""
     omega = 2 * math.pi * frequency
     grown = amplitudes * np.exp(damping_ratio * omega * (instants - instants[-1]))
     damped = omega * math.sqrt(1 - damping_ratio**2) * instants
@@ -56,28 +56,28 @@ def residual_vibration(
 
 
 class ShapedReference:
-    """A controller that follows the shaped reference; the impulses fall on samples."""
+    """A controller that follows the shaped reference; impulses are discretised to samples."""
 
     def __init__(
         self, inner: Controller, instants: np.ndarray, amplitudes: np.ndarray, period: float
     ) -> None:
-        """Takes the controller to feed, the impulses [s], [1], and the sample period [s]."""
+        """Takes the inner controller, the impulses [s], [1], and the sample period [s]."""
         self._inner = inner
         samples = np.asarray(instants) / period
         before = np.floor(samples).astype(int)
         self._taps = np.zeros(before[-1] + 2)
-        # An impulse between two samples is shared by both, so that its mean instant is kept.
+        # An impulse between two samples is split between them such that its mean instant remains.
         np.add.at(self._taps, before, amplitudes * (1 - (samples - before)))
         np.add.at(self._taps, before + 1, amplitudes * (samples - before))
         self.reset()
 
     @property
     def states(self) -> dict[str, float]:
-        """Shaped reference [rad], and the states of the controller behind it."""
+        """Shaped reference [rad], and the states of the inner controller."""
         return {"shaped_reference": self._shaped, **getattr(self._inner, "states", {})}
 
     def reset(self) -> None:
-        """Forgets the reference: it was where the hub rests."""
+        """Resets the past reference to the angle at which the hub rests, and the inner controller."""
         self._inner.reset()
         self._past: deque[float] | None = None
         self._shaped = 0.0
@@ -92,6 +92,6 @@ class ShapedReference:
 
 
 def _half_period(frequency: float, damping_ratio: float) -> tuple[float, float]:
-    """Half of the damped period [s] and the decay over it [1]."""
+    """Returns half of the damped period [s] and the decay over it [1]."""
     root = math.sqrt(1 - damping_ratio**2)
     return 0.5 / (frequency * root), math.exp(-damping_ratio * math.pi / root)

@@ -11,12 +11,12 @@ from twin.control.laws.base import LinearController
 def siso(rig: Mapping[str, float], period: float) -> LinearController:
     """R(s) = 5 (s + 1)/((s + 5)(s + 300)) N m per degree of error: Bossi et al. 2009, section V.
 
-    The paper does not name the unit of the error: in radians the rig would not move at all, in degrees the
-    amplitudes of its Figs. 5 and 6 come out. Discretised by Tustin's rule, which keeps both poles stable and is
-    0.1 % off in gain at 10 Hz. R has no integrator, so that nothing winds up while the amplifier saturates.
+    The paper does not give the unit of the error: with radians the rig would not move at all, with degrees the
+    amplitudes of its Figs. 5 and 6 are reproduced. Discretised by Tustin's rule, which keeps both poles stable and has
+    a gain error of 0.1 % at 10 Hz. R has no integrator, so that it needs no anti-windup.
 
     Args:
-      rig: not used; every synthesis takes it.
+      rig: not used; part of the interface of every design function.
       period: sample period [s].
     """
     import control

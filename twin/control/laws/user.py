@@ -1,9 +1,9 @@
-"""Controllers from the user's files: FILE.py:NAME, whatever NAME is.
+"""Controllers from users' files, FILE.py:NAME.
 
 NAME may be
-- a factory, a function or a class whose parameters are named `rig` and `period` (both, one, or none of them);
-  what it returns is any of the following;
-- an object with `torque(measured, reference)` and, if it remembers anything, `reset()`;
+- a factory, a function or a class whose parameters are named `rig` and `period` (both, one, or none of them),
+  that returns any of the following;
+- an object with `torque(measured, reference)` and, if it has states, `reset()`;
 - a function `law(measured, reference)`;
 - a python-control system with one input, hub angle's error [rad], and one output, torque [N m].
 """
@@ -23,36 +23,40 @@ from typing import Any
 from twin.control.laws.base import Controller, LinearController
 from twin.errors import InputError, nearest
 
-_GIVEN = ("rig", "period")
+_GIVEN = ("rig", "period")  # names of parameters that a factory may have
 
 
 class UserController:
-    """A user's controller behind the interface; what goes wrong inside it is said with file and line."""
+    """A user's controller as a `Controller`; errors inside it are reported with file and line."""
 
     def __init__(
         self, law: Callable[..., Any], reset: Callable[[], Any] | None, owner: Any, file: Path
     ) -> None:
-        """Takes the law, its reset if it has one, the object it belongs to, and where it was written."""
+        """Takes the law, its reset function or None, the object to which both belong, and its file."""
         self._law, self._reset, self._owner, self._file = law, reset, owner, file
 
     @property
     def states(self) -> Mapping[str, float]:
-        """What the user's object says of its state."""
-        said = _guarded(self._file, getattr, self._owner, "states", {})
+        """States that the user's object reports; InputError where they are no mapping to numbers."""
+        states = _guarded(self._file, getattr, self._owner, "states", {})
         try:
-            return {str(name): float(value) for name, value in said.items()}
+            return {str(name): float(value) for name, value in states.items()}
         except (AttributeError, TypeError, ValueError):
             raise InputError(
-                f"{self._file}: states is {said!r}; expected a dict from names to numbers"
+                f"{self._file}: states is {states!r}; expected a dict from names to numbers"
             ) from None
 
     def reset(self) -> None:
-        """Resets the user's object, where it can be."""
+        """Resets the user's object, if it has a `reset`."""
         if self._reset is not None:
             _guarded(self._file, self._reset)
 
     def torque(self, measured: Mapping[str, float], reference: float) -> float:
-        """Returns the torque [N m]; see `Controller`."""
+        """Returns the torque [N m]; see `Controller`.
+
+        Raises:
+          InputError: the user's code fails, or returns no finite number.
+        """
         answer = _guarded(self._file, self._law, measured, reference)
         try:
             value = float(answer)
@@ -67,7 +71,12 @@ class UserController:
 
 
 def load(file: Path, name: str, rig: Mapping[str, float], period: float) -> Controller:
-    """Returns the controller that `name` of a Python file is or makes.
+    """Returns the controller called `name` of a Python file, or the one that its factory of this name returns.
+
+    Args:
+      file: the Python file; it is executed.
+      name: a name in it.
+      rig, period: for a factory: parameters of the rig, sample period [s].
 
     Raises:
       InputError: the file cannot be run, or has no such name, or that is no controller.
@@ -98,10 +107,10 @@ def _is_factory(thing: Any) -> bool:
     if not callable(thing):
         return False
     try:
-        asked = set(inspect.signature(thing).parameters)
+        parameters = set(inspect.signature(thing).parameters)
     except (TypeError, ValueError):
         return False
-    return inspect.isclass(thing) or asked <= set(_GIVEN)
+    return inspect.isclass(thing) or parameters <= set(_GIVEN)
 
 
 def _adapted(thing: Any, file: Path, name: str, period: float) -> Controller:
@@ -128,7 +137,7 @@ def _adapted(thing: Any, file: Path, name: str, period: float) -> Controller:
 
 
 def _sampled(system: Any, file: Path, name: str, period: float):
-    """A discrete-time system at the period: Tustin's rule where it was continuous."""
+    """Returns a system in discrete time with the sample period [s], by Tustin's rule if it was continuous."""
     import control
 
     if system.ninputs != 1 or system.noutputs != 1:
@@ -155,14 +164,14 @@ def _module(file: Path) -> ModuleType:
     if spec is None or spec.loader is None:
         raise InputError(f"{file}: cannot be run; expected a Python file")
     module = importlib.util.module_from_spec(spec)
-    # Dataclasses and pickling look a class up in its module.
+    # Dataclasses and pickle look a class up in its module.
     sys.modules[spec.name] = module
     _guarded(file, spec.loader.exec_module, module)
     return module
 
 
 def _guarded(file: Path, function: Callable[..., Any], *given: Any, **named: Any) -> Any:
-    """Calls the user's code; an error in it becomes one line that names the line."""
+    """Calls a user's code; an exception becomes an InputError of one line with the line number."""
     try:
         return function(*given, **named)
     except InputError:

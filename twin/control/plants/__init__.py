@@ -1,4 +1,13 @@
-"""Plants: what a controller acts on. `make` builds one for a rig by its name."""
+"""Plants, the simulated rigs on which controllers act: `make_plant` builds one by its name.
+
+    chain      MuJoCo's chain of segments, the reference                        `chain.ChainPlant`
+    compiled   the same chain in compiled equations of motion, for many runs    `chain.CompiledPlant`
+    modal      n exact modes, linear but for friction and saturation            `modal.ModalPlant`
+    paper      the paper's own model: one mode, its own friction law            `paper.PaperPlant`
+
+All have the interface `base.Plant`: a plant keeps its state and is advanced by one sample period under a held torque.
+`drive` turns commands into delivered torques, `sensors` and `sensor_effects` true values into readings.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +28,13 @@ KINDS: Mapping[str, str] = {
     "compiled": "compiled chain",
     "paper": "paper's own model",
 }
-"""Plants by name: MuJoCo's chain, n modes, the chain in compiled equations, and the paper's model as it stands."""
+"""Name of each plant -> what people call it."""
 
 Effects = Mapping[str, Mapping[str, float]]
+"""Effect name -> parameter name -> value, SI."""
 
 
-def make(
+def make_plant(
     kind: str,
     rig: Rig | None = None,
     effects: Effects | None = None,
@@ -37,13 +47,13 @@ def make(
     Args:
       kind: one of `KINDS`.
       rig: by default `bossi2009`.
-      effects: effects that act: name -> parameter -> value (SI); what is not said of one is neutral.
+      effects: name -> parameter -> value (SI); parameters that are not given are neutral.
       period: sample period [s].
-      segments: of the chain.
-      patch: a correction without a cause, looked up; None for none.
+      segments: number of hinges of the chain.
+      patch: empirical lookup table; None for none.
 
     Raises:
-      InputError: there is no such plant, or it cannot have these effects.
+      InputError: there is no such plant, or it does not support one of the effects, or the patch.
     """
     if kind not in KINDS:
         raise InputError(
@@ -51,7 +61,7 @@ def make(
         )
     if patch is not None:
         _check_readings(patch)
-    model = model_of(rig, effects, segments, patch)
+    model = make_model(rig, effects, segments, patch)
     if kind == "modal":
         from twin.control.plants.modal import ModalPlant
 
@@ -66,26 +76,26 @@ def make(
 
 
 def _check_readings(patch: Patch) -> None:
-    """Makes sure that a plant has the readings of a patch: other channels are those of recordings alone.
+    """Makes sure that a plant has the channels of a patch; some exist in recordings only.
 
     Raises:
-      InputError: it has not.
+      InputError: it lacks one.
     """
-    for asked in (patch.channel, patch.variable) if patch.on_sensor else ():
-        if asked not in (*READINGS, "time"):
+    for channel in (patch.channel, patch.variable) if patch.on_sensor else ():
+        if channel not in (*READINGS, "time"):
             raise InputError(
                 f"the patch of {patch.channel} by {patch.variable} has no place in a plant, which does not read "
-                f"{asked}; expected a patch of the hub's torque, or of: {', '.join(READINGS)}"
+                f"{channel}; expected a patch of the hub's torque, or of: {', '.join(READINGS)}"
             )
 
 
-def model_of(
+def make_model(
     rig: Rig | None = None,
     effects: Effects | None = None,
     segments: int = 8,
     patch: Patch | None = None,
 ) -> Model:
-    """Returns the twin of a rig with effects and a patch, its strain bridges where `models/` has them.
+    """Returns the model of a rig with effects and a patch, with the strain gauges of `models/` (`GAUGES`).
 
     Raises:
       InputError: an effect or a parameter of one is not known, or is no finite number.

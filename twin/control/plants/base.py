@@ -1,4 +1,4 @@
-"""What a controller acts on: a rig that moves for one sample period under a held torque."""
+"""The interface of a plant: a simulated rig that is advanced by one sample period under a held torque."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Protocol
 import numpy as np
 
 READINGS = ("hub_angle", "tip_deflection", "strain_base", "strain_mid", "motor_torque")
-"""True values that every plant can be asked for, by channel of the recording format."""
+"""Channels of the recording format whose true values every plant provides."""
 
 PERIOD = 2e-3
-"""Sample period of the card [s], assumed: Bossi et al. 2009 name the card, not its rate."""
+"""Sample period of the card [s], assumed: Bossi et al. 2009 name the card but not its sampling rate."""
 
 
 class Plant(Protocol):
-    """A simulated rig between two samples of a controller; it keeps its own state.
+    """A simulated rig with its own state.
 
-    What is behind it, modes or a chain, cannot be told from outside but by how it moves.
+    The interface is the same for modes and chain, so that a controller cannot distinguish them but by their motion.
 
     Attributes:
-      name: for people: "chain", "modal".
+      name: for people: "chain", "modal", ...
       period: sample period [s].
       torque_limit: of the amplifier [N m]; may be infinite.
     """
@@ -29,16 +29,16 @@ class Plant(Protocol):
     torque_limit: float
 
     def reset(self, hub_angle: float = 0.0) -> None:
-        """Puts the rig to rest at a hub angle [rad], the link as it hangs there, at time 0."""
+        """Resets to time 0, at rest at a hub angle [rad], the link in static equilibrium with gravity in the plane."""
 
     def advance(self, torque: float) -> None:
-        """Moves on by one period under a commanded torque [N m]; the amplifier limits it."""
+        """Advances by one period under a commanded torque [N m], which the amplifier limits."""
 
     def time(self) -> float:
         """Time since the reset [s]."""
 
     def read(self) -> dict[str, float]:
-        """True value of each channel in `READINGS` now, SI."""
+        """Returns the present true value of each channel in `READINGS`, SI."""
 
     @property
     def mode(self) -> int:
@@ -46,15 +46,15 @@ class Plant(Protocol):
 
     @property
     def twist(self) -> float:
-        """Angle of a torsional mode against the hub [rad]; 0 where there is none."""
+        """Angle of a torsional mode relative to the hub [rad]; 0 without one."""
 
     @property
     def configuration(self) -> np.ndarray:
-        """Coordinates (c) from which `outline` draws the link now."""
+        """Present coordinates (c), from which `outline` draws the link."""
 
     def outline(self, configurations: np.ndarray) -> np.ndarray:
-        """Centre line of the link in the plane (m, k, 2) [m], hub axis first, tip last.
+        """Returns the centre line of the link in the plane (m, k, 2) [m], hub axis first, tip last.
 
         Args:
-          configurations: (m, c), each as `configuration` gave it.
+          configurations: (m, c), each a value of `configuration`.
         """

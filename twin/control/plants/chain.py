@@ -1,4 +1,4 @@
-"""The chain as a plant: MuJoCo's, which is the reference, and the compiled equations of the same chain."""
+"""The chain as a plant: simulated by MuJoCo, the reference, or by the compiled equations of the same chain."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from twin.control.plants.drive import DriveLine
 from twin.mechanics import planar
 from twin.mechanics.mujoco_chain import MujocoChain
 from twin.rigs.model import Model
-from twin.rigs.simulate import hanging
+from twin.rigs.simulate import gravity_equilibrium
 
 
-class _Links(abc.ABC):
-    """What both chains share: the model, its drive, and what is read off the angles of the segments."""
+class _SegmentPlant(abc.ABC):
+    """Common part of both: the model, its drive, and readings as functions of the segments' angles."""
 
     def __init__(self, model: Model, period: float) -> None:
+        """Takes the model and the sample period [s]."""
         self.period, self.torque_limit = period, float(model.declared["torque_limit"])
         self._model, self._drive = model, DriveLine(model)
         self._lengths = model.chain.lengths
@@ -27,14 +28,14 @@ class _Links(abc.ABC):
     @property
     @abc.abstractmethod
     def configuration(self) -> np.ndarray:
-        """Absolute angles of all coordinates [rad]."""
+        """Absolute angles of all coordinates (n + 1 + k) [rad]."""
 
     @abc.abstractmethod
     def _delivered(self) -> float:
-        """Torque of the motor now [N m]."""
+        """Present torque of the motor, lag included [N m]."""
 
     def read(self) -> dict[str, float]:
-        """True value of each channel, SI."""
+        """Returns the present true value of each channel, SI."""
         angles = self.configuration[: self._count]
         hinges = np.diff(angles)
         return {
@@ -46,44 +47,45 @@ class _Links(abc.ABC):
 
     @property
     def twist(self) -> float:
-        """Angle of a torsional mode against the hub [rad]."""
+        """Angle of a torsional mode relative to the hub [rad]."""
         if self._model.plant.link.torsion_stiffness <= 0:
             return 0.0
         angles = self.configuration
         return float(angles[self._count] - angles[0])
 
     def outline(self, configurations: np.ndarray) -> np.ndarray:
-        """Ends of the segments (m, n + 2, 2) [m], hub axis first."""
+        """Returns the ends of the segments (m, n + 2, 2) [m], hub axis first."""
         angles = configurations[:, : self._count]
         steps = self._lengths[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         return np.concatenate([np.zeros((len(angles), 1, 2)), np.cumsum(steps, axis=1)], axis=1)
 
     def _at_rest(self, hub_angle: float) -> np.ndarray:
-        bends = hanging(self._model, hub_angle)
-        return self._model.plant.extended(hub_angle + np.r_[0.0, np.cumsum(bends)])
+        """Absolute angles (n + 1 + k) [rad] of the link in static equilibrium at a hub angle [rad]."""
+        bends = gravity_equilibrium(self._model, hub_angle)
+        return self._model.plant.extend_state(hub_angle + np.r_[0.0, np.cumsum(bends)])
 
 
-class ChainPlant(_Links):
-    """The chain in MuJoCo, stick and slip located inside a step."""
+class ChainPlant(_SegmentPlant):
+    """The chain simulated by MuJoCo, with stick and slip located inside a step."""
 
     name = "chain"
 
     def __init__(self, model: Model, period: float = PERIOD) -> None:
-        """Compiles the chain of a model, its effects included; `period` [s]."""
+        """Compiles the chain of a model with its effects; `period` is the sample period [s]."""
         super().__init__(model, period)
         self._engine = MujocoChain(model.rig, model.chain, model.plant, model.hub_torques)
         self._step = min(model.step, model.chain.largest_step())
         self.reset()
 
     def reset(self, hub_angle: float = 0.0) -> None:
-        """Puts the rig to rest at a hub angle [rad], time 0."""
+        """Resets the rig to rest at a hub angle [rad], time 0."""
         self._drive.reset()
         self._engine.reset(self._at_rest(hub_angle), torque=self._drive.torque)
 
     def advance(self, torque: float) -> None:
-        """Moves on by one period under a commanded torque [N m]."""
+        """Advances by one period under a commanded torque [N m]."""
         self._drive.command(self._engine.time, torque)
-        for piece, span in self._drive.pieces(self._engine.time, self.period):
+        for piece, span in self._drive.constant_spans(self._engine.time, self.period):
             self._engine.advance(piece, span, self._step)
 
     def time(self) -> float:
@@ -97,25 +99,25 @@ class ChainPlant(_Links):
 
     @property
     def configuration(self) -> np.ndarray:
-        """Absolute angles of all coordinates [rad]."""
+        """Absolute angles of all coordinates (n + 1 + k) [rad]."""
         return self._engine.angles
 
     @property
     def joints(self) -> np.ndarray:
-        """Joint angles [rad]: the qpos of `mjcf.build_spec`'s model."""
+        """Joint angles (n + 1) [rad]: qpos of the model of `mjcf.build_spec`."""
         return self._engine.joints
 
     def _delivered(self) -> float:
         return self._engine.torque
 
 
-class CompiledPlant(_Links):
-    """The same chain in compiled equations of motion, several times as fast: for many runs."""
+class CompiledPlant(_SegmentPlant):
+    """The same chain in compiled equations of motion, several times faster: for many runs."""
 
     name = "compiled"
 
     def __init__(self, model: Model, period: float = PERIOD) -> None:
-        """Prepares the chain of a model, its effects included; `period` [s]."""
+        """Takes a model with its effects; `period` is the sample period [s]."""
         super().__init__(model, period)
         self._plant = model.plant
         self._step = model.stable_step
@@ -124,16 +126,16 @@ class CompiledPlant(_Links):
         self.reset()
 
     def reset(self, hub_angle: float = 0.0) -> None:
-        """Puts the rig to rest at a hub angle [rad], time 0."""
+        """Resets the rig to rest at a hub angle [rad], time 0."""
         self._drive.reset()
         self._phi = self._at_rest(hub_angle)
         self._omega = np.zeros(len(self._phi))
         self._time, self._mode, self._torque = 0.0, 0, self._drive.torque
 
     def advance(self, torque: float) -> None:
-        """Moves on by one period under a commanded torque [N m]."""
+        """Advances by one period under a commanded torque [N m]."""
         self._drive.command(self._time, torque)
-        for piece, span in self._drive.pieces(self._time, self.period):
+        for piece, span in self._drive.constant_spans(self._time, self.period):
             self._mode = planar.advance(
                 self._plant,
                 self._time,
@@ -164,7 +166,7 @@ class CompiledPlant(_Links):
 
     @property
     def configuration(self) -> np.ndarray:
-        """Absolute angles of all coordinates [rad]."""
+        """Absolute angles of all coordinates (n + 1 + k) [rad]."""
         return self._phi.copy()
 
     def _delivered(self) -> float:
@@ -172,4 +174,5 @@ class CompiledPlant(_Links):
 
 
 def _gauges(model: Model) -> dict[str, np.ndarray]:
+    """Channel of each strain gauge -> row (n) from hinge angles to curvature [1/m per rad]."""
     return {name: row for name, row in model.curvature_rows.items() if name.startswith("strain")}

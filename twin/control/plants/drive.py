@@ -1,4 +1,4 @@
-"""The drive of a plant: commands as they come, saturated, then through the effects of the drive."""
+"""The drive of a plant: commands, sample by sample, limited by the amplifier and changed by effects on the drive."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import numpy as np
 from twin.effects import REGISTRY, Drive
 from twin.rigs.model import Model
 
-_NO_TIME = 1e-12  # s, what rounding leaves of a span
+_NO_TIME = 1e-12  # s, remainder of a span by rounding
 
 
 class DriveLine:
-    """Turns a command at a time into the torques that a plant feels from then on.
+    """Turns commands into delivered torques, delayed ones included.
 
-    Any lag is left to the plant: it is a state.
+    A first-order lag is not included, as it is a state of the plant.
     """
 
     def __init__(self, model: Model) -> None:
+        """Takes the model, for its torque limit, effects and patch."""
         self._limit = float(model.declared["torque_limit"])
         self._effects, self._patch = model.effects, model.patch
         self._pending: deque[tuple[float, float]] = deque()
@@ -28,21 +29,21 @@ class DriveLine:
 
     @property
     def torque(self) -> float:
-        """Torque [N m] that is delivered now, before any lag."""
+        """Present delivered torque before any lag [N m]."""
         return self._torque
 
     def reset(self) -> None:
-        """Forgets all commands: until the first one acts, none was given."""
+        """Discards all commands; until the first one acts, the torque is that of a zero command."""
         self._pending.clear()
         self._torque = self._through(0.0, 0.0).before
 
     def command(self, time: float, torque: float) -> None:
-        """Takes a command [N m] given at `time` [s]."""
+        """Accepts a command [N m] given at `time` [s]."""
         drive = self._through(time, min(max(torque, -self._limit), self._limit))
         self._pending.append((float(drive.time[0]), float(drive.torque[0])))
 
-    def pieces(self, start: float, span: float) -> Iterator[tuple[float, float]]:
-        """Yields torque [N m] and length [s] of each stretch of constant torque within a span [s]."""
+    def constant_spans(self, start: float, span: float) -> Iterator[tuple[float, float]]:
+        """Yields torque [N m] and length [s] of each interval of constant torque within a span [s]."""
         now, end = start, start + span
         while now < end - _NO_TIME:
             while self._pending and self._pending[0][0] <= now + _NO_TIME:

@@ -1,20 +1,22 @@
 """The linear model of Bossi et al. 2009 as a plant: n modes, saturation, stick and slip.
 
-Two linear systems share the motion, one with a hub that slides and one with a hub that rests,
+Two linear systems alternate, one while the hub slides and one while it rests,
 
     sliding   q_tt = a + b (tau - sign(theta_t) tau_c)       a = M^-1 (f - K q - D q_t)       theta = c^T q
     resting   q_tt = (1 - b c^T / c^T b) a                   b = M^-1 c                       c^T q_tt = 0
 
-with q = [alpha, delta_1..n] (section III there) and what effects add to it (`modal_rig`). Each is moved by its exact
-propagator exp(A h): torques and loads f are held, so that they are states of rate zero. The hub sticks where its
-rate crosses zero, if the torque that holds it,
+with q = [alpha, delta_1..n] (section III there) and coordinates that effects append (`modal_rig`). Each is integrated
+exactly by its propagator exp(A h): torques and loads f are held over a step, that is, they are states of rate zero.
+Where the hub's rate crosses zero, the hub sticks if the torque that holds it,
 
     needed = tau + c^T a / c^T b
 
-stays below the static level; it breaks away where that rises above it. Both instants are roots on the propagator.
+does not exceed the static level; it breaks away where that torque exceeds it. Both instants are roots along the exact
+solution.
 
-Forces that vary with state or time (`modal_forces`) are held over steps of 1 ms at most as they are in the middle of
-each, where half a step with those of its start leads: of second order, in the instants of stick and slip too.
+Forces that vary with state or time (`modal_forces`) are held over steps of at most 1 ms at their value in the middle of
+the step, to which a half step with the initial values leads (midpoint rule): the method is of second order, also in the
+instants of stick and slip.
 """
 
 from __future__ import annotations
@@ -31,12 +33,17 @@ from twin.errors import InputError
 from twin.rigs.model import Model
 
 DEFAULT_MODES = 3
-_LOOK = 1e-3  # s, longest time without a look for stick and slip: 1/20 of the third mode's period
-_SHORT = 1e-9  # s, so that an event never comes twice
+"""Number of bending modes: up to 42 Hz on `bossi2009`."""
+_LONGEST_UNCHECKED = 1e-3
+"""Longest time between two checks for stick and slip [s]: 1/20 of the third mode's period."""
+_SHORT = 1e-9  # s, shortest step, so that an event is not found twice
 
 
 class ModalPlant:
-    """The modes of a rig with its friction; the state is z = [q, q_t, delivered, command, other torques, loads]."""
+    """The modes of a rig with its friction.
+
+    The state is z = [q, q_t, delivered torque, command, other hub torques, loads], of sizes n, n, 1, 1, 1, n or 0.
+    """
 
     name = "modal"
 
@@ -44,12 +51,12 @@ class ModalPlant:
         """Prepares the modes of a model.
 
         Args:
-          model: rig and effects. A play is refused: its flanks are too stiff for forces that are held.
+          model: rig and effects, except backlash: its flanks are too stiff for forces held over a step.
           period: sample period [s].
           modes: number of bending modes.
 
         Raises:
-          InputError: there is a play between motor and hub.
+          InputError: the model has backlash.
         """
         _check_effects(model, self.name)
         self.period, self.torque_limit = period, float(model.declared["torque_limit"])
@@ -62,27 +69,27 @@ class ModalPlant:
         self._push = np.linalg.solve(rig.mass, rig.hub)
         self._sliding, self._resting, self._needed = _systems(rig, self._push, model, self._forces.loads)
         self._steps: dict[tuple[bool, float], np.ndarray] = {}
-        self._look = min(_LOOK, model.step)
+        self._longest_step = min(_LONGEST_UNCHECKED, model.step)
         self._along = np.linspace(0.0, model.rig["length"], 25)
         self._bends = rig.link(self._along) - np.outer(self._hub, self._along)
         self.reset()
 
     def reset(self, hub_angle: float = 0.0) -> None:
-        """Puts the rig to rest at a hub angle [rad], time 0."""
+        """Resets the rig to rest at a hub angle [rad], time 0."""
         self._drive.reset()
         self._time = self._now = 0.0
         self._mode = 0
         self._z = np.zeros(len(self._needed))
-        self._z[: self._size] = self._forces.hanging(hub_angle)
+        self._z[: self._size] = self._forces.gravity_equilibrium(hub_angle)
         self._z[self._delivered : self._other] = self._drive.torque
-        self._hold(self._z, self._now)
+        self._set_forces(self._z, self._now)
 
     def advance(self, torque: float) -> None:
-        """Moves on by one period under a commanded torque [N m]."""
+        """Advances by one period under a commanded torque [N m]."""
         self._drive.command(self._time, torque)
-        for piece, span in self._drive.pieces(self._time, self.period):
+        for piece, span in self._drive.constant_spans(self._time, self.period):
             self._z[self._command] = piece
-            count = int(np.ceil(span / self._look - 1e-9))
+            count = int(np.ceil(span / self._longest_step - 1e-9))
             for _ in range(count):
                 self._move(span / count)
         self._time += self.period
@@ -93,14 +100,14 @@ class ModalPlant:
         return self._time
 
     def read(self) -> dict[str, float]:
-        """True value of each channel, SI."""
+        """Returns the present true value of each channel, SI."""
         q = self._z[: self._size]
         values = {name: float(row @ q) for name, row in self._outputs.items()}
         return {**values, "motor_torque": self._motor_torque(self._z)}
 
     @property
     def twist(self) -> float:
-        """Angle of a torsional mode against the hub [rad]."""
+        """Angle of a torsional mode relative to the hub [rad]."""
         return float(self._twist @ self._z[: self._size])
 
     @property
@@ -110,11 +117,11 @@ class ModalPlant:
 
     @property
     def configuration(self) -> np.ndarray:
-        """alpha [rad], the amplitudes of the modes [kg^1/2 m], angles that effects add [rad]."""
+        """Coordinates q: alpha [rad], modal amplitudes [kg^1/2 m], angles that effects append [rad]."""
         return self._z[: self._size].copy()
 
     def outline(self, configurations: np.ndarray) -> np.ndarray:
-        """25 points along the link (m, 25, 2) [m], hub axis first."""
+        """Returns 25 points along the link (m, 25, 2) [m], hub axis first."""
         theta, bend = configurations @ self._hub, configurations @ self._bends
         cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]
         return np.stack([cos * self._along - sin * bend, sin * self._along + cos * bend], axis=-1)
@@ -122,80 +129,80 @@ class ModalPlant:
     # Stick and slip
 
     def _move(self, span: float) -> None:
-        """Moves on by `span` [s], through every stick and slip in it."""
+        """Integrates over `span` [s], with every stick and slip in it."""
         if self._mode == 0:
             self._break_away()
         left = span
         while left > _SHORT:
-            end = self._after(left, keep=left == span)
-            if self._remains(end) >= 0:
+            end = self._state_after(left, keep=left == span)
+            if self._mode_margin(end) >= 0:
                 self._z = end
                 self._now += left
                 return
-            left -= self._to_event(left)
+            left -= self._move_to_event(left)
 
-    def _to_event(self, span: float) -> float:
-        """Moves to the end of the present mode, which is within `span` [s], and into the next; returns when it was."""
+    def _move_to_event(self, span: float) -> float:
+        """Integrates to the end of the present mode, within `span` [s], and switches it; returns the time taken [s]."""
 
-        def remains(h: float) -> float:
-            return self._remains(self._after(h))
+        def margin(h: float) -> float:
+            return self._mode_margin(self._state_after(h))
 
-        when = brentq(remains, _SHORT, span, xtol=1e-12) if remains(_SHORT) > 0 else _SHORT
-        self._z = self._after(when)
+        when = brentq(margin, _SHORT, span, xtol=1e-12) if margin(_SHORT) > 0 else _SHORT
+        self._z = self._state_after(when)
         self._now += when
         if self._mode == 0:
-            self._slide(1 if self._to_hold() > 0 else -1)
+            self._slide(1 if self._holding_torque() > 0 else -1)
         else:
             self._halt()
         return when
 
-    def _after(self, h: float, keep: bool = False) -> np.ndarray:
-        """The state after h [s] in the present mode."""
+    def _state_after(self, h: float, keep: bool = False) -> np.ndarray:
+        """Returns the state after h [s] in the present mode; `keep` caches the propagator."""
         if not self._forces.vary:
             return self._propagator(h, keep) @ self._z
-        half = self._hold(self._propagator(h / 2, keep) @ self._z, self._now + h / 2)
+        half = self._set_forces(self._propagator(h / 2, keep) @ self._z, self._now + h / 2)
         middle = np.r_[self._z[: self._other], half[self._other :]]
-        return self._hold(self._propagator(h, keep) @ middle, self._now + h)
+        return self._set_forces(self._propagator(h, keep) @ middle, self._now + h)
 
-    def _hold(self, z: np.ndarray, time: float) -> np.ndarray:
-        """Puts the forces of a state into it, as they are at a time [s] in the present mode."""
+    def _set_forces(self, z: np.ndarray, time: float) -> np.ndarray:
+        """Sets the forces in a state z to their values at that state, a time [s], and the present mode; returns z."""
         q, rates = z[: self._size], z[self._size : 2 * self._size]
         z[self._other] = self._forces.on_hub(time, q, rates, self._mode)
         if self._forces.loads:
             z[self._other + 1 :] = self._forces.along_link(time, q, rates)
         return z
 
-    def _remains(self, z: np.ndarray) -> float:
-        """What is left in z before the mode ends: rate [rad/s] of a sliding hub, static friction [N m] at rest."""
+    def _mode_margin(self, z: np.ndarray) -> float:
+        """Margin in z to the end of the mode: rate [rad/s] of a sliding hub, or unused static friction [N m]."""
         if self._mode != 0:
             return self._mode * float(self._hub @ z[self._size : 2 * self._size])
-        return self._held(z)
+        return self._stiction_margin(z)
 
-    def _held(self, z: np.ndarray) -> float:
-        """How much more torque [N m] a hub at rest withstands in the state z; negative where it breaks away."""
+    def _stiction_margin(self, z: np.ndarray) -> float:
+        """Static friction level less the torque that holds the hub at rest in z [N m]; negative: it breaks away."""
         needed = float(self._needed @ z)
         return self._forces.static(z[: self._size], 1 if needed > 0 else -1) - abs(needed)
 
     def _break_away(self) -> None:
-        if self._remains(self._z) < 0:
-            self._slide(1 if self._to_hold() > 0 else -1)
+        if self._mode_margin(self._z) < 0:
+            self._slide(1 if self._holding_torque() > 0 else -1)
 
     def _halt(self) -> None:
-        """The hub's rate is zero: it sticks, or slides on to the side where the torque pulls it."""
+        """Ends a slide at zero rate: the hub sticks, or slides in the direction of the torque."""
         self._mode = 0
-        self._hold(self._z, self._now)
-        if self._held(self._z) < 0:
-            self._slide(1 if self._to_hold() > 0 else -1)
+        self._set_forces(self._z, self._now)
+        if self._stiction_margin(self._z) < 0:
+            self._slide(1 if self._holding_torque() > 0 else -1)
             return
         rates = self._z[self._size : 2 * self._size]
-        # What is left of the hub's rate is taken by an impulse on the hub.
+        # An impulse on the hub removes its remaining rate.
         rates -= self._push * (self._hub @ rates) / (self._hub @ self._push)
 
     def _slide(self, direction: int) -> None:
         self._mode = direction
-        self._hold(self._z, self._now)
+        self._set_forces(self._z, self._now)
 
-    def _to_hold(self) -> float:
+    def _holding_torque(self) -> float:
         return float(self._needed @ self._z)
 
     def _motor_torque(self, z: np.ndarray) -> float:
@@ -214,7 +221,7 @@ class ModalPlant:
 def _systems(
     rig: ModalRig, push: np.ndarray, model: Model, loads: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A of the sliding and of the resting hub, and the row that gives the torque to hold it (2n + 3 + loads)."""
+    """Returns A of the sliding and of the resting hub, and the row from z to the torque that holds it; sizes of z."""
     n, hub = len(rig.mass), rig.hub
     q, rate, delivered, command, other = slice(0, n), slice(n, 2 * n), 2 * n, 2 * n + 1, 2 * n + 2
     torque = np.zeros(2 * n + 3 + loads)
@@ -239,5 +246,6 @@ def _systems(
 
 
 def _check_effects(model: Model, plant: str) -> None:
+    """Raises InputError for a model with backlash."""
     if model.plant.motor.gap > 0:
         raise InputError(f"effect backlash has no place in the {plant} plant; expected --plant chain for it")

@@ -1,12 +1,12 @@
-"""What acts on the modes beside the linear rig: torques on the hub, and loads along the link.
+"""Nonlinear forces on the modes: torques on the hub, and loads along the link.
 
-The hub's laws are those of the chain, `twin.mechanics.planar`. A load is a force per coordinate (n), with a_i(x) the
-slope of the
-link per coordinate, a = sum_i a_i q_i its angle, kappa its curvature, m(x) the mass outboard of x and v = tip_i q_i_t:
+Hub torques are those of the chain, `twin.mechanics.planar`. A load is a generalised force per coordinate (n). With
+a_i(x) the slope of the link per coordinate, a = sum_i a_i q_i its angle, kappa its curvature, m(x) the mass outboard of
+x, and v = sum_i tip_i q_i_t the velocity of the tip, the loads are
 
-    a field g of acceleration     int m a_i (g_y cos a - g_x sin a) dx          as the chain feels it
-    a link that softens           int a_i' EI s kappa^3 / (kappa^2 + kappa_0^2) dx
-    air that the tip stirs up     -coefficient |v| v tip_i
+    gravity, base acceleration g   int m a_i (g_y cos a - g_x sin a) dx                of large angles, as in the chain
+    softening of the link          int a_i' EI s kappa^3 / (kappa^2 + kappa_0^2) dx    s, kappa_0: see `plant.Link`
+    quadratic drag of the tip      -drag_quadratic |v| v tip_i
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from twin.control.plants.modal_rig import ModalRig
 from twin.mechanics import planar
 from twin.rigs.model import Model
 
-_NODES = 12  # along the link, of Gauss and Legendre
-_SETTLE = 30  # rounds in which a link comes to hang still, as the chain's
+_NODES = 12  # Gauss-Legendre nodes along the link
+_SETTLE = 30  # fixed-point iterations for static equilibrium, as for the chain
 
 
 class Forces:
-    """Forces that are no linear function of the state.
+    """Forces that are not linear in the state.
 
     Attributes:
-      vary: whether any of them varies while the hub rests, or while it slides one way.
-      loads: number of loads: n, or 0 where there are none.
+      vary: whether any of them varies within a mode, that is while the hub rests or slides in one direction.
+      loads: number of loads: n, or 0 without any.
     """
 
     def __init__(self, model: Model, rig: ModalRig) -> None:
-        """Takes what a model adds to a linear rig: all of its plant but torques on the hub that are linear."""
+        """Takes the model and its linear rig; hub torques that are linear enter by their constant only."""
         plant, linear = model.plant, [torque.linear for torque in model.hub_torques]
         others = np.array([part is None for part in linear], dtype=bool)
-        self._plant = plant._replace(torques=plant.torques.only(others))
+        self._plant = plant._replace(torques=plant.torques.select(others))
         self._pull = sum(part.constant for part in linear if part is not None)
         self._rig, self._hub, self._tip = rig, rig.hub, rig.tip
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
@@ -50,17 +50,17 @@ class Forces:
         self.vary = bool(self.loads or others.any() or friction)
 
     def static(self, q: np.ndarray, direction: int) -> float:
-        """Torque [N m] that a hub at rest withstands in a direction, at coordinates q (n)."""
+        """Static friction level in a direction at coordinates q (n) [N m]."""
         if self.vary:
             return planar.static_level(self._plant, float(self._hub @ q), direction)
         return self._plant.friction.static_positive if direction > 0 else self._plant.friction.static_negative
 
     def sliding(self, q: np.ndarray, direction: int) -> float:
-        """Friction [N m] of a hub that begins to slide in a direction, at coordinates q (n)."""
+        """Sliding friction level at zero rate in a direction at coordinates q (n) [N m]."""
         return planar.sliding_level(self._plant, float(self._hub @ q), 0.0, direction)
 
     def on_hub(self, time: float, q: np.ndarray, rates: np.ndarray, direction: int) -> float:
-        """Torque [N m] on a hub that slides in a direction (0: that rests), friction included."""
+        """Returns the torque on a hub that slides in a direction (0: rests), friction included [N m]."""
         angle, rate = float(self._hub @ q), float(self._hub @ rates)
         torque = self._pull + planar.hub_torque(self._plant, time, angle, rate)
         if direction != 0:
@@ -68,13 +68,13 @@ class Forces:
         return torque
 
     def along_link(self, time: float, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Loads (n)."""
+        """Returns the loads (n) at a time [s], coordinates q and their rates (n)."""
         speed = float(self._tip @ rates)
         air = self._plant.link.drag_quadratic * abs(speed) * speed * self._tip
-        return self._of_field(planar.field(self._plant, time), q) + self._of_softening(q) - air
+        return self._of_field(planar.acceleration_field(self._plant, time), q) + self._of_softening(q) - air
 
-    def hanging(self, hub_angle: float) -> np.ndarray:
-        """Coordinates (n) at which the link hangs still, the hub held at an angle [rad]."""
+    def gravity_equilibrium(self, hub_angle: float) -> np.ndarray:
+        """Returns coordinates (n) in static equilibrium with gravity, the hub held at an angle [rad]."""
         n, hub = len(self._hub), self._hub[:, None]
         held = np.block([[self._rig.stiffness, hub], [hub.T, np.zeros((1, 1))]])
         gravity = self._plant.link.gravity_x, self._plant.link.gravity_y
@@ -87,13 +87,13 @@ class Forces:
         return q
 
     def _of_field(self, field: tuple[float, float], q: np.ndarray) -> np.ndarray:
-        """Loads (n) of a field along x and y [m/s^2]."""
+        """Loads (n) of an acceleration field along x and y [m/s^2]."""
         x, y = field
         angles = q @ self._slopes
         return self._slopes @ (self._outboard * (y * np.cos(angles) - x * np.sin(angles)))
 
     def _of_softening(self, q: np.ndarray) -> np.ndarray:
-        """Loads (n) that stand for the moment which a link of full stiffness has too much."""
+        """Loads (n) equivalent to the reduction of the bending moment by softening."""
         curvature = q @ self._curvatures
         square = curvature**2
         part = square / (square + self._plant.link.softening_curvature**2)

@@ -1,19 +1,19 @@
-"""The paper's own model: one bending mode, and a friction that is switched by the hub's rate.
+"""The paper's own model: one bending mode, and a friction law switched by the hub's rate.
 
-The switch of Bossi et al. 2009 (section IV there):
+The friction law of Bossi et al. 2009 (section IV), a simplified Karnopp model:
 
     f = tau_c sgn(theta_t)    where |theta_t| > d
         tau                   where the motor's torque |tau| < tau_s
         tau_s sgn(theta_t)    otherwise
 
-As d goes to zero, a hub at rest
+In the limit d -> 0, a hub at rest behaves as follows, p being the torque of the bent link on the hub:
 
-    |tau| < tau_s     slides to where the link pulls once pull and motor together exceed tau_c,
-    otherwise         rests while pull and motor together are below tau_s.
+    |tau| < tau_s     slides in the direction of p once p + tau exceeds tau_c in that direction,
+    otherwise         rests while |p + tau| is below tau_s.
 
-A motor below tau_s is held whatever it is, a bent link is not. On a rig nothing tells friction where a torque comes
-from: `twin.control.plants.modal` has the static level against their sum. The limit itself is taken here, since how
-large d is changes figures as soon as a step of time passes it.
+So friction holds the hub against the motor but not against the bent link. Real friction depends on their sum only, as
+in `twin.control.plants.modal`. This module implements the limit itself: with a finite d, results depend on the time
+step as soon as the rate can pass the interval |theta_t| < d within one.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from twin.rigs.model import Model
 
 
 class PaperPlant(ModalPlant):
-    """The modal plant with the paper's number of modes and its switch of friction."""
+    """The modal plant with the paper's number of modes and its friction law."""
 
     name = "paper"
 
@@ -34,10 +34,10 @@ class PaperPlant(ModalPlant):
         """Prepares the modes of a model; see `ModalPlant`."""
         super().__init__(model, period, modes)
 
-    def _held(self, z: np.ndarray) -> float:
+    def _stiction_margin(self, z: np.ndarray) -> float:
         needed, motor, q = float(self._needed @ z), self._motor_torque(z), z[: self._size]
         if abs(motor) >= self._forces.static(q, 1 if motor > 0 else -1):
-            return super()._held(z)
+            return super()._stiction_margin(z)
         pull = needed - motor
         upwards = min(pull, needed - self._forces.sliding(q, 1))
         downwards = min(-pull, -needed - self._forces.sliding(q, -1))

@@ -1,4 +1,4 @@
-"""What stands between a plant and its controller: noise, resolution, and the seed that repeats them."""
+"""Sensors between a plant and its controller: effects, noise from a seed, quantisation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from twin.control.plants.reporting import Reporting
+from twin.control.plants.sensor_effects import SensorEffects
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Instrument:
 
     Attributes:
       noise: standard deviation, SI.
-      resolution: smallest step of the reading, SI; 0 for none.
+      resolution: quantisation step of the reading, SI; 0 for none.
     """
 
     noise: float = 0.0
@@ -34,37 +34,37 @@ BOSSI2009: Mapping[str, Instrument] = MappingProxyType(
         "motor_torque": Instrument(1e-3, 0.6 / 2**16),
     }
 )
-"""Sensors of the rig. The paper names a 16-bit card; the ranges (a turn, +-2000 um/m, +-0.2 m, +-0.3 N m) and the
+"""Sensors of the rig. The paper names a 16-bit card; the ranges (one turn, +-2000 um/m, +-0.2 m, +-0.3 N m) and the
 noise are assumed."""
 
 
 @dataclass
 class Sensors:
-    """Readings of the true values, with a noise that a seed repeats; by default without any.
+    """Readings of true values; by default equal to them.
 
     Attributes:
-      instruments: channel -> sensor; channels without one are read as they are.
-      seed: of the noise.
-      reporting: what a model's effects make of the true values before; None for nothing.
+      instruments: channel -> sensor; channels without one have neither noise nor quantisation.
+      seed: of the noise; readings are reproducible.
+      effects: effects of a model on the sensors, applied before noise and quantisation; None for none.
     """
 
     instruments: Mapping[str, Instrument] = field(default_factory=dict)
     seed: int = 0
-    reporting: Reporting | None = None
+    effects: SensorEffects | None = None
 
     def __post_init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Starts the noise again."""
+        """Restarts the noise from its seed, and resets the effects."""
         self._random = np.random.default_rng(self.seed)
-        if self.reporting is not None:
-            self.reporting.reset()
+        if self.effects is not None:
+            self.effects.reset()
 
     def read(self, time: float, true: Mapping[str, float]) -> dict[str, float]:
-        """Returns what is read at `time` [s] of true values by channel, SI."""
-        if self.reporting is not None:
-            true = self.reporting.read(time, true)
+        """Returns the readings at `time` [s] of true values by channel, SI."""
+        if self.effects is not None:
+            true = self.effects.read(time, true)
         return {channel: self._read(channel, value) for channel, value in true.items()}
 
     def _read(self, channel: str, value: float) -> float:

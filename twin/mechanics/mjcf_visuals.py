@@ -1,4 +1,4 @@
-"""What the rig looks like in MJCF: box sections as on the rig; nothing collides, and no mass comes from here."""
+"""Visual geometry of the rig in MJCF; geoms do not collide and have no influence on mass or inertia."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from twin.mechanics.chain import Chain
 from twin.recording import Sensor
 
-HALF_THICKNESS, _HALF_HEIGHT = 0.001, 0.022  # m; I = 2.95e-11 m^4 (Table II) and a density near 1000 kg/m^3
-_FLOOR = -0.045  # m, the glass below the link's axis
+HALF_THICKNESS, _HALF_HEIGHT = 0.001, 0.022  # m, from I = 2.95e-11 m^4 (Table II), density near 1000 kg/m^3
+_FLOOR = -0.045  # m, height of the glass table relative to the link's axis; assumed
 
 _BOX, _CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 _COLOURS = {
@@ -24,17 +24,20 @@ _COLOURS = {
 }
 
 
-def add_looks(spec: mujoco.MjSpec, rig: Mapping[str, float], chain: Chain, gauges: Sequence[Sensor]) -> None:
+def add_visuals(
+    spec: mujoco.MjSpec, rig: Mapping[str, float], chain: Chain, gauges: Sequence[Sensor]
+) -> None:
+    """Adds geoms of motor, fork, segments, gauges and payload to the bodies of `mjcf.dynamics_spec`."""
     for name, rgba in _COLOURS.items():
         shine = {"specular": 0.6, "shininess": 0.7} if name in ("aluminium", "steel") else {"specular": 0.2}
         spec.add_material(name=name, rgba=rgba, **shine)
     _add_motor_and_fork(spec)
     for i, length in enumerate(chain.lengths):
         link = spec.body(f"link_{i}")
-        if length == 0:  # the hub's own, where the clamp gives
+        if length == 0:  # the hub's segment where the clamp is compliant
             continue
         _box(link, "kevlar", (length / 2, 0, 0), (length / 2, HALF_THICKNESS, _HALF_HEIGHT))
-        if i > 0:  # closes the gap that opens where two segments meet at an angle
+        if i > 0:  # a cylinder on the hinge, so that no gap opens between segments at an angle
             _cylinder(link, "kevlar", (0, 0, 0), HALF_THICKNESS, _HALF_HEIGHT)
     starts = np.concatenate([[0.0], chain.hinges])
     for gauge in gauges:
@@ -51,7 +54,7 @@ def _add_motor_and_fork(spec: mujoco.MjSpec) -> None:
     _box(base, "steel", (0, 0, _FLOOR + 0.004), (0.034, 0.034, 0.004))
     _cylinder(base, "steel", (0, 0, _FLOOR + 0.012), 0.024, 0.004)
     _cylinder(hub, "aluminium", (0, 0, -0.0265), 0.020, 0.0025)
-    # A fork: a bridge behind the axis and two prongs that hold the link between them.
+    # The fork: a bridge behind the axis and two prongs that hold the link between them.
     _box(hub, "aluminium", (-0.008, 0, -0.002), (0.005, 0.0075, 0.022))
     for side in (1, -1):
         y = side * (HALF_THICKNESS + 0.0032)
@@ -60,7 +63,7 @@ def _add_motor_and_fork(spec: mujoco.MjSpec) -> None:
 
 
 def _add_payload(body: mujoco.MjsBody, rig: Mapping[str, float]) -> None:
-    """A disc with the payload's mass and inertia, 1/2 m r^2, on its air-pad, below a clamp."""
+    """Adds a disc of the payload's mass and inertia, 1/2 m r^2 (aluminium), on an air-pad, below a clamp."""
     mass = rig["tip_mass"]
     if mass <= 0:
         return
@@ -92,7 +95,7 @@ def _cylinder(
     half: float,
     across: bool = False,
 ) -> None:
-    """Upright, or across the link like a bolt."""
+    """Adds a cylinder, its axis vertical, or across the link like a bolt."""
     geom = body.add_geom(type=_CYLINDER, pos=pos, size=[radius, half, 0], material=material)
     geom.contype = geom.conaffinity = 0
     if across:
@@ -136,18 +139,20 @@ _SCENE = """<mujoco model="bossi2009 scene">
 """
 
 
-def in_scene(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+def with_scene(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Returns the specification with table, light and camera added."""
     name = "rig.xml"
     return mujoco.MjSpec.from_string(scene_xml(name), include={name: spec.to_xml().encode()})
 
 
 def scene_xml(file: str) -> str:
-    # The table's upper face is the glass that the air-pad floats on.
+    """Returns a scene, table, light and camera, that includes the rig's MJCF `file`."""
+    # The upper face of the table is the glass on which the air-pad floats.
     return _SCENE.format(file=file, table=round(_FLOOR - 0.005, 6), frame="\n".join(_frame()))
 
 
 def _frame() -> Iterator[str]:
-    """Four rails below the edges of the glass, and four legs down to the floor."""
+    """Yields geoms of four rails below the edges of the glass and four legs down to the floor."""
     z, half = _FLOOR - 0.025, 0.55
     bar = '    <geom type="box" pos="{} {} {:g}" size="{:g} {:g} {:g}" material="frame" '
     bar += 'contype="0" conaffinity="0"/>'
