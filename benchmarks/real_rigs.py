@@ -19,8 +19,9 @@ from machine import command, describe
 
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.identification.estimates import Estimate
-from twin.identification.findings import shown
-from twin.identification.identify import Identification, identify
+from twin.identification.identify import identify
+from twin.identification.result import Identification
+from twin.identification.text import format_estimate
 
 LAW = "viscous-friction"
 
@@ -46,16 +47,20 @@ def table(found: dict[str, Identification]) -> str:
 
 
 def _quantities(found: Identification) -> Iterator[tuple[str, str]]:
-    for name, p in found.numbers.items():
+    for name, p in found.all_parameters.items():
         for method, value in p.methods.items():
-            yield f"{name} [{p.unit}], {method}", shown(value)
-    for what, (value, unit) in found.figures.items():
-        yield f"{what} [{unit}]", shown(value) if value.told else "not told"
-    for decay in found.decays:
-        yield f"clamped, {decay.recording} [Hz]", shown(decay.frequency)
-        yield f"damping ratio, {decay.recording}", shown(decay.damping_ratio)
-    if found.load is not None:
-        yield "static test", _static(found.load.stiffness, found.load.curvature)
+            yield f"{name} [{p.unit}], {method}", format_estimate(value)
+    for q in found.derived:
+        value = format_estimate(q.estimate) if q.estimate.informative else "not determined"
+        yield f"{q.label} [{q.unit}]", value
+    for decay in found.procedures.decays:
+        yield f"clamped, {decay.recording} [Hz]", format_estimate(decay.frequency)
+        yield f"damping ratio, {decay.recording}", format_estimate(decay.damping_ratio)
+    if found.procedures.static_test is not None:
+        yield (
+            "static test",
+            _static(found.procedures.static_test.stiffness, found.procedures.static_test.curvature),
+        )
     yield "held out: hub in windows, noise levels", _middle(found, "windowed", "hub_angle")
     yield (
         "held out: base strain under the measured hub, noise levels",
@@ -66,8 +71,8 @@ def _quantities(found: Identification) -> Iterator[tuple[str, str]]:
 
 def _static(stiffness: Estimate | None, curvature: Estimate | None) -> str:
     if stiffness is not None:
-        return f"EI = {shown(stiffness, 'N m^2')}"
-    return "-" if curvature is None else f"{shown(curvature, '1/m')} for one unit of the gauge"
+        return f"EI = {format_estimate(stiffness, 'N m^2')}"
+    return "-" if curvature is None else f"{format_estimate(curvature, '1/m')} for one unit of the gauge"
 
 
 def _middle(found: Identification, error: str, channel: str) -> str:

@@ -58,13 +58,13 @@ def _slews(seed: int, folder: Path) -> dict:
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
     prepared = _prepared(campaign)
     data = DrivenData(prepared, model, joint.BANDS)
-    whole = total_inertia.of_rig(data, model)
+    whole = total_inertia.momentum_balance(data, model)
     if whole is None:
         return {}
     found = {"total inertia, slews": _told(whole.inertia, beam.rigid_inertia(true))}
-    hub = balance.of_hub(data, model, [p.start for p in prepared])
+    hub = balance.hub_balance(data, model, [p.start for p in prepared])
     if hub is not None:
-        tip_mass = balance.payload(whole.inertia, hub.inertia, _declared(campaign.rig))
+        tip_mass = balance.tip_mass_from_inertias(whole.inertia, hub.inertia, _declared(campaign.rig))
         found["payload, slews"] = _told(tip_mass, true["tip_mass"])
     return found
 
@@ -79,7 +79,7 @@ def _release(seed: int, folder: Path) -> dict:
     believed = campaign.rig.replace("believed", **known)
     model = Model(believed, campaign.sensors, chain.fit_shape(believed, 12), step=FINE_STEP)
     prepared = _prepared(campaign)
-    found = friction_map.read(model, prepared, [p.start for p in prepared])
+    found = friction_map.friction_map_of_release(model, prepared, [p.start for p in prepared])
     if found is None or found.level is None:
         return {}
     return {"Coulomb friction, decay map": _told(found.level, truth["coulomb_friction"])}

@@ -34,7 +34,7 @@ def tests(rows: int, decimals: int, generator: np.random.Generator) -> Iterator[
         read = np.round(mass + generator.normal(0, MASS_ERROR, rows), 3)
         tip = compliance * g * mass + ZERO + generator.normal(0, RULER_ERROR, rows)
         table = StaticTest({"tip_load_mass": read, "tip_deflection": np.round(tip, decimals)})
-        yield static_test.read(Campaign("", rig, {}, (), table))
+        yield static_test.evaluate(Campaign("", rig, {}, (), table))
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from twin.campaigns.campaign import Campaign
-    from twin.identification.identify import Identification
+    from twin.identification.result import Identification
 
 
 def identify(
@@ -91,14 +91,14 @@ def _held_out(found: Identification) -> Table:
 def _print(found: Identification, paths: dict[str, Path]) -> None:
     from rich.table import Table
 
-    from twin.identification.findings import shown
+    from twin.identification.text import format_estimate
 
     screen = console()
     screen.print(f"{found.campaign}: identified", highlight=False, markup=False)
     table = Table("parameter", "declared", "identified (95 % interval)", "unit", "not determined", box=None)
-    for name, p in found.numbers.items():
+    for name, p in found.all_parameters.items():
         table.add_row(
-            name, f"{p.declared:.5g}", shown(p.estimate), p.unit, found.not_determined.get(name, "")
+            name, f"{p.declared:.5g}", format_estimate(p.estimate), p.unit, found.not_determined.get(name, "")
         )
     screen.print(table, highlight=False)
     for finding in found.findings:
