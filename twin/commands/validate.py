@@ -24,7 +24,7 @@ from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.validation.rigs import Believed
+    from twin.validation.rigs import NominalRig
     from twin.validation.validation import Validation
 
 _STEPS = "lq-step-120, filtered-step-120, or bang-bang-20, -45, -60, -90, -120: a step of that angle."
@@ -72,7 +72,7 @@ def validate(
 
         job = validation.Job(controller, believed.rig, scenario)
         result = validation.validate(
-            job, believed.effects, believed.errors, limits, rigs, seed, report, believed.together
+            job, believed.effects, believed.errors, limits, rigs, seed, report, believed.correlations
         )
     if json_file is not None:
         write_json(json_file, validation.to_json(result))
@@ -100,24 +100,24 @@ def _read(
         yield from files_of(campaign)
 
 
-def _believed(rig: str) -> Believed:
+def _believed(rig: str) -> NominalRig:
     """What a preset or a parameter file says."""
     if Path(rig).is_dir():
         raise InputError(f"{rig} is a folder; expected a TOML file; for a campaign use --campaign")
     declared, effects = load_rig(rig)
     from twin.rigs import PRESETS
     from twin.rigs.rig_file import read_uncertainty
-    from twin.validation.rigs import Believed
+    from twin.validation.rigs import NominalRig
 
-    return Believed(declared, effects, *(() if rig in PRESETS else read_uncertainty(rig)))
+    return NominalRig(declared, effects, *(() if rig in PRESETS else read_uncertainty(rig)))
 
 
-def _declared(campaign: Path) -> Believed:
+def _declared(campaign: Path) -> NominalRig:
     """What a campaign says."""
     from twin.campaigns.campaign import read_campaign
-    from twin.validation.rigs import declared_by
+    from twin.validation.rigs import nominal_rig_of
 
-    return declared_by(read_campaign(campaign))
+    return nominal_rig_of(read_campaign(campaign))
 
 
 def _print(result: Validation) -> None:

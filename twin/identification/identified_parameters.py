@@ -61,7 +61,7 @@ def not_determined(parameters: Mapping[str, Identified], joint_estimate: JointEs
             reasons[name] = (
                 f"strongly correlated with {partners[0]}"
                 if partners
-                else "the recordings contain no more information on it than the declaration"
+                else "the recordings add little to the declaration"
             )
         elif p.declared_error and p.standard_error < _MIN_ERROR * p.declared_error:
             reasons[name] = (
