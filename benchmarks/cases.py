@@ -224,6 +224,7 @@ def shrunk(name: str, values: Mapping[str, float], share: float) -> dict[str, fl
 
 _SMALL = Size(0.02, 1.0)
 """Share of the usual distance from neutral of a small effect, down to the noise."""
+# Combinations of defects, in the order in which campaigns get them.
 _DIRT = (*((kind,) for kind in DIRT), ("spikes", "missing-fields"))
 
 

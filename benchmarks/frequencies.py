@@ -22,7 +22,7 @@ from twin.parameters import Rig
 from twin.rigs import preset
 
 SEGMENTS = (4, 5, 6, 8, 12, 16, 24, 32)
-REFERENCE = 48
+REFERENCE = 48  # segments of the reference trajectory
 TORQUE, DURATION = 0.15, 2.5  # N m, s
 
 

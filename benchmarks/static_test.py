@@ -20,7 +20,7 @@ from twin.identification import static_test
 from twin.identification.joint import prior_deviation
 from twin.rigs import preset
 
-TESTS = 2000
+TESTS = 2000  # simulated tests for each row of the table
 STIFFNESS = 0.25  # N m^2
 MASS_ERROR, RULER_ERROR, ZERO = 2e-4, 3e-4, 2e-3  # kg, m, m
 

@@ -29,14 +29,12 @@ from twin.rigs.model import Model
 
 HUB_BAND = 20.0
 """Corner of the zero-phase low-pass on all signals of the balance [Hz]."""
-_MARGIN = (
-    1.5  # distance from a change between rest and motion, in periods of the corner: the reach of the filter
-)
+_MARGIN = 1.5
+"""Margin to a change between rest and motion, in periods of the corner: the reach of the filter."""
 _BLOCK = 0.5  # s within which residuals count as correlated
-_MIN_BLOCKS = 4
-_MIN_DIRECTION_SHARE = (
-    0.95  # filtered share of one direction above which the friction is that of the direction [1]
-)
+_MIN_BLOCKS = 4  # blocks that a sandwich covariance of the three unknowns needs
+_MIN_DIRECTION_SHARE = 0.95
+"""Filtered share of one direction above which the friction is that of this direction [1]."""
 _GAUGES = ("strain_base", "strain_mid")
 
 

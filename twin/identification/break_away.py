@@ -28,9 +28,8 @@ step after the first."""
 _MAX_LINK_SHARE = 0.1  # share of the break-away torque that the link may contribute: it has to be quiet [1]
 _STAIR_SEARCH = 0.8  # s before the first visible motion in which a slow motion may have begun
 _MIN_STAIR_RATIO = 0.7  # least ratio of the stair before the break-away to the one of the break-away [1]
-_MAX_COMMAND_STEP = (
-    0.02  # change of the command between two samples that counts as a step, of its largest value [1]
-)
+_MAX_COMMAND_STEP = 0.02
+"""Change of the command between two samples that counts as a step, of its largest value [1]."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ Law = Literal["proportional", "dry friction", "square of the rate"]
 MIN_PERIODS = 4
 """Periods that a decay needs: its envelope has up to three unknowns."""
 _LINK_CHANNELS = ("strain_base", "tip_deflection", "strain_mid", "tip_acceleration")
+"""Channels of the link in order of preference."""
 _MIN_AMPLITUDE = 8.0  # amplitude of a period that is used, in its standard errors
 _MIN_LOSS_SIGNIFICANCE = 4.0  # value of a second loss term that is accepted, in its standard errors
 _PRIOR_SLOPE = 0.03  # prior standard deviation of the relative change of frequency at the first amplitude [1]

@@ -26,12 +26,11 @@ from twin.residuals.prepared import Prepared, reading_start
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
-_MIN_SWINGS = 4
+_MIN_SWINGS = 4  # swings that a decay needs, without the last one
 _BAND = 1.5  # corner of the low-pass over the first free frequency [1]: it removes the higher modes
 _MIN_SPACING = 0.6  # least distance of two extremes, in half periods
-_MAX_DURATION_ERROR = (
-    0.3  # relative deviation of a swing's duration from half a period, above which the hub sticks [1]
-)
+_MAX_DURATION_ERROR = 0.3
+"""Relative deviation of a swing's duration from half a period, above which the hub sticks [1]."""
 _MIN_SWING = 20.0  # smallest swing that is used, in standard deviations of the sensor noise
 _COARSE_GRID = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5])
 """Coulomb levels of the first simulations, over the level of the model [1]."""

@@ -275,11 +275,11 @@ def _contradictions(
     """Recording, parameter and distance wherever a distance (k x p) exceeds the limit, largest first."""
     if len(recordings) < 2:
         return ()
-    found = [
+    exceeded = [
         (recordings[i], names[k], float(abs(distances[i, k])))
         for i, k in zip(*np.nonzero(np.abs(distances) > _distance_limit(distances)), strict=True)
     ]
-    return tuple(sorted(found, key=lambda f: -f[2]))
+    return tuple(sorted(exceeded, key=lambda f: -f[2]))
 
 
 def _profile_intervals(
@@ -303,12 +303,12 @@ def _profile_intervals(
     contradicted = errors**2 > _MAX_VARIANCE_RATIO * np.diag(evidence.covariance)
     chosen = np.flatnonzero(own & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))
     normal = np.clip(np.column_stack([base.values - half, base.values + half]), bounds[:, :1], bounds[:, 1:])
-    found = {}
+    intervals = {}
     for k in chosen:
         first, last = Profile(bench, base, int(k), float(errors[k]), float(ratios[k])).interval()
         # An incomplete minimisation over the others makes a profile too steep, never too flat.
-        found[int(k)] = min(first, float(normal[k, 0])), max(last, float(normal[k, 1]))
-    return found
+        intervals[int(k)] = min(first, float(normal[k, 0])), max(last, float(normal[k, 1]))
+    return intervals
 
 
 def _cost_rise_ratios(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ def estimates_by_procedure(rig: Rig, results: Procedures) -> dict[str, dict[str,
     static, decays, release = results.static_test, results.decays, results.friction_map
     hub = results.hub_balance if results.hub_balance and results.hub_balance.accepted else None
     inertia = with_link_uncertainty(hub.inertia, results.joint) if hub else None
-    found = {
+    estimates = {
         ("bending_stiffness", "static"): static.stiffness if static else None,
         ("bending_stiffness", "clamped-frequency"): stiffness_by_frequency(rig, decays) if decays else None,
         ("damping_ratio", "decay"): free_damping_ratio(rig, decays) if decays else None,
@@ -30,7 +30,7 @@ def estimates_by_procedure(rig: Rig, results: Procedures) -> dict[str, dict[str,
         ("tip_mass", "slews"): tip_mass_by_balances(rig, results),
     }
     methods: dict[str, dict[str, Estimate]] = {name: {} for name in results.joint.names}
-    for (name, procedure), estimate in found.items():
+    for (name, procedure), estimate in estimates.items():
         if estimate is not None and name in methods:
             methods[name][procedure] = estimate
     for name in results.joint.names:

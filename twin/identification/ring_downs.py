@@ -12,9 +12,8 @@ from twin.mechanics.planar import STUCK
 from twin.recording import Recording
 from twin.residuals.prepared import Prepared
 
-_MAX_FREQUENCY_ERROR = (
-    0.02  # relative standard error of the frequency up to which a rest contains a ring-down [1]
-)
+_MAX_FREQUENCY_ERROR = 0.02
+"""Relative standard error of the frequency up to which a rest contains a ring-down [1]."""
 
 
 def clamped_ring_downs(recordings: Sequence[Recording]) -> tuple[Decay, ...]:

@@ -30,10 +30,10 @@ MIN_BANDWIDTH = 8.0
 HIGHEST = 45.0
 """Highest frequency of a response [Hz]."""
 _MIN_COHERENCE = 0.6  # coherence from which a response is used [1]
-_MIN_EXCITATION = (
-    1e-3  # power spectrum of the torque over its maximum from which a frequency counts as excited [1]
-)
+_MIN_EXCITATION = 1e-3
+"""Power spectrum of the torque over its maximum from which a frequency counts as excited [1]."""
 _CHANNELS = ("strain_base", "strain_mid", "tip_deflection")
+"""Channels of a response in order of preference."""
 _FIT_BAND = 0.15  # half width of the band in which a peak is fitted, over its frequency [1]
 _MIN_POINTS = 12  # frequencies that a fit with six linear and two nonlinear unknowns needs
 _MAX_FREQUENCY_ERROR = 0.04  # largest relative standard error of the frequency of a peak [1]

@@ -117,16 +117,16 @@ def outlier(line: LoadLine) -> tuple[int, float] | None:
     """The row (from 0) farthest off the line through the others, with its residual; None without an outlier.
     An outlier is off by more than three times their scatter and by the last decimal to which y was read.
     """
-    found = []
+    candidates = []
     for k in range(len(line.x)):
         x, y = np.delete(line.x, k), np.delete(line.y, k)
         if len(x) > MIN_ROWS and np.ptp(x) > 0:
             slope, intercept = np.polyfit(x, y, 1)
             scatter = float(np.std(y - intercept - slope * x, ddof=2))
-            away = float(line.y[k] - intercept - slope * line.x[k])
-            found.append((abs(away) / max(3 * scatter, 0.99 * resolution(line.y)), k, away))
-    ratio, row, away = max(found, default=(0.0, 0, 0.0))
-    return (row, away) if ratio > 1 else None
+            residual = float(line.y[k] - intercept - slope * line.x[k])
+            candidates.append((abs(residual) / max(3 * scatter, 0.99 * resolution(line.y)), k, residual))
+    ratio, row, residual = max(candidates, default=(0.0, 0, 0.0))
+    return (row, residual) if ratio > 1 else None
 
 
 def resolution(values: np.ndarray) -> float:

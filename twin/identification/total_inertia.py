@@ -162,8 +162,8 @@ def _runs(prepared: Prepared, view: View, model: Model) -> list[np.ndarray]:
     window = _window(model, float(view.time[1] - view.time[0]))
     signals = _signals(prepared, view, model)
     runs, count = label(_sliding(view) & _gauges_valid(view, available_gauges(prepared, model)))
-    found = [signals[runs == k] for k in range(1, count + 1)]
-    return [_detrended(_moving_average(run, window)) for run in found if len(run) > 2 * len(window)]
+    segments = [signals[runs == k] for k in range(1, count + 1)]
+    return [_detrended(_moving_average(run, window)) for run in segments if len(run) > 2 * len(window)]
 
 
 def _signals(prepared: Prepared, view: View, model: Model) -> np.ndarray:

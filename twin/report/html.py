@@ -165,8 +165,8 @@ class _Scale:
 
     def __init__(self, diagnosis: Diagnosis):
         errors = [e for p in diagnosis.predictions.values() for e in p.errors.values()]
-        found = [labels.over_noise(getattr(e, m), e.noise) for e in errors for m in display.MODELS]
-        finite = [value for value in found if math.isfinite(value) and value > 0]
+        ratios = [labels.over_noise(getattr(e, m), e.noise) for e in errors for m in display.MODELS]
+        finite = [value for value in ratios if math.isfinite(value) and value > 0]
         self.low = math.log10(min(0.5, *finite)) if finite else 0.0
         self.high = math.log10(max(20.0, *finite)) + 0.05 if finite else 1.0
         self.ticks = [

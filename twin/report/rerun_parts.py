@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 TIMELINE = "sim_time"
+"""Name of the time axis in the viewer."""
 FRAME_RATE = 60.0
 """Frame rate of the arms [Hz]; scalars keep every sample."""
 Colour = tuple[int, int, int]

@@ -25,7 +25,7 @@ PULSES = {
 """Pulse on each reading, SI: small, so that the torque stays far below any limit; rounding errors are 1e-11 of it."""
 _HANKEL_SAMPLES = np.unique(np.geomspace(1, 600, 100).astype(int)) - 1
 """Rows and columns of the Hankel matrix [samples]: dense at first for fast poles, up to 600 for slow ones."""
-_RECORD_LENGTH = 2 * int(_HANKEL_SAMPLES[-1]) + 3
+_RECORD_LENGTH = 2 * int(_HANKEL_SAMPLES[-1]) + 3  # samples of a pulse response that the Hankel matrices need
 _SETTLING_SAMPLES = 20  # samples at rest before a pulse: a first reading may initialise an observer
 _RANK_TOLERANCE = 1e-10  # smallest singular value that is kept, over the largest [1]
 _TOLERANCE = 1e-5  # relative difference of two responses up to which they are equal [1]

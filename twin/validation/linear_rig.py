@@ -22,6 +22,7 @@ from twin.rigs.drive_law import drive_law
 from twin.rigs.model import Model
 
 _LINK_READINGS = READINGS[:-1]
+"""Readings without the motor torque."""
 _STEP = 1e-6  # SI, of the finite differences of the sensor model
 
 
@@ -140,8 +141,8 @@ def _sensor_model(model: Model) -> tuple[np.ndarray, np.ndarray]:
     time = np.linspace(0.0, 0.2, 101)
 
     def read(values: dict[str, np.ndarray]) -> np.ndarray:
-        said = model.report(time, {name: values.get(name, np.zeros(len(time))) for name in names})
-        return np.array([said[name][-1] for name in READINGS])
+        readings = model.report(time, {name: values.get(name, np.zeros(len(time))) for name in names})
+        return np.array([readings[name][-1] for name in READINGS])
 
     rest = read({})
     slopes = np.stack([read({name: np.full(len(time), _STEP)}) - rest for name in names], axis=1) / _STEP

@@ -21,7 +21,7 @@ _CHANNELS: Mapping[str, tuple[str, float]] = {
     "tip_deflection": ("tip deflection [mm]", 1e3),
     "motor_torque": ("motor torque [N m]", 1.0),
 }
-_COLUMNS = 4
+_COLUMNS = 4  # of histograms
 
 
 def runs(result: Validation) -> Figure:

@@ -15,6 +15,7 @@ from twin.parameters import Rig, relative_uncertainty
 Effects = Mapping[str, Mapping[str, float]]
 """Name of an effect -> parameter -> value, SI."""
 INDEPENDENT = Correlations()
+"""No correlations."""
 
 
 @dataclass(frozen=True)
@@ -91,20 +92,22 @@ def uncertain_parameters(
     Raises:
       InputError: an uncertainty is infinite.
     """
-    found = []
+    parameters = []
     for p in rig.parameters.values():
         if p.uncertainty:
-            found.append(UncertainParameter(p.name, p.value, p.uncertainty * abs(p.value), p.bounds, p.unit))
+            parameters.append(
+                UncertainParameter(p.name, p.value, p.uncertainty * abs(p.value), p.bounds, p.unit)
+            )
     for effect, values in (errors or {}).items():
-        found += [
+        parameters += [
             _effect_parameter(effect, name, effects[effect][name], error) for name, error in values.items()
         ]
-    endless = [u.name for u in found if not np.isfinite(u.deviation)]
-    if endless:
+    infinite = [u.name for u in parameters if not np.isfinite(u.deviation)]
+    if infinite:
         raise InputError(
-            f"the uncertainty of {endless[0]} is infinite; expected a finite one to draw rigs from"
+            f"the uncertainty of {infinite[0]} is infinite; expected a finite one to draw rigs from"
         )
-    return tuple(u for u in found if u.deviation > 0)
+    return tuple(u for u in parameters if u.deviation > 0)
 
 
 def draw_rigs(

@@ -45,7 +45,7 @@ CONTACT_LOSS = 0.2  # damping ratio of contacts and bristles
 KNOCK_LENGTH = 0.01  # s, duration of a half-sine pulse
 
 
-# Fused multiply-add is the only permitted reordering of floating-point operations.
+# Contraction to fused multiply-add is the only permitted change of floating-point operations.
 compiled = njit(cache=True, fastmath={"contract"})
 
 
