@@ -46,17 +46,17 @@ def identify(
     modes = free_modes(results.joint.fit.model.declared, results.response)
     derived = derived_quantities(campaign.rig, results.joint)
     return Identification(
-        campaign.name,
-        campaign.rig,
-        results,
-        identified,
-        not_determined(identified, results.joint),
-        (*(clamped_mode(d) for d in results.decays), *modes),
-        derived,
-        _findings(campaign.rig, results, modes, derived, held_out),
-        held_out,
-        (*campaign.warnings, *results.joint.notes, *left_out),
-        time.perf_counter() - began,
+        campaign=campaign.name,
+        rig=campaign.rig,
+        procedures=results,
+        identified=identified,
+        not_determined=not_determined(identified, results.joint),
+        modes=(*(clamped_mode(d) for d in results.decays), *modes),
+        derived=derived,
+        findings=_findings(campaign.rig, results, modes, derived, held_out),
+        held_out=held_out,
+        notes=(*campaign.warnings, *results.joint.notes, *left_out),
+        wall_s=time.perf_counter() - began,
     )
 
 

@@ -91,16 +91,16 @@ def run_procedures(
         model = _with_static_friction(fine(joint.fit.model), friction)
         release = _friction_map(joint, model)
     return Procedures(
-        static,
-        joint,
-        decays,
-        friction,
-        hub_balance,
-        momentum,
-        release,
-        spectra.frequency_response(joint.readings),
-        _backbone(joint, model),
-        _comparison(campaign, other, joint),
+        static_test=static,
+        joint=joint,
+        decays=decays,
+        static_friction=friction,
+        hub_balance=hub_balance,
+        momentum=momentum,
+        friction_map=release,
+        response=spectra.frequency_response(joint.readings),
+        backbone=_backbone(joint, model),
+        comparison=_comparison(campaign, other, joint),
     )
 
 
