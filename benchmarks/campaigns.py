@@ -1,5 +1,4 @@
-"""Diagnoses every campaign in a folder and writes the answers as JSON, one file a campaign.
-
+"""Diagnoses every campaign in a folder and writes the answers as JSON, one file per campaign.
 python benchmarks/campaigns.py FOLDER ANSWERS [NAME ...]
 """
 
@@ -13,7 +12,7 @@ from twin.diagnosis.diagnose import diagnose
 
 
 def main() -> None:
-    """Goes through the campaigns; answers that are there already are kept."""
+    """Diagnoses the campaigns that have no answer yet."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,4 +1,4 @@
-"""Campaigns of the virtual rig to judge the diagnosis by: what is missing in each, and how much of it."""
+"""Campaigns of the virtual rig for the benchmark of the diagnosis: undeclared effects and their sizes."""
 
 from __future__ import annotations
 
@@ -18,57 +18,57 @@ Effects = dict[str, dict[str, float]]
 
 @dataclass(frozen=True)
 class Size:
-    """How a parameter is drawn.
+    """Distribution of a parameter.
 
     Attributes:
       low, high: range.
-      how: "log" log-uniform; "either" the same with a random sign; "off" the same as a distance from `about`,
-        relative to it, either way; "less" the same, below it; "even" uniform; "whole" a whole number.
-      about: the neutral value of "off" and "less".
+      how: "log": log-uniform; "signed": log-uniform with a random sign; "around": a log-uniform relative distance
+        above or below `about`; "below": the same, always below; "uniform"; "integer": uniform over whole numbers.
+      about: the neutral value of "around" and "below".
     """
 
     low: float
     high: float
-    how: Literal["log", "either", "off", "less", "even", "whole"] = "log"
+    how: Literal["log", "signed", "around", "below", "uniform", "integer"] = "log"
     about: float = 1.0
 
     def draw(self, generator: np.random.Generator) -> float:
-        """A value."""
-        if self.how == "even":
+        """Returns a random value."""
+        if self.how == "uniform":
             return float(generator.uniform(self.low, self.high))
-        if self.how == "whole":
+        if self.how == "integer":
             return float(generator.integers(int(self.low), int(self.high) + 1))
         size = float(np.exp(generator.uniform(np.log(self.low), np.log(self.high))))
         sign = float(generator.choice([-1, 1]))
         match self.how:
-            case "either":
+            case "signed":
                 return sign * size
-            case "off":
+            case "around":
                 return self.about * (1 + sign * size)
-            case "less":
+            case "below":
                 return self.about * (1 - size)
         return size
 
 
-_PHASE = Size(-3.1, 3.1, "even")
+_PHASE = Size(-3.1, 3.1, "uniform")
 SIZES: Mapping[str, Mapping[str, Size]] = {
     "viscous-friction": {"viscous": Size(8e-4, 5e-3)},
     "stribeck-friction": {"stribeck_velocity": Size(0.15, 1.5)},
     "asymmetric-friction": {
-        "static_positive": Size(0.05, 0.2, "off", 0.065),
-        "static_negative": Size(0.05, 0.2, "off", 0.065),
+        "static_positive": Size(0.05, 0.2, "around", 0.065),
+        "static_negative": Size(0.05, 0.2, "around", 0.065),
         "coulomb_positive": Size(3e-3, 1.2e-2),
         "coulomb_negative": Size(3e-3, 1.2e-2),
     },
     "position-dependent-friction": {
         "amplitude": Size(4e-3, 2e-2),
-        "order": Size(1, 12, "whole"),
+        "order": Size(1, 12, "integer"),
         "phase": _PHASE,
     },
-    "cable-torsion": {"stiffness": Size(3e-3, 2e-2), "rest_angle": Size(-0.5, 0.5, "even")},
-    "cogging": {"amplitude": Size(3e-3, 1.5e-2), "order": Size(2, 14, "whole"), "phase": _PHASE},
-    "torque-gain": {"gain": Size(0.02, 0.1, "off")},
-    "torque-bias": {"bias": Size(1e-3, 6e-3, "either")},
+    "cable-torsion": {"stiffness": Size(3e-3, 2e-2), "rest_angle": Size(-0.5, 0.5, "uniform")},
+    "cogging": {"amplitude": Size(3e-3, 1.5e-2), "order": Size(2, 14, "integer"), "phase": _PHASE},
+    "torque-gain": {"gain": Size(0.02, 0.1, "around")},
+    "torque-bias": {"bias": Size(1e-3, 6e-3, "signed")},
     "actuator-lag": {"time_constant": Size(2e-3, 2e-2)},
     "actuator-delay": {"delay": Size(3e-3, 2e-2)},
     "backlash": {"gap": Size(3e-3, 3e-2), "motor_inertia_share": Size(0.2, 0.6)},
@@ -79,8 +79,8 @@ SIZES: Mapping[str, Mapping[str, Size]] = {
         "phase": _PHASE,
     },
     "shaking-base": {"frequency": Size(0.8, 12.0), "amplitude": Size(0.03, 0.3), "phase": _PHASE},
-    "payload-mass": {"tip_mass": Size(0.04, 0.15, "off", 0.155)},
-    "stiffness-loss": {"bending_stiffness": Size(0.07, 0.2, "less", 0.24957)},
+    "payload-mass": {"tip_mass": Size(0.04, 0.15, "around", 0.155)},
+    "stiffness-loss": {"bending_stiffness": Size(0.07, 0.2, "below", 0.24957)},
     "softening-stiffness": {"softening": Size(0.08, 0.35), "curvature": Size(0.5, 1.5)},
     "torsional-mode": {
         "frequency": Size(20.0, 35.0),
@@ -90,15 +90,19 @@ SIZES: Mapping[str, Mapping[str, Size]] = {
     "root-compliance": {"stiffness": Size(5.0, 60.0)},
     "air-drag": {"coefficient": Size(0.02, 0.2)},
     "air-pad-drag": {"viscous": Size(5e-3, 5e-2)},
-    "hub-sensor-gain": {"gain": Size(0.01, 0.06, "off")},
-    "hub-sensor-nonlinearity": {"amplitude": Size(4e-3, 3e-2), "order": Size(1, 6, "whole"), "phase": _PHASE},
-    "strain-gain": {"gain_base": Size(0.02, 0.1, "off"), "gain_mid": Size(0.02, 0.1, "off")},
-    "strain-drift": {"rate_base": Size(5e-7, 1e-5, "either"), "rate_mid": Size(5e-7, 1e-5, "either")},
+    "hub-sensor-gain": {"gain": Size(0.01, 0.06, "around")},
+    "hub-sensor-nonlinearity": {
+        "amplitude": Size(4e-3, 3e-2),
+        "order": Size(1, 6, "integer"),
+        "phase": _PHASE,
+    },
+    "strain-gain": {"gain_base": Size(0.02, 0.1, "around"), "gain_mid": Size(0.02, 0.1, "around")},
+    "strain-drift": {"rate_base": Size(5e-7, 1e-5, "signed"), "rate_mid": Size(5e-7, 1e-5, "signed")},
     "sensor-delay": {"delay": Size(2e-3, 1.2e-2)},
 }
-"""Effects of the vocabulary with sizes from a few noise levels up."""
+"""Effects of the library -> parameter -> distribution, with sizes from a few noise levels up."""
 NAMED: Mapping[str, str] = {"shaking-base": "periodic-disturbance"}
-"""Name on the virtual rig -> in the vocabulary, where it is another one."""
+"""Name of an effect on the virtual rig -> in the library, where they differ."""
 
 FAR: Effects = {
     "viscous-friction": {"viscous": 0.02},
@@ -133,7 +137,7 @@ FAR: Effects = {
     "strain-drift": {"rate_base": 4e-5, "rate_mid": -3e-5},
     "sensor-delay": {"delay": 0.04},
 }
-"""Sizes two to five times the largest of those."""
+"""Sizes two to five times the largest of `SIZES`."""
 
 OUTSIDE: Mapping[str, Mapping[str, Size]] = {
     "strain-amplifier-clips": {"level": Size(8e-5, 2e-4), "level_mid": Size(5e-5, 1.2e-4)},
@@ -143,12 +147,12 @@ OUTSIDE: Mapping[str, Mapping[str, Size]] = {
     "saturating-motor": {"loss": Size(0.1, 0.4)},
     "hardening-cable": {"stiffness": Size(0.02, 0.2)},
     "warming-link": {"loss": Size(0.03, 0.15), "time_constant": Size(2.0, 6.0)},
-    "motor-in-strain": {"base": Size(1e-4, 1e-3, "either"), "mid": Size(1e-4, 1e-3, "either")},
+    "motor-in-strain": {"base": Size(1e-4, 1e-3, "signed"), "mid": Size(1e-4, 1e-3, "signed")},
     "bristles": {"stiffness": Size(3.0, 30.0)},
     "loose-payload": {"share": Size(0.2, 0.6), "gap": Size(1e-3, 1e-2)},
     "knocks": {"torque": Size(0.05, 0.3), "period": Size(1.0, 4.0)},
 }
-"""Faults that the vocabulary has no name for."""
+"""Faults that the library does not contain -> parameter -> distribution."""
 
 DEPENDS: Mapping[str, Sequence[str]] = {
     "strain-amplifier-clips": ("strain_base", "strain_mid"),
@@ -163,7 +167,7 @@ DEPENDS: Mapping[str, Sequence[str]] = {
     "loose-payload": ("tip_rate", "strain_base", "strain_mid"),
     "knocks": ("time",),
 }
-"""The variables that a right answer may name."""
+"""Fault -> variables, one of which a correct diagnosis names first as what the residual depends on."""
 
 
 @dataclass(frozen=True)
@@ -171,12 +175,12 @@ class Case:
     """One campaign.
 
     Attributes:
-      kind: what its truth is like.
-      missing: effects that it does not declare.
-      seed: of everything else.
-      dirty: kinds of dirt in its data.
-      perturb: how far the true parameters are off, in parts of their uncertainty.
-      torque_sensor: whether the drive's torque is measured.
+      kind: class of its undeclared effects.
+      missing: undeclared effects.
+      seed: of all random numbers.
+      dirty: kinds of defects in its data.
+      perturb: standard deviation of the true parameters about the declared ones, over their uncertainty [1].
+      torque_sensor: whether the motor torque is measured.
     """
 
     kind: Kind
@@ -188,11 +192,11 @@ class Case:
 
     @property
     def name(self) -> str:
-        """A name that says nothing about the effect."""
+        """Name of the campaign; it does not reveal the effect."""
         return f"rig-{self.seed}"
 
     def effects(self) -> Effects:
-        """The missing effects with sizes drawn from the seed."""
+        """Returns the undeclared effects with parameters drawn by the seed."""
         if self.kind == "far":
             return {name: FAR[name] for name in self.missing}
         generator = np.random.default_rng([self.seed, 7])
@@ -208,18 +212,19 @@ class Case:
 
 
 def shrunk(name: str, values: Mapping[str, float], share: float) -> dict[str, float]:
-    """The values of an effect, closer to neutral: at this share of the distance."""
+    """Returns the values of an effect at a share of their distance from neutral."""
     effect = REGISTRY[NAMED.get(name, name)]
-    neutral, found = effect.neutral(preset("bossi2009")), dict(values)
+    neutral, result = effect.neutral(preset("bossi2009")), dict(values)
     for p in effect.parameters:
         if p.name in values and p.name not in effect.along:
             before, full = p.turned(neutral[p.name]), p.turned(values[p.name])
-            found[p.name] = p.turned(before + share * (full - before))
-    return found
+            result[p.name] = p.turned(before + share * (full - before))
+    return result
 
 
 _SMALL = Size(0.02, 1.0)
-"""Share of a size at which an effect is small, down to the noise."""
+"""Share of the usual distance from neutral of a small effect, down to the noise."""
+# Combinations of defects, in the order in which campaigns get them.
 _DIRT = (*((kind,) for kind in DIRT), ("spikes", "missing-fields"))
 
 
@@ -234,10 +239,19 @@ def cases(
     seed: int,
     dirty: bool = False,
 ) -> Iterator[Case]:
-    """The campaigns; all kinds take turns, so that an early stop is a fair sample.
+    """Yields the campaigns with their kinds interleaved, so that the first ones are a fair sample.
 
-    Every fifth one has dirty data, with `dirty` each; every other has no torque sensor, every third null exactly the
-    declared parameters.
+    Every fifth one has defective data, with `dirty` every one. Every other one has no torque sensor. Every third one
+    with nothing missing has exactly the declared parameters.
+
+    Args:
+      each, small: usual and small campaigns of each effect.
+      nulls: with nothing missing.
+      pairs, triples: with two and three effects.
+      far: with one effect of `FAR`.
+      outside: with a fault of `OUTSIDE`.
+      seed: of the first campaign and of the drawn combinations.
+      dirty: whether every campaign has a defect in its data.
     """
     draw = np.random.default_rng(seed)
     every = list(SIZES)

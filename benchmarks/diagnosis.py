@@ -1,11 +1,11 @@
-"""How often the diagnosis is right, on campaigns of the virtual rig whose truth is known.
+"""Hit rates of the diagnosis on campaigns of the virtual rig with known undeclared effects.
 
     python benchmarks/diagnosis.py WORK [--each 5] [--small 0] [--nulls 20] [--pairs 20] [--triples 5] [--far 0]
         [--outside 20] [--seed 1000] [--jobs 2] [--dirty] [--whole] [--minutes M]
 
-WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run goes on from there. With `--minutes`, no
-campaign is begun later than that, and the table is of those that are there. The verdict and the
-ranking come from the search, values from the last fit; `--whole` also simulates the held-out recordings.
+WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run continues from it. With `--minutes`, no
+campaign is begun later than that, and the table contains those that are finished. Verdict and ranking are those of the
+search, values those of the last fit; `--whole` also simulates the held-out recordings.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from twin.virtual_rig import make_campaign
 
 
 def solve(case: Case, folder: Path, whole: bool) -> dict:
-    """Makes a campaign and diagnoses it."""
+    """Generates a campaign and diagnoses it; returns diagnosis and truth as plain values."""
     truth = make_campaign(
         folder,
         case.effects(),
@@ -48,7 +48,7 @@ def solve(case: Case, folder: Path, whole: bool) -> dict:
     )
     began = time.perf_counter()
     campaign = read_campaign(folder)
-    found = _whole(diagnose(campaign, workers=1)) if whole else _searched(campaign)
+    found = _full_diagnosis(diagnose(campaign, workers=1)) if whole else _search_only(campaign)
     return found | {
         "kind": case.kind,
         "missing": [NAMED.get(name, name) for name in case.missing],
@@ -59,7 +59,7 @@ def solve(case: Case, folder: Path, whole: bool) -> dict:
     }
 
 
-def _whole(result: Diagnosis) -> dict:
+def _full_diagnosis(result: Diagnosis) -> dict:
     held_out = [p for p in result.predictions.values() if p.role == "holdout"]
     return {
         "verdict": result.verdict,
@@ -74,7 +74,7 @@ def _whole(result: Diagnosis) -> dict:
     }
 
 
-def _searched(campaign: Campaign) -> dict:
+def _search_only(campaign: Campaign) -> dict:
     with ThreadPoolExecutor(1) as pool:
         found = search(campaign, pool)
         last = polish(
@@ -102,7 +102,7 @@ def _searched(campaign: Campaign) -> dict:
 
 
 def _rounds(found: SearchState) -> list[dict]:
-    """What was decided on in each round: the best scores, and the misfit that there was to explain."""
+    """The misfit before each round, its best scores and its threshold."""
     before = [(found.start.bench, found.base), *((r.bench, r.adopted.fit) for r in found.adopting)]
     return [
         {
@@ -115,7 +115,7 @@ def _rounds(found: SearchState) -> list[dict]:
 
 
 def table(answers: Sequence[dict]) -> str:
-    """The confusion table and the figures below it, as Markdown."""
+    """Returns the confusion table and summary statistics as Markdown."""
     lines = [
         "| missing | campaigns | first in ranking | adopted alone | adopted with others | nothing adopted"
         " | other adopted | outside-library | parameter error |",
@@ -132,7 +132,7 @@ def table(answers: Sequence[dict]) -> str:
 def _row(effect: str, mine: Sequence[dict]) -> list:
     errors = [e for a in mine if (e := parameter_error(a)) is not None]
     middle = f"{100 * np.median(errors):.1f} %" if errors else "-"
-    counts = Counter(_kind(a) for a in mine)
+    counts = Counter(_adoption(a) for a in mine)
     first = sum(a["ranking"][:1] == [effect] for a in mine)
     outside = sum(a["verdict"] == "outside-library" for a in mine)
     return [
@@ -160,18 +160,18 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
     others = Counter(
         f"{'+'.join(a['missing']) or '(nothing)'} -> {'+'.join(a['adopted']) or a['verdict']}"
         for a in answers
-        if _wrong(a) and a["kind"] != "small"
+        if _is_wrong(a) and a["kind"] != "small"
     )
     return [
         f"- One effect: first in the ranking in {first} of {len(singles)}, adopted alone in {alone}.",
-        f"- Two effects: {_together(kinds['pair'])}.",
-        f"- Three effects: {_together(kinds['triple'])}.",
-        f"- One effect far beyond the usual sizes: adopted alone in {sum(not _wrong(a) for a in kinds['far'])}"
+        f"- Two effects: {_adopted_of_several(kinds['pair'])}.",
+        f"- Three effects: {_adopted_of_several(kinds['triple'])}.",
+        f"- One effect far beyond the usual sizes: adopted alone in {sum(not _is_wrong(a) for a in kinds['far'])}"
         f" of {len(kinds['far'])}.",
         f"- Nothing missing: {alarms} false alarms in {len(kinds['nothing'])}.",
         f"- Outside the library: recognised in {seen} of {len(kinds['outside'])}, a right variable first in {named}.",
         f"- Outside the library claimed of {claimed} others.",
-        *_dirty(answers),
+        *_by_defect(answers),
         *_held_out(answers),
         *_reliability(answers),
         f"- Time for a campaign: median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s, one thread each.",
@@ -182,7 +182,7 @@ def _figures(answers: Sequence[dict], singles: Sequence[dict]) -> list[str]:
 
 
 def _detection(answers: Sequence[dict]) -> list[str]:
-    """How often one effect is found, by the largest residual of a recording and channel that the calibration leaves."""
+    """Hits by the largest RMS residual of a recording and channel after calibration, for single effects."""
     edges = (0.0, 1.1, 1.2, 1.4, 2.0, 5.0, np.inf)
     sized = [a for a in answers if a["kind"] in ("single", "small", "far") and "size" in a]
     lines = []
@@ -198,8 +198,8 @@ def _detection(answers: Sequence[dict]) -> list[str]:
     return ["", head, "| --- | --- | --- | --- | --- |", *lines] if lines else []
 
 
-def _together(answers: Sequence[dict]) -> str:
-    """How many of several effects are adopted."""
+def _adopted_of_several(answers: Sequence[dict]) -> str:
+    """How many of several effects are adopted, as a phrase."""
     found = [len(set(a["missing"]) & set(a["adopted"])) for a in answers]
     every = sum(n == len(a["missing"]) for n, a in zip(found, answers, strict=True))
     all_but_one = sum(n >= len(a["missing"]) - 1 for n, a in zip(found, answers, strict=True))
@@ -207,8 +207,8 @@ def _together(answers: Sequence[dict]) -> str:
 
 
 def _held_out(answers: Sequence[dict]) -> list[str]:
-    after = [np.median(a["after"]) for a in answers if a.get("after") and not _wrong(a)]
-    covered = [c for a in answers for c in _covered(a)]
+    after = [np.median(a["after"]) for a in answers if a.get("after") and not _is_wrong(a)]
+    covered = [c for a in answers for c in _intervals_cover(a)]
     lines = []
     if after:
         lines.append(
@@ -224,13 +224,13 @@ def _held_out(answers: Sequence[dict]) -> list[str]:
 
 
 def _reliability(answers: Sequence[dict]) -> list[str]:
-    """How often an adopted effect is missing indeed, by the verdict and by the probability stated for it."""
+    """Share of adopted effects that are truly missing, by verdict and stated probability."""
     verdicts = ("explained", "outside-library")
-    return [line for v in verdicts for line in _stated(v, [a for a in answers if a["verdict"] == v])]
+    return [line for v in verdicts for line in _reliability_of(v, [a for a in answers if a["verdict"] == v])]
 
 
-def _stated(verdict: str, answers: Sequence[dict]) -> list[str]:
-    """The same beside one verdict."""
+def _reliability_of(verdict: str, answers: Sequence[dict]) -> list[str]:
+    """The same for campaigns of one verdict."""
     said = [(p, name in a["missing"]) for a in answers for name, p in a["probabilities"].items()]
     edges = (0.0, 0.6, 0.9, 0.99, 1.0 + 1e-9)
     parts = []
@@ -245,8 +245,8 @@ def _stated(verdict: str, answers: Sequence[dict]) -> list[str]:
     )
 
 
-def _covered(a: dict) -> list[bool]:
-    """Whether each interval of the rightly adopted effects holds the truth; phases and angles by their cosine."""
+def _intervals_cover(a: dict) -> list[bool]:
+    """Whether each interval of the correctly adopted effects contains the truth; phases modulo a turn."""
     found = []
     for name in set(a["missing"]) & set(a["values"]):
         for parameter, true in a["truth"][name].items():
@@ -259,17 +259,18 @@ def _covered(a: dict) -> list[bool]:
     return found
 
 
-def _dirty(answers: Sequence[dict]) -> list[str]:
-    """How often campaigns with a kind of defect in their data come out exactly right."""
+def _by_defect(answers: Sequence[dict]) -> list[str]:
+    """Share of exactly correct diagnoses, by kind of defect in the data."""
     kinds = sorted({kind for a in answers for kind in a["dirty"]})
     parts = []
     for kind in kinds:
         mine = [a for a in answers if kind in a["dirty"]]
-        parts.append(f"{kind} {sum(not _wrong(a) for a in mine)} of {len(mine)}")
+        parts.append(f"{kind} {sum(not _is_wrong(a) for a in mine)} of {len(mine)}")
     return [f"- Exactly right, by defects in the data: {', '.join(parts)}."] if parts else []
 
 
-def _kind(a: dict) -> str:
+def _adoption(a: dict) -> str:
+    """Whether the missing effect was adopted: "alone", "with" others, not but an "other" one, or "none"."""
     if not a["adopted"]:
         return "none"
     if a["missing"][0] not in a["adopted"]:
@@ -277,7 +278,8 @@ def _kind(a: dict) -> str:
     return "alone" if len(a["adopted"]) == 1 else "with"
 
 
-def _wrong(a: dict) -> bool:
+def _is_wrong(a: dict) -> bool:
+    """Whether a diagnosis is not exactly correct."""
     match a["kind"]:
         case "nothing":
             return a["verdict"] != "no-missing-effect"
@@ -287,7 +289,7 @@ def _wrong(a: dict) -> bool:
 
 
 def parameter_error(a: dict) -> float | None:
-    """Error of the first parameter, relative to its distance from neutral; None where it was not found."""
+    """Returns the error of the first parameter over its distance from neutral; None if the effect was not adopted."""
     effect = a["missing"][0]
     if effect not in a["values"]:
         return None
@@ -301,7 +303,7 @@ def parameter_error(a: dict) -> float | None:
 
 
 def main() -> None:
-    """Runs what is not there yet and prints the table."""
+    """Runs the campaigns without an answer and prints the table."""
     parser = resumable.parser(__doc__, jobs=2)
     parser.add_argument("--each", type=int, default=5, help="campaigns of each effect")
     parser.add_argument(

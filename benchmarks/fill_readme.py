@@ -1,4 +1,4 @@
-"""Writes the parts of README.md that come out of the program: what `twin demo` prints, tables.
+"""Writes the generated parts of README.md: the output of `twin demo`, and tables.
 
     python benchmarks/fill_readme.py [demo] [effects] [accuracy]
 
@@ -20,7 +20,7 @@ README = Path(__file__).resolve().parent.parent / "README.md"
 
 
 def demo() -> str:
-    """What the demo prints, as a code block."""
+    """Returns the output of the demo as a code block."""
     with tempfile.TemporaryDirectory() as folder:
         twin = [sys.executable, "-m", "twin.cli", "demo"]
         printed = subprocess.run(twin, cwd=folder, check=True, capture_output=True, text=True).stdout
@@ -29,12 +29,12 @@ def demo() -> str:
 
 
 def effects() -> str:
-    """The registry as a table."""
+    """Returns the library of effects as a table."""
     return catalogue.markdown()
 
 
 def accuracy() -> str:
-    """Frequencies and damping ratios of the chain beside the exact ones."""
+    """Returns frequencies and damping ratios of the chain beside the exact ones, as a table."""
     from twin.mechanics.accuracy import check, text_rows
     from twin.rigs import preset
 
@@ -48,12 +48,12 @@ PARTS: Mapping[str, Callable[[], str]] = {"demo": demo, "effects": effects, "acc
 
 
 def part(text: str, name: str) -> str:
-    """Returns what stands in a part of the README."""
+    """Returns the content of a part of the README."""
     return re.search(_place(name), text, re.DOTALL).group(2)
 
 
 def replaced(text: str, name: str, content: str) -> str:
-    """Returns the README with another content of one part."""
+    """Returns the README with new content in one part."""
     return re.sub(_place(name), lambda found: f"{found[1]}{content}{found[3]}", text, flags=re.DOTALL)
 
 
@@ -62,7 +62,7 @@ def _place(name: str) -> str:
 
 
 def main() -> None:
-    """Fills the parts named on the command line, by default all."""
+    """Writes the parts named on the command line, by default all."""
     for name in sys.argv[1:] or PARTS:
         text = README.read_text(encoding="utf-8")
         README.write_text(replaced(text, name, PARTS[name]()), encoding="utf-8")

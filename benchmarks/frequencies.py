@@ -1,8 +1,8 @@
 """How many segments does the chain need? Errors of frequency, statics and trajectory against cost.
 
-A uniform chain (half a segment, whole ones, half a segment, k = EI/h) and the fitted one, 4 to 32 segments,
-each with its largest stable step in MuJoCo. Frequencies and statics against the exact beam; the trajectory, a
-quarter turn by bang-bang torque with sticking, against a uniform chain of 48 segments integrated by
+A uniform chain (half a segment at each end, whole ones between, k = EI/h) is compared with the fitted one, with 4 to 32
+segments, each with its largest stable step in MuJoCo. Frequencies and statics are compared with the exact beam; the
+trajectory, a quarter turn by bang-bang torque with sticking, with a uniform chain of 48 segments integrated by
 `twin.mechanics.planar` (64 segments differ from it by 0.014 mrad). Cost is processor time per simulated second,
 friction included.
 """
@@ -22,12 +22,12 @@ from twin.parameters import Rig
 from twin.rigs import preset
 
 SEGMENTS = (4, 5, 6, 8, 12, 16, 24, 32)
-REFERENCE = 48
+REFERENCE = 48  # segments of the reference trajectory
 TORQUE, DURATION = 0.15, 2.5  # N m, s
 
 
 class Slew(NamedTuple):
-    """Command and output instants of the trajectory."""
+    """Command and output times of the trajectory [s], [N m]."""
 
     command_time: np.ndarray
     command: np.ndarray
@@ -35,7 +35,7 @@ class Slew(NamedTuple):
 
 
 def slew(rig: Rig) -> Slew:
-    """A quarter turn of the rigid, frictionless rig, and then rest."""
+    """Returns a bang-bang torque that turns the rigid, frictionless rig by a quarter, followed by rest."""
     half = np.sqrt(np.pi / 2 * beam.rigid_inertia(rig) / TORQUE)
     command = TORQUE * np.array([1.0, -1.0, 0.0])
     return Slew(half * np.arange(3.0), command, np.arange(0, DURATION, 2e-3))
@@ -61,7 +61,7 @@ def run(rig: Rig, links: Chain, motion: Slew) -> tuple[np.ndarray, float]:
 
 
 def reference(rig: Rig, motion: Slew) -> np.ndarray:
-    """Hub angle [rad] of the fine chain."""
+    """Hub angle [rad] of the reference chain."""
     links = build(rig, REFERENCE, uniform_shape(REFERENCE))
     rest = np.zeros(len(links.lengths))
     plant = declared_plant(rig, links)

@@ -1,10 +1,10 @@
-"""How right identified parameters are, and how honest their intervals, on virtual rigs whose truth is known.
+"""Bias, error and interval coverage of identified parameters, on virtual rigs with known parameters.
 
     python benchmarks/identify.py WORK [--campaigns 50] [--seed 9000] [--jobs 1] [--minutes M]
 
-WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run goes on from there. With `--minutes`, no
-campaign is begun later than that, and the table is of those that are there. The true parameters of
-each campaign are drawn from the uncertainty that it declares; nothing else is missing in the model.
+WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run continues from it. With `--minutes`, no
+campaign is begun later than that, and the table contains those that are finished. The true parameters of each campaign
+are drawn from its declared uncertainty; the model lacks no effect.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from twin.virtual_rig import make_campaign
 
 
 def solve(seed: int, folder: Path) -> dict:
-    """Makes a campaign and identifies it."""
+    """Generates a campaign and identifies it; returns estimates, true values and computation time [s]."""
     truth = make_campaign(folder, {}, seed, perturb=1.0, force=True)
     began = time.perf_counter()
     found = identify(read_campaign(folder)).to_json()
@@ -32,7 +32,7 @@ def solve(seed: int, folder: Path) -> dict:
 
 
 def table(answers: Sequence[dict]) -> str:
-    """Bias, error and coverage of each parameter and of each procedure by itself, as Markdown."""
+    """Returns bias, error and coverage of each parameter and procedure as Markdown."""
     lines = [
         "| parameter | procedure | campaigns | bias | rms error | mean standard error | 95 % coverage |",
         "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
@@ -48,12 +48,11 @@ def table(answers: Sequence[dict]) -> str:
 def _row(answers: Sequence[dict], name: str, method: str) -> str:
     off, errors = [], []
     for a in answers:
-        said = (
-            a["parameters"][name] if method == "identified" else a["parameters"][name]["methods"].get(method)
-        )
-        if said is not None:
-            off.append(said["value"] / a["true"][name] - 1)
-            errors.append(said["standard_error"] / a["true"][name])
+        parameter = a["parameters"][name]
+        estimate = parameter if method == "identified" else parameter["methods"].get(method)
+        if estimate is not None:
+            off.append(estimate["value"] / a["true"][name] - 1)
+            errors.append(estimate["standard_error"] / a["true"][name])
     if not off:
         return ""
     x, s = np.array(off), np.array(errors)
@@ -63,7 +62,7 @@ def _row(answers: Sequence[dict], name: str, method: str) -> str:
 
 
 def main() -> None:
-    """Runs what is not there yet and prints the table."""
+    """Runs the campaigns without an answer and prints the table."""
     parser = resumable.parser(__doc__, jobs=1)
     parser.add_argument("--campaigns", type=int, default=50)
     parser.add_argument("--seed", type=int, default=9000, help="of the first campaign")

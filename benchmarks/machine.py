@@ -1,4 +1,4 @@
-"""What a number was measured on."""
+"""Description of the machine of a benchmark, and timing."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import Any
 
 
 def describe() -> str:
-    """One line: processor, cores, Python and the libraries that count."""
+    """Returns processor, cores, Python and main libraries in one line."""
     libraries = ", ".join(f"{name} {version(name)}" for name in ("mujoco", "numba", "numpy", "scipy"))
     return f"{_processor()}, {os.cpu_count()} cores; Python {platform.python_version()}, {libraries}"
 
 
 def command() -> str:
-    """The command that ran this script."""
+    """Returns the command line of this script."""
     return " ".join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
 
 
 def timed(run: Callable[[], Any], repeats: int) -> tuple[Any, float]:
-    """Returns the result and the least processor time [s] of some runs, whatever else the machine does."""
+    """Returns the result and the least processor time of several runs [s], which other load disturbs least."""
     times = []
     for _ in range(repeats):
         start = time.process_time()

@@ -1,9 +1,9 @@
-"""Makes the bundled demo campaign, twin/data/demo-rig, on the virtual rig.
+"""Generates the bundled demo campaign, twin/data/demo-rig, on the virtual rig.
 
     python benchmarks/make_demo_campaign.py [--force]
 
-The folder says what is known of the rig. What it does not say is here: one undeclared effect, and parameters
-that differ from the declared ones by a quarter of their uncertainty.
+The folder contains only what is declared. The truth is here: one undeclared effect, and parameters that differ from the
+declared ones by a quarter of their uncertainty.
 """
 
 import argparse

@@ -1,6 +1,6 @@
-"""Bang-bang torques and where the hub comes to rest behind them: Bossi et al. 2009, section VI-A.
+"""Bang-bang torques and the angle at which the hub comes to rest: Bossi et al. 2009, section VI-A.
 
-Designed on the rig without friction, whose centre of mass turns by J alpha_tt = tau whatever the link does:
+They are designed on the rig without friction, whose mean angle obeys J alpha_tt = tau for any motion of the link:
 
     +u for `half`, nothing for `pause`, -u for `half`:   angle = u half (half + pause) / J
 """
@@ -20,8 +20,8 @@ from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
 DURATION = 4.0
-"""Length of a run [s]: the hub has stuck by then."""
-_LAST = 0.5  # s over which the angle of rest is taken
+"""Length of a run [s], after which the hub sticks."""
+_LAST = 0.5  # s at the end of a run over which the angle of rest is averaged
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Profile:
 
     Attributes:
       torque: amplitude u [N m].
-      half: length of either pulse [s].
-      pause: between them [s].
+      half: duration of each pulse [s].
+      pause: between the pulses [s].
     """
 
     torque: float
@@ -39,7 +39,7 @@ class Profile:
     pause: float = 0.0
 
     def recording(self, duration: float = DURATION) -> Recording:
-        """The command as a recording whose hub angle is still to be simulated; longer than `duration` if it must."""
+        """Returns the command as a recording without hub angles, of `duration` [s] or longer if the torque needs it."""
         on, off = [0.0, self.half + self.pause], [self.half, 2 * self.half + self.pause]
         end = max(duration, off[1] + 2 * _LAST)
         torque_from = {on[0]: self.torque, off[0]: 0.0, on[1]: -self.torque, off[1]: 0.0}
@@ -51,7 +51,7 @@ class Profile:
         )
 
 
-def designed(rig: Mapping[str, float], angle: float, torque: float, pause: float = 0.0) -> Profile:
+def designed_profile(rig: Mapping[str, float], angle: float, torque: float, pause: float = 0.0) -> Profile:
     """Returns the profile of amplitude `torque` [N m] that turns the rig without friction by `angle` [rad]."""
     squared = angle * rigid_inertia(rig) / torque
     return Profile(torque, math.sqrt(squared + pause**2 / 4) - pause / 2, pause)
@@ -59,11 +59,11 @@ def designed(rig: Mapping[str, float], angle: float, torque: float, pause: float
 
 @dataclass(frozen=True)
 class Family:
-    """One way to choose the profiles of a series of angles: u = torque (angle / largest)^growth.
+    """Family of profiles for a series of angles, with amplitudes u = torque (angle / largest)^growth.
 
     Attributes:
       torque: amplitude for the largest angle [N m].
-      growth: 0 where all have one amplitude; 1 where all take the same time, unless there is a pause.
+      growth: 0 for equal amplitudes; 1 for equal durations, without a pause [1].
       pause: between the pulses [s].
     """
 
@@ -75,15 +75,12 @@ class Family:
         """Returns the profile of each angle [rad]."""
         largest = max(angles)
         return tuple(
-            designed(rig, angle, self.torque * (angle / largest) ** self.growth, self.pause)
+            designed_profile(rig, angle, self.torque * (angle / largest) ** self.growth, self.pause)
             for angle in angles
         )
 
 
-def turn(model: Model, profile: Profile) -> float:
-    """Returns by how much the hub's sensor has turned when the rig, at rest at first, is at rest again [rad].
-
-    The mean over the last half second, should it still move.
-    """
+def final_turn(model: Model, profile: Profile) -> float:
+    """Returns the change of the hub's sensor reading from rest to rest [rad], as a mean over the last half second."""
     reading = simulate(model, profile.recording(), Start())["hub_angle"]
     return float(reading[4:].mean() - reading[0])

@@ -1,4 +1,4 @@
-"""A picture of a rerun recording, taken without a screen: needs a Vulkan driver, say Debian's mesa-vulkan-drivers.
+"""Takes a picture of a rerun recording without a screen; needs a Vulkan driver, such as Debian's mesa-vulkan-drivers.
 
 python benchmarks/picture.py FILE.rrd PICTURE.png SECONDS
 """
@@ -13,7 +13,7 @@ from rerun.experimental import ViewerClient
 
 
 def main() -> None:
-    """Opens the recording in a viewer without a window, goes to an instant, and writes what is seen."""
+    """Opens the recording in a headless viewer, goes to an instant, and writes a screenshot."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -21,11 +21,11 @@ def main() -> None:
     parser.add_argument("picture", type=Path)
     parser.add_argument("seconds", type=float)
     options = parser.parse_args()
-    # The viewer stands beside the interpreter, where no activated environment says so.
+    # The viewer is installed beside the interpreter, which is not on PATH unless its environment is activated.
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     viewer = ViewerClient.spawn(headless=True, port=9911)
     viewer.open(str(options.recording))
-    time.sleep(6.0)  # s, until all is loaded
+    time.sleep(6.0)  # s, until the recording is loaded
     viewer.set_time("sim_time", duration=options.seconds, play_state="paused")
     time.sleep(4.0)
     options.picture.write_bytes(viewer.take_screenshot())

@@ -1,6 +1,6 @@
-"""How much faster than the rig is the twin? A slew with stick and slip on one core.
+"""Speed of the simulation over real time, on a slew with stick and slip, on one core.
 
-MuJoCo's chain and the compiled equations of motion that the search integrates, by number of segments, with
+MuJoCo's chain and the compiled equations of motion that the search integrates are timed by number of segments, with
 MuJoCo's native mechanisms alone and with one that needs a callback at every stage of every step.
 """
 
@@ -18,11 +18,11 @@ from twin.parameters import Rig
 from twin.rigs import preset
 
 SEGMENTS = (4, 5, 6, 8, 12)
-LONGEST_STEP = 1e-3  # s; no longer than commands and samples usually allow
+LONGEST_STEP = 1e-3  # s, of simulations: the usual sample period allows no longer one
 
 
 def times_real_time(rig: Rig, links: Chain, plant: Plant, motion: Slew, engine: str) -> float:
-    """Simulated over processor seconds."""
+    """Simulated time over processor time [1]."""
     step, rest = min(links.largest_step(), LONGEST_STEP), np.zeros(len(links.lengths))
     arguments = (*motion, rest, rest, 0, False, step)
     simulate = planar.simulate if engine == "planar" else MujocoChain(rig, links, plant).simulate

@@ -1,6 +1,7 @@
-"""Benchmarks of many campaigns, a line of JSON each: an interrupted run goes on from the answers that are there.
+"""Benchmarks of many campaigns that can be interrupted and resumed.
 
-The answers stand in `answers.jsonl` of the working folder; copied to another one, the run goes on there.
+The answers are in `answers.jsonl` of the working folder, a line of JSON for each campaign; copied to another folder or
+machine, the run continues there.
 """
 
 from __future__ import annotations
@@ -22,35 +23,35 @@ FILE = "answers.jsonl"
 
 
 def parser(description: str, jobs: int) -> argparse.ArgumentParser:
-    """Returns a parser of the options that all such benchmarks have: work, jobs and minutes."""
-    found = argparse.ArgumentParser(
+    """Returns a parser with the options of all such benchmarks: work, jobs and minutes."""
+    result = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    found.add_argument("work", type=Path)
-    found.add_argument("--jobs", type=int, default=jobs)
-    found.add_argument(
+    result.add_argument("work", type=Path)
+    result.add_argument("--jobs", type=int, default=jobs)
+    result.add_argument(
         "--minutes", type=float, default=float("inf"), help="begin no campaign later than that"
     )
-    return found
+    return result
 
 
 def answers(
     tasks: Mapping[str, Task], solve: Callable[[Task, Path], dict], options: argparse.Namespace
 ) -> list[dict]:
-    """Returns the answers that are there when all is done or the time is over, in the order of the tasks.
+    """Solves the tasks without an answer until the time is over; returns all answers in the order of the tasks.
 
     Args:
       tasks: name -> what to solve.
-      solve: takes a task and a folder for its campaign, which is removed afterwards; a function of a module.
+      solve: takes a task and a folder for its campaign, which is removed afterwards; picklable.
       options: of `parser`.
     """
     latest = time.time() + 60 * options.minutes
     options.work.mkdir(parents=True, exist_ok=True)
     file = options.work / FILE
-    found = _there(file)
+    found = _read_answers(file)
     with ProcessPoolExecutor(options.jobs) as pool, file.open("a", encoding="utf-8") as written:
         jobs = {
-            pool.submit(_answer, solve, task, options.work / name, latest): name
+            pool.submit(_solve_in_time, solve, task, options.work / name, latest): name
             for name, task in tasks.items()
             if name not in found
         }
@@ -62,8 +63,8 @@ def answers(
     return [found[name] for name in tasks if name in found]
 
 
-def _there(file: Path) -> dict[str, dict]:
-    """Answers of a file by campaign; a line that was cut short, by an end of the program, is taken out of it."""
+def _read_answers(file: Path) -> dict[str, dict]:
+    """Answers of a file by campaign; an incomplete last line, of an interrupted run, is removed from the file."""
     if not file.exists():
         return {}
     text = file.read_text(encoding="utf-8")
@@ -74,8 +75,10 @@ def _there(file: Path) -> dict[str, dict]:
     return {line["campaign"]: line["answer"] for line in lines}
 
 
-def _answer(solve: Callable[[Task, Path], dict], task: Task, folder: Path, latest: float) -> dict | None:
-    """The answer; None where it is later than `latest` [s]."""
+def _solve_in_time(
+    solve: Callable[[Task, Path], dict], task: Task, folder: Path, latest: float
+) -> dict | None:
+    """The answer of a task; None if it is later than `latest` [s since the epoch]."""
     if time.time() > latest:
         return None
     found = solve(task, folder)

@@ -1,4 +1,4 @@
-"""The paper's experiments on both plants against what it published, and what logging a run and 200 rigs cost.
+"""The paper's experiments on all plants against the published results, and the cost of logging and of a validation.
 
 python benchmarks/scenarios.py [--write]     --write: into benchmarks/results/scenarios.md
 """
@@ -29,7 +29,7 @@ from twin.validation.requirements import defaults
 RESULT = Path(__file__).parent / "results" / "scenarios.md"
 RIG = preset("bossi2009")
 SIMULATED = {20: 18.84, 45: 42.70, 60: 58.25, 90: 85.00, 120: 112.00}  # deg, Bossi et al. 2009, Table III
-TURNING = 5.0  # s that a turn of Table III is followed
+TURNING = 5.0  # s, duration of a run of Table III
 
 PUBLISHED = {
     "bang-bang-20": "10.49 +- 0.25 deg (model 18.84)",
@@ -45,7 +45,7 @@ PUBLISHED = {
 
 
 def main() -> None:
-    """Prints the tables; writes them where asked."""
+    """Prints the tables; writes them with `--write`."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -92,7 +92,7 @@ def _figures(name: str, m: dict[str, float]) -> str:
 
 
 def _bang_bangs() -> list[str]:
-    """The simulated column of Table III by the paper's model, against the amplitude that the paper does not say."""
+    """The simulated column of Table III by the paper's model, over the torque amplitude, which the paper omits."""
     lines = [
         "Turns of Table III in degrees by the paper's model, against the amplitude of the torque:",
         "",
@@ -113,7 +113,7 @@ def _bang_bangs() -> list[str]:
 
 
 def _friction() -> list[str]:
-    """How far the slow sinusoid's peaks depend on what the break-away level holds the hub against."""
+    """Dependence of the 0.2 Hz sinusoid's peaks on the break-away level."""
     lines = [
         "The 0.2 Hz sinusoid against the break-away level: modal plant, and paper's model:",
         "",
@@ -135,7 +135,7 @@ def _friction() -> list[str]:
 
 
 def _geometry() -> list[str]:
-    """What sets modal model and chain apart: motions, torques and friction made smaller, modes added."""
+    """Causes of the difference between modal model and chain: smaller motions, no friction, more modes."""
     lines = [
         "The filtered step, modal plant against compiled chain (RMS of the difference over the channel's spread):",
         "",
@@ -150,12 +150,13 @@ def _geometry() -> list[str]:
         ("no friction", smooth, 1.0, 3),
         ("no friction, 10 times smaller", smooth, 0.1, 3),
     ):
-        hub, tip = _apart(rig, scale, modes)
+        hub, tip = _modal_against_chain(rig, scale, modes)
         lines.append(f"| {text} | {100 * hub:.2g} % | {100 * tip:.2g} % |")
     return lines
 
 
-def _apart(rig: Rig, scale: float, modes: int) -> tuple[float, float]:
+def _modal_against_chain(rig: Rig, scale: float, modes: int) -> tuple[float, float]:
+    """Differences of modal plant and chain in the filtered step, with torques and reference scaled."""
     torques = {name: scale * rig[name] for name in ("static_friction", "coulomb_friction", "torque_limit")}
     model = plants.make_model(rig.replace(**torques))
     step = scenarios.scenario("filtered-step-120")
@@ -167,7 +168,7 @@ def _apart(rig: Rig, scale: float, modes: int) -> tuple[float, float]:
 
 
 def _difference(run: Run, other: Run) -> tuple[float, float]:
-    """RMS difference of hub angle and of tip deflection, over the spread that the other run's has [1]."""
+    """RMS difference of hub angle and of tip deflection, over the standard deviation in the other run [1]."""
     hub, tip = (
         float(np.sqrt(np.mean((run.true[name] - other.true[name]) ** 2)) / np.std(other.true[name]))
         for name in ("hub_angle", "tip_deflection")
@@ -176,7 +177,7 @@ def _difference(run: Run, other: Run) -> tuple[float, float]:
 
 
 def _overhead() -> list[str]:
-    """Times a run with and without its rerun file, in turns."""
+    """Times runs with and without a rerun file, alternating."""
     experiment, bare, logged = Experiment("lq-step-120", "chain", RIG, {}), [], []
     experiment.run()
     with tempfile.TemporaryDirectory() as folder:
@@ -195,7 +196,7 @@ def _overhead() -> list[str]:
 
 
 def _fleet() -> list[str]:
-    """Times a controller on many rigs."""
+    """Times the validation of a controller on 200 rigs."""
     job, began = validation.Job("lqi", RIG, "lq-step-120"), time.perf_counter()
     validation.validate(job, {}, {}, defaults(), 200, 0, lambda text: None)
     seconds = time.perf_counter() - began

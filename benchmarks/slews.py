@@ -1,14 +1,14 @@
-"""How right are total inertia and payload by slews, and Coulomb friction by the decay of the unclamped link?
+"""Bias and coverage of total inertia and payload by slews, and of Coulomb friction by the decay of the unclamped link.
 
     python benchmarks/slews.py WORK [--campaigns 50] [--seed 7000] [--jobs 1] [--minutes M]
 
-Two rigs for each seed, whose true parameters are drawn from the declared uncertainty: one does six slews of 30 to 105
-degrees, there and back; the other, whose static friction lets it swing, is released with its tip drawn aside by 30 mm.
-The release is declared with an error of 3 %, as a ruler is read to a millimetre.
-Only the procedures concerned run. What a joint estimate would have told them of the link, they have from the truth;
-the payload has length, density and tip inertia as declared, as always.
+For each seed there are two rigs, whose true parameters are drawn from the declared uncertainty: one makes six slews of
+30 to 105 degrees, there and back; the other, with a static friction that lets it swing, is released with its tip
+deflected by 30 mm. The deflection is declared with an error of 3 %, as a ruler is read to a millimetre. Only the
+procedures in question run. The parameters that they take from a joint estimate are the true ones; the payload uses
+length, density and tip inertia as declared, as in an identification.
 
-WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run goes on from there.
+WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run continues from it.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from twin.virtual_rig import Sensors, make_campaign
 from twin.virtual_rig.experiments import bang_bang, free_release
 
 ANGLES = (30.0, 45.0, 60.0, 75.0, 90.0, 105.0)  # degrees
-SLIPPERY = 0.02  # N m, static friction that lets the hub swing
-RELEASED = 1500  # samples of a release: 3 s
-BY_RULER = 0.03  # relative standard deviation of the deflection that is declared: 1 mm of 30
+STATIC_FRICTION = 0.02  # N m, static friction that lets the hub swing
+RELEASE_SAMPLES = 1500  # samples of a release: 3 s
+RULER_ERROR = 0.03  # relative standard deviation of the deflection that is declared: 1 mm of 30
 NAMES = ("total inertia, slews", "payload, slews", "Coulomb friction, decay map")
 
 
 def solve(seed: int, folder: Path) -> dict:
-    """Makes both campaigns and runs the procedures: quantity -> truth, value, standard error and interval."""
+    """Generates both campaigns and runs the procedures: quantity -> truth, value, standard error and interval."""
     began = time.perf_counter()
     found = {**_slews(seed, folder / "slews"), **_release(seed, folder / "release")}
     return {"found": found, "seconds": time.perf_counter() - began}
@@ -58,36 +58,36 @@ def _slews(seed: int, folder: Path) -> dict:
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
     prepared = _prepared(campaign)
     data = DrivenData(prepared, model, joint.BANDS)
-    whole = total_inertia.of_rig(data, model)
+    whole = total_inertia.momentum_balance(data, model)
     if whole is None:
         return {}
-    found = {"total inertia, slews": _told(whole.inertia, beam.rigid_inertia(true))}
-    hub = balance.of_hub(data, model, [p.start for p in prepared])
+    found = {"total inertia, slews": _result(whole.inertia, beam.rigid_inertia(true))}
+    hub = balance.hub_balance(data, model, [p.start for p in prepared])
     if hub is not None:
-        tip_mass = balance.payload(whole.inertia, hub.inertia, _declared(campaign.rig))
-        found["payload, slews"] = _told(tip_mass, true["tip_mass"])
+        tip_mass = balance.tip_mass_from_inertias(whole.inertia, hub.inertia, _declared(campaign.rig))
+        found["payload, slews"] = _result(tip_mass, true["tip_mass"])
     return found
 
 
 def _release(seed: int, folder: Path) -> dict:
-    rig = VirtualRig(static_positive=SLIPPERY, static_negative=SLIPPERY)
+    rig = VirtualRig(static_positive=STATIC_FRICTION, static_negative=STATIC_FRICTION)
     plan = free_release(rig, Sensors(), np.random.default_rng(seed))
-    plan = replace(plan, commands=plan.commands[:RELEASED])
+    plan = replace(plan, commands=plan.commands[:RELEASE_SAMPLES])
     truth = make_campaign(folder, {}, seed, rig=rig, perturb=1.0, experiments=[plan], force=True).true
     campaign = _as_declared(read_campaign(folder), np.random.default_rng(seed + 1))
     known = {**truth, "coulomb_friction": campaign.rig["coulomb_friction"]}
     believed = campaign.rig.replace("believed", **known)
     model = Model(believed, campaign.sensors, chain.fit_shape(believed, 12), step=FINE_STEP)
     prepared = _prepared(campaign)
-    found = friction_map.read(model, prepared, [p.start for p in prepared])
+    found = friction_map.friction_map_of_release(model, prepared, [p.start for p in prepared])
     if found is None or found.level is None:
         return {}
-    return {"Coulomb friction, decay map": _told(found.level, truth["coulomb_friction"])}
+    return {"Coulomb friction, decay map": _result(found.level, truth["coulomb_friction"])}
 
 
 def _as_declared(campaign: Campaign, generator: np.random.Generator) -> Campaign:
-    """The campaign, its release from a deflection that is not quite the one that it was."""
-    off = 1 + BY_RULER * generator.standard_normal()
+    """The campaign with a random error in the declared deflection of the release."""
+    off = 1 + RULER_ERROR * generator.standard_normal()
     released = [r.replace(initial_tip_deflection=off * r.initial_tip_deflection) for r in campaign.fit]
     return replace(campaign, fit=tuple(released))
 
@@ -98,26 +98,30 @@ def _prepared(campaign: Campaign) -> list[Prepared]:
 
 
 def _declared(rig: Rig) -> dict[str, Estimate]:
-    """The link as declared."""
+    """The declared link parameters that the payload needs, with their standard deviations."""
     names = ("length", "linear_density", "tip_inertia")
     return {name: Estimate(rig[name], joint.prior_deviation(rig, name)) for name in names}
 
 
-def _told(found: Estimate, true: float) -> dict:
-    said = {"value": found.value, "standard_error": found.standard_error, "interval": list(found.interval)}
-    return {"true": true, **said}
+def _result(found: Estimate, true: float) -> dict:
+    estimate = {
+        "value": found.value,
+        "standard_error": found.standard_error,
+        "interval": list(found.interval),
+    }
+    return {"true": true, **estimate}
 
 
 def table(answers: Sequence[dict]) -> str:
-    """Bias, error and coverage of each quantity, as Markdown; errors are relative."""
+    """Returns bias, error and coverage of each quantity as Markdown; errors are relative."""
     lines = [
-        "| quantity | rigs | told | bias | rms error | mean standard error | mean half interval | 95 % coverage |",
+        "| quantity | rigs | results | bias | rms error | mean standard error | mean half interval | 95 % coverage |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for name in NAMES:
-        told = [a["found"][name] for a in answers if name in a["found"]]
-        if told:
-            lines.append(_row(name, len(answers), told))
+        estimates = [a["found"][name] for a in answers if name in a["found"]]
+        if estimates:
+            lines.append(_row(name, len(answers), estimates))
     seconds = [a["seconds"] for a in answers]
     lines += [
         "",
@@ -126,20 +130,22 @@ def table(answers: Sequence[dict]) -> str:
     return "\n".join(lines)
 
 
-def _row(name: str, rigs: int, told: Sequence[dict]) -> str:
-    true, value, error = (np.array([t[key] for t in told]) for key in ("true", "value", "standard_error"))
-    low, high = np.array([t["interval"] for t in told]).T
+def _row(name: str, rigs: int, estimates: Sequence[dict]) -> str:
+    true, value, error = (
+        np.array([e[key] for e in estimates]) for key in ("true", "value", "standard_error")
+    )
+    low, high = np.array([e["interval"] for e in estimates]).T
     off = value / true - 1
     half = (high - low) / 2 / true
     bias = f"{100 * off.mean():.3f} +- {100 * off.std(ddof=1) / np.sqrt(len(off)):.3f} %"
     sizes = (np.sqrt((off**2).mean()), (error / true).mean(), half.mean())
     cells = " | ".join(f"{100 * size:.3f} %" for size in sizes)
     held = np.mean((low <= true) & (true <= high))
-    return f"| {name} | {rigs} | {len(told)} | {bias} | {cells} | {100 * held:.0f} % |"
+    return f"| {name} | {rigs} | {len(estimates)} | {bias} | {cells} | {100 * held:.0f} % |"
 
 
 def main() -> None:
-    """Runs what is not there yet and prints the table."""
+    """Runs the rigs without an answer and prints the table."""
     parser = resumable.parser(__doc__, jobs=1)
     parser.add_argument("--campaigns", type=int, default=50)
     parser.add_argument("--seed", type=int, default=7000, help="of the first campaign")

@@ -1,8 +1,8 @@
-"""How honest is the stiffness of a static test with few rows, read to few decimals?
+"""Bias, scatter and interval coverage of the stiffness by static tests with few rows, read to few decimals.
 
-Loads at the tip of a clamped link: their masses are off by 0.2 g, the ruler by 0.3 mm, the length as declared (normal
-errors), and the ruler's zero by 2 mm. Readings are written down rounded. Each line is of 2000 such tests, read as
-`twin identify` reads `static.csv`.
+Loads at the tip of a clamped link: masses have normal errors of 0.2 g, the ruler of 0.3 mm, the length as declared; the
+zero of the ruler is off by 2 mm. Readings are rounded. Each row of the table is of 2000 such tests, evaluated as
+`twin identify` evaluates `static.csv`.
 
     python benchmarks/static_test.py
 """
@@ -20,13 +20,13 @@ from twin.identification import static_test
 from twin.identification.joint import prior_deviation
 from twin.rigs import preset
 
-TESTS = 2000
+TESTS = 2000  # simulated tests for each row of the table
 STIFFNESS = 0.25  # N m^2
 MASS_ERROR, RULER_ERROR, ZERO = 2e-4, 3e-4, 2e-3  # kg, m, m
 
 
 def tests(rows: int, decimals: int, generator: np.random.Generator) -> Iterator[static_test.StaticTest]:
-    """Yields what is read of each test."""
+    """Yields the evaluation of each simulated test."""
     rig = preset("bossi2009")
     mass = np.linspace(0.02, 0.2, rows)
     for _ in range(TESTS):
@@ -34,7 +34,7 @@ def tests(rows: int, decimals: int, generator: np.random.Generator) -> Iterator[
         read = np.round(mass + generator.normal(0, MASS_ERROR, rows), 3)
         tip = compliance * g * mass + ZERO + generator.normal(0, RULER_ERROR, rows)
         table = StaticTest({"tip_load_mass": read, "tip_deflection": np.round(tip, decimals)})
-        yield static_test.read(Campaign("", rig, {}, (), table))
+        yield static_test.evaluate(Campaign("", rig, {}, (), table))
 
 
 def main() -> None:

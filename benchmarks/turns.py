@@ -1,8 +1,8 @@
-"""Effects fitted to where a rig came to rest: a few angles with their spread, and no time histories.
+"""Effects fitted to angles of rest with their standard deviations, without time histories.
 
-Where the hub sticks depends on the phase in which friction catches the ringing link, so an angle of rest jumps as
-a parameter grows and has no useful slope: each fit draws many points within the bounds of its parameters and
-follows the best downhill without slopes (Nelder and Mead).
+The angle at which the hub sticks depends on the phase of the vibrating link, so that it is a discontinuous function of
+the parameters without useful derivatives: each fit draws many points within the bounds of its parameters and improves
+the best by the simplex method of Nelder and Mead.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from open_loop import Profile, turn
+from open_loop import Profile, final_turn
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
@@ -23,19 +23,19 @@ from twin.rigs.model import Model
 Effects = Mapping[str, Mapping[str, float]]
 
 SIGNIFICANCE = 0.05
-"""Probability with which a true explanation would be turned down."""
-_LARGEST = math.radians(1e4)  # stands for the turn of a run that does not end anywhere
-_FACTOR = 10.0  # by which a declared value may be off
-_VISIBLE = 1e-5  # rad
-_WIDE = 30.0  # a range of positive values wider than this is drawn by its logarithm
+"""Probability with which a true explanation is rejected."""
+_DIVERGED = math.radians(1e4)  # turn that a diverging run counts as [rad]
+_MAX_FACTOR = 10.0  # by which a fitted parameter may differ from its declared value
+_MIN_CHANGE = 1e-5  # rad, change of a turn that counts
+_LOG_RANGE = 30.0  # ratio of the bounds above which a positive parameter is drawn log-uniformly
 
 
 @dataclass(frozen=True)
-class Outcomes:
-    """What a series of runs came to.
+class MeasuredTurns:
+    """Measured turns of m runs.
 
     Attributes:
-      profiles: the commands (m).
+      profiles: (m) commands.
       mean, spread: (m) turn of the hub and its standard deviation [rad].
     """
 
@@ -43,10 +43,10 @@ class Outcomes:
     mean: np.ndarray
     spread: np.ndarray
 
-    def only(self, kept: Sequence[int]) -> Outcomes:
-        """Returns some of the runs."""
+    def only(self, kept: Sequence[int]) -> MeasuredTurns:
+        """Returns the runs with these indices."""
         rows = list(kept)
-        return Outcomes(tuple(self.profiles[k] for k in rows), self.mean[rows], self.spread[rows])
+        return MeasuredTurns(tuple(self.profiles[k] for k in rows), self.mean[rows], self.spread[rows])
 
     def misfit(self, turns: np.ndarray) -> float:
         """Returns chi-squared of predicted turns (m) [rad]."""
@@ -55,13 +55,13 @@ class Outcomes:
 
 @dataclass(frozen=True)
 class TurnFit:
-    """Effects at their best.
+    """A fit of effects.
 
     Attributes:
-      effects: name -> parameters, SI.
+      effects: name -> parameters, SI; "rig" for declared parameters.
       turns: (m) predicted [rad].
       misfit: chi-squared.
-      free: how many numbers were fitted.
+      free: number of fitted parameters.
     """
 
     effects: Effects
@@ -71,40 +71,42 @@ class TurnFit:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Runs left over for a test."""
+        """Runs less fitted parameters."""
         return len(self.turns) - self.free
 
     @property
     def probability(self) -> float:
-        """Probability of a misfit this large or larger if this is the truth; nan where nothing is left to test it."""
+        """p-value of the misfit; NaN without a degree of freedom."""
         left = self.degrees_of_freedom
         return float(chi2.sf(self.misfit, left)) if left > 0 else math.nan
 
     @property
     def passes(self) -> bool:
-        """Whether the runs do not turn it down, and could have."""
+        """Whether the chi-squared test accepts the fit; false without a degree of freedom."""
         return self.probability >= SIGNIFICANCE
 
 
-def turns(model: Model, profiles: Sequence[Profile]) -> np.ndarray:
-    """Returns the turn of each run (m) [rad]; a run that diverges counts as a very large one."""
-    found = np.array([turn(model, profile) for profile in profiles])
-    return np.clip(np.nan_to_num(found, nan=_LARGEST, posinf=_LARGEST, neginf=-_LARGEST), -_LARGEST, _LARGEST)
+def final_turns(model: Model, profiles: Sequence[Profile]) -> np.ndarray:
+    """Returns the turn of each run (m) [rad]; a diverging run counts as a very large turn."""
+    found = np.array([final_turn(model, profile) for profile in profiles])
+    return np.clip(
+        np.nan_to_num(found, nan=_DIVERGED, posinf=_DIVERGED, neginf=-_DIVERGED), -_DIVERGED, _DIVERGED
+    )
 
 
 @dataclass(frozen=True)
-class Free:
-    """One number that a fit moves.
+class FreeParameter:
+    """One fitted parameter.
 
     Attributes:
       owner: name of an effect, or "rig" for a declared parameter.
       name: of the parameter.
-      neutral: number from which a search starts.
+      neutral: value from which a search starts.
       bounds: range.
-      step: a small but visible size.
-      along: whether it only says where or how the effect acts: it is drawn from its whole range.
-      inverse: whether the number is one over the parameter's value.
-      turns_over: whether it is an angle that repeats.
+      step: a small change with a visible effect.
+      along: whether it determines where or how the effect acts, not how strongly: it is drawn from its whole range.
+      inverse: whether the fit changes the inverse of the parameter.
+      periodic: whether it is an angle that repeats.
     """
 
     owner: str
@@ -114,15 +116,15 @@ class Free:
     step: float
     along: bool = False
     inverse: bool = False
-    turns_over: bool = False
+    periodic: bool = False
 
     def draw(self, rng: np.random.Generator) -> float:
-        """Returns a random value; about neutral, distances of every order of magnitude."""
+        """Returns a random value; its distance from neutral is log-uniform, unless the parameter is `along`."""
         low, high = self.bounds
-        if self.turns_over:
+        if self.periodic:
             return float(rng.uniform(max(low, -math.pi), min(high, math.pi)))
         if self.along:
-            wide = low > 0 and high > _WIDE * low
+            wide = low > 0 and high > _LOG_RANGE * low
             return float(np.exp(rng.uniform(*np.log(self.bounds)))) if wide else float(rng.uniform(low, high))
         sides = [end - self.neutral for end in self.bounds if abs(end - self.neutral) > abs(self.step)]
         far = float(rng.choice(sides))
@@ -130,11 +132,11 @@ class Free:
         return self.neutral + math.copysign(distance, far)
 
 
-def free_parameters(model: Model, effect: str) -> tuple[Free, ...]:
-    """Returns the parameters of an effect that the turn of the hub can say something about.
+def free_parameters(model: Model, effect: str) -> tuple[FreeParameter, ...]:
+    """Returns the parameters of an effect that the turn of the hub may depend on.
 
-    Torques stay within the motor's own: a friction level beyond it holds the hub for good. Declared values stay
-    within a factor of ten.
+    Torques are limited to the motor's: with a larger friction level the hub never moves. Declared values are limited to
+    a factor of ten.
     """
     neutral = REGISTRY[effect].neutral(model.declared)
     seen = [p for p in REGISTRY[effect].free(neutral) if p.channel in (None, "hub_angle")]
@@ -142,29 +144,31 @@ def free_parameters(model: Model, effect: str) -> tuple[Free, ...]:
     return tuple(_free(REGISTRY[effect], p, neutral[p.name], limit) for p in seen)
 
 
-def _free(effect: Effect, p: EffectParameter, neutral: float, limit: float) -> Free:
+def _free(effect: Effect, p: EffectParameter, neutral: float, limit: float) -> FreeParameter:
     low, high = p.span
     bounds = (low, high)
     if p.unit == "N*m":
         bounds = (max(low, -limit), min(high, limit))
     elif p.neutral is None:
-        bounds = (max(low, neutral / _FACTOR), min(high, neutral * _FACTOR))
+        bounds = (max(low, neutral / _MAX_FACTOR), min(high, neutral * _MAX_FACTOR))
     along = p.name in effect.along
     repeats = along and p.unit == "rad"
-    return Free(effect.name, p.name, p.turned(neutral), bounds, p.step, along, p.inverse, repeats)
+    return FreeParameter(effect.name, p.name, p.turned(neutral), bounds, p.step, along, p.inverse, repeats)
 
 
-def declared(model: Model, *names: str) -> tuple[Free, ...]:
-    """Returns declared parameters of the rig as free numbers; bounds as in `free_parameters`."""
+def declared_parameters(model: Model, *names: str) -> tuple[FreeParameter, ...]:
+    """Returns declared parameters of the rig as fit parameters; bounds as in `free_parameters`."""
     rows = [model.declared.parameters[name] for name in names]
     limit = model.declared["torque_limit"]
     ends = [limit if r.unit == "N*m" else math.inf for r in rows]
     bounds = [(r.bounds[0], min(r.bounds[1], end)) for r, end in zip(rows, ends, strict=True)]
-    return tuple(Free("rig", r.name, r.value, b, 0.05 * r.value) for r, b in zip(rows, bounds, strict=True))
+    return tuple(
+        FreeParameter("rig", r.name, r.value, b, 0.05 * r.value) for r, b in zip(rows, bounds, strict=True)
+    )
 
 
-def with_values(model: Model, free: Sequence[Free], values: ArrayLike) -> Model:
-    """Returns the model with these numbers in the place of its own."""
+def with_parameters(model: Model, free: Sequence[FreeParameter], values: ArrayLike) -> Model:
+    """Returns the model with these values of fit parameters."""
     numbers = [float(value) for value in np.asarray(values, dtype=float)]
     rig = model.declared
     for f, value in zip(free, numbers, strict=True):
@@ -180,64 +184,69 @@ def with_values(model: Model, free: Sequence[Free], values: ArrayLike) -> Model:
 
 @dataclass(frozen=True)
 class Search:
-    """How long to look, per free parameter: points drawn at first, best ones followed, steps of each.
+    """Extent of a search.
 
     Attributes:
-      draws: points drawn for each free parameter.
-      follow: how many of the best are followed.
-      steps: simulations of the series that each may take, per free parameter.
-      seed: of the draws.
-      worth: misfit up to which a drawn point is followed.
+      draws: random points per free parameter.
+      follow: number of the best points from which the simplex method starts.
+      steps: simulations of all runs in each simplex search, per free parameter.
+      seed: of the random points.
+      max_start_misfit: chi-squared up to which a point is a start.
     """
 
     draws: int = 80
     follow: int = 2
     steps: int = 40
     seed: int = 1
-    worth: float = math.inf
+    max_start_misfit: float = math.inf
 
 
-def acts(model: Model, free: Sequence[Free], profiles: Sequence[Profile], draws: int = 5) -> bool:
-    """Whether any of these numbers changes where the hub comes to rest."""
-    rng, before = np.random.default_rng(0), turns(model, profiles)
+def changes_turns(
+    model: Model, free: Sequence[FreeParameter], profiles: Sequence[Profile], draws: int = 5
+) -> bool:
+    """Whether any of these parameters changes the angle at which the hub comes to rest."""
+    rng, before = np.random.default_rng(0), final_turns(model, profiles)
     points = [[f.draw(rng) for f in free] for _ in range(draws if free else 0)]
     return any(
-        np.any(np.abs(turns(with_values(model, free, x), profiles) - before) > _VISIBLE) for x in points
+        np.any(np.abs(final_turns(with_parameters(model, free, x), profiles) - before) > _MIN_CHANGE)
+        for x in points
     )
 
 
-def fit(model: Model, free: Sequence[Free], outcomes: Outcomes, search: Search | None = None) -> TurnFit:
-    """Fits the numbers in `free` to the outcomes; without any, predicts."""
+def fit(
+    model: Model, free: Sequence[FreeParameter], outcomes: MeasuredTurns, search: Search | None = None
+) -> TurnFit:
+    """Fits parameters to the measured turns; without any parameter, predicts the turns."""
     search = search or Search()
 
     def misfit(x: np.ndarray, ceiling: float = math.inf) -> float:
-        return _misfit(with_values(model, free, x), outcomes, ceiling)
+        return _misfit(with_parameters(model, free, x), outcomes, ceiling)
 
     best = np.array([f.neutral for f in free])
     if free:
-        best = _lowest(misfit, free, search)
-    fitted = with_values(model, free, best)
-    found = turns(fitted, outcomes.profiles)
+        best = _minimised(misfit, free, search)
+    fitted = with_parameters(model, free, best)
+    found = final_turns(fitted, outcomes.profiles)
     values = {f.name: fitted.declared[f.name] for f in free if f.owner == "rig"}
     effects = {**({"rig": values} if values else {}), **fitted.effects}
     return TurnFit(effects, found, outcomes.misfit(found), len(free))
 
 
-def _misfit(model: Model, outcomes: Outcomes, ceiling: float) -> float:
-    """Chi-squared of a model; the later runs are left out once it is above `ceiling`."""
+def _misfit(model: Model, outcomes: MeasuredTurns, ceiling: float) -> float:
+    """Chi-squared of a model; later runs are not simulated once it exceeds `ceiling`."""
     total = 0.0
     for k in range(len(outcomes.profiles)):
         one = outcomes.only([k])
-        total += one.misfit(turns(model, one.profiles))
+        total += one.misfit(final_turns(model, one.profiles))
         if total > ceiling:
             break
     return total
 
 
-def _drawn(
-    misfit: Callable[[np.ndarray, float], float], free: Sequence[Free], search: Search
+def _best_draws(
+    misfit: Callable[[np.ndarray, float], float], free: Sequence[FreeParameter], search: Search
 ) -> list[tuple[float, np.ndarray]]:
-    """Best points of a random draw and the neutral one, with their misfits, best first."""
+    """The best of the neutral and the random points, with their misfits, best first."""
     rng = np.random.default_rng(search.seed)
     points = [np.array([f.neutral for f in free])]
     points += [np.array([f.draw(rng) for f in free]) for _ in range(search.draws * len(free))]
@@ -250,10 +259,10 @@ def _drawn(
     return best
 
 
-def _lowest(misfit: Callable[..., float], free: Sequence[Free], search: Search) -> np.ndarray:
-    """Returns the point with the least misfit found."""
-    results = _drawn(misfit, free, search)
-    for point in [x for cost, x in results if cost <= search.worth]:
+def _minimised(misfit: Callable[..., float], free: Sequence[FreeParameter], search: Search) -> np.ndarray:
+    """Returns the point with the least misfit that the search finds."""
+    results = _best_draws(misfit, free, search)
+    for point in [x for cost, x in results if cost <= search.max_start_misfit]:
         found = minimize(
             misfit,
             point,
@@ -270,11 +279,11 @@ def _lowest(misfit: Callable[..., float], free: Sequence[Free], search: Search) 
     return min(results, key=lambda r: r[0])[1]
 
 
-def _simplex(x: np.ndarray, free: Sequence[Free]) -> np.ndarray:
-    """A point and one more for each number, a fifth of its distance from neutral further."""
+def _simplex(x: np.ndarray, free: Sequence[FreeParameter]) -> np.ndarray:
+    """Initial simplex: a point, and one for each parameter with a fifth more distance from neutral."""
     corners = np.tile(x, (len(free) + 1, 1))
     for i, f in enumerate(free):
-        size = 0.3 if f.turns_over else max(abs(f.step), 0.2 * abs(x[i] - f.neutral))
+        size = 0.3 if f.periodic else max(abs(f.step), 0.2 * abs(x[i] - f.neutral))
         inside = x[i] + size <= f.bounds[1]
         corners[i + 1, i] = np.clip(x[i] + (size if inside else -size), *f.bounds)
     return corners

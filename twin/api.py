@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from dm_control.rl.control import Environment
 
     from twin.diagnosis.plan import Planned
-    from twin.identification.identify import Identification as _Identification
+    from twin.identification.result import Identification as _Identification
     from twin.validation.requirements import Requirements
     from twin.validation.validation import Validation as _Validation
 
@@ -147,7 +147,7 @@ class Diagnosis:
         names = ("recording", "channel", "before", "calibrated", "after", "noise", "unit")
         rows = [
             (file, channel, e.before, e.calibrated, e.after, e.noise, CHANNEL_UNITS[channel])
-            for file, prediction in display.judged(self.answer).items()
+            for file, prediction in display.evaluated_predictions(self.answer).items()
             for channel, e in prediction.errors.items()
         ]
         return Table.of_rows(names, rows)
@@ -181,7 +181,11 @@ class Diagnosis:
         from twin.report import display, figures
 
         shown = self.answer.predictions
-        name = recording if recording is not None else next(iter(display.judged(self.answer)), None)
+        name = (
+            recording
+            if recording is not None
+            else next(iter(display.evaluated_predictions(self.answer)), None)
+        )
         if name is None or name not in shown:
             raise InputError(f"there is no recording '{name}'; expected one of: {', '.join(shown)}")
         figure = figures.recording_figure(shown[name])
@@ -201,7 +205,7 @@ class Diagnosis:
         """
         from twin.report import deliver
 
-        chosen = deliver.FOLDER.chosen(Path(folder), Path(self.answer.campaign), force)
+        chosen = deliver.FOLDER.choose(Path(folder), Path(self.answer.campaign), force)
         return dict(deliver.deliver(self.answer, self.campaign.sensors, chosen).paths)
 
     def to_json(self) -> dict[str, Any]:
@@ -251,7 +255,7 @@ class Identification:
     """What the recordings of a campaign say of its declared parameters.
 
     Attributes:
-      answer: all of it, see `twin.identification.identify.Identification`.
+      answer: all of it, see `twin.identification.result.Identification`.
     """
 
     answer: _Identification = field(repr=False)
@@ -260,7 +264,7 @@ class Identification:
         """Declared and identified value of each parameter, standard error and 95 % interval."""
         names = ("parameter", "declared", "value", "standard_error", "low", "high", "unit", "not_determined")
         rows = []
-        for name, p in self.answer.numbers.items():
+        for name, p in self.answer.all_parameters.items():
             low, high = p.estimate.interval
             why = self.answer.not_determined.get(name)
             rows.append(
@@ -276,7 +280,7 @@ class Identification:
         """
         from twin.identification import deliver
 
-        chosen = deliver.FOLDER.chosen(Path(folder), Path(self.answer.campaign), force)
+        chosen = deliver.FOLDER.choose(Path(folder), Path(self.answer.campaign), force)
         return dict(deliver.deliver(self.answer, chosen))
 
     def to_json(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""The command line: arguments in, text and exit code out.
+"""The command line `twin`.
 
-What the user gave and cannot be used ends in `Error: ...` and exit code 2. A command is a function of
-`twin.commands`; it imports heavy modules where it needs them, so that help comes at once.
+An unusable input ends in `Error: ...` and exit code 2. Each command is a function of `twin.commands`; it imports heavy
+modules inside, so that `--help` is fast.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ app = typer.Typer(
 )
 
 INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 
 
 def main() -> None:
-    """Runs the command; 2 where its input cannot be used, 130 where it was interrupted."""
+    """Runs the command; exits with 2 for an unusable input, with 130 after Ctrl-C."""
     try:
         app()
     except InputError as error:
         print(f"Error: {error}", file=sys.stderr)
         sys.exit(2)
     except SystemExit as end:
-        # What typer makes of Ctrl-C, without a word.
+        # typer exits silently after Ctrl-C.
         if end.code == INTERRUPTED:
             print("Interrupted.", file=sys.stderr)
         raise

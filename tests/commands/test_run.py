@@ -17,7 +17,7 @@ from twin.report import run_rerun
 from twin.report.compare import compare, read_tracks
 from twin.report.mujoco_viewer import watch
 from twin.report.run_csv import read_track, write_csv
-from twin.report.show_run import run_shown
+from twin.report.show_run import run_and_show
 from twin.rigs import preset
 from twin.rigs.rig_file import header_lines, parameter_lines
 
@@ -131,7 +131,7 @@ def test_a_campaign_reads_what_a_run_wrote(tmp_path, chain_run):
 def test_rerun_file_holds_the_run_and_its_ghost(tmp_path):
     path = tmp_path / "run.rrd"
     shown = experiment(plant="chain", noise=None)
-    result = run_shown(shown, path, view=False, ghost="other")
+    result = run_and_show(shown, path, view=False, ghost="other")
     found = read(path)
     for entity in (
         "/run/arms/0_chain/link",
@@ -162,7 +162,7 @@ def test_rerun_file_holds_the_run_and_its_ghost(tmp_path):
 def test_what_is_sent_while_a_run_goes_on_is_what_the_file_holds(tmp_path, monkeypatch):
     live, path = tmp_path / "live.rrd", tmp_path / "run.rrd"
     monkeypatch.setattr(run_rerun, "open_viewer", lambda name: run_rerun.open_file(live, name))
-    run_shown(experiment(noise=1), path, view=True, ghost="other")
+    run_and_show(experiment(noise=1), path, view=True, ghost="other")
     streamed, written = read(live), read(path)
     assert streamed.keys() == written.keys()
     assert {"/run/difference_hub_angle/1_modal", "/run/difference_tip_deflection/1_modal"} < written.keys()

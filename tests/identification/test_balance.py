@@ -38,21 +38,21 @@ def swept(tmp_path_factory):
 
 def test_hub_inertia_and_coulomb_friction_have_no_bias(swept):
     truth, model, data, starts = swept
-    hub = balance.of_hub(data, model, starts)
+    hub = balance.hub_balance(data, model, starts)
     # With a link of 12 segments the inertia is 0.04 % and the friction 3.7 % high.
     assert hub.inertia.value == pytest.approx(truth["hub_inertia"], rel=1.5e-4)
-    assert hub.both.value == pytest.approx(truth["coulomb_friction"], rel=2e-3)
+    assert hub.coulomb_mean.value == pytest.approx(truth["coulomb_friction"], rel=2e-3)
 
 
 def test_the_hub_turns_round_between_two_instants_of_the_grid(swept):
     _, model, data, starts = swept
     # A direction that is read off the grid leaves three times as much, as a torque of both signs.
-    assert 1 - balance.of_hub(data, model, starts).determination < 4e-7
+    assert 1 - balance.hub_balance(data, model, starts).determination < 4e-7
 
 
 def test_the_friction_map_shows_a_constant_for_each_direction(swept):
     truth, model, data, starts = swept
-    hub = balance.of_hub(data, model, starts)
+    hub = balance.hub_balance(data, model, starts)
     assert {-1.0, 1.0} == set(np.sign(hub.rate))
     # Seen through the low-pass, a hub that turns round often would have half of it or none.
     assert (hub.friction * np.sign(hub.rate)).min() > 0.8 * truth["coulomb_friction"]

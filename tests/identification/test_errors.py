@@ -18,14 +18,15 @@ from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.identification import (
     backbone,
+    bending_modes,
     break_away,
     compare_campaigns,
     estimates,
     findings,
-    identify,
+    identified_parameters,
     joint,
+    joint_finding,
     likelihood_profile,
-    near_modes,
     spectra,
 )
 from twin.identification.compare_campaigns import Comparison
@@ -395,24 +396,25 @@ def test_recordings_that_disagree_say_nothing_of_the_declaration():
 
 
 def test_what_is_not_determined_is_said_with_why():
-    told = {
+    identified = {
         name: Identified(1.0, error, "m", 1.0, 0.1)
         for name, error in (("known", 0.02), ("news", 0.08), ("jumps", 1e-8), ("ends", 0.01))
     }
-    found = SimpleNamespace(at_an_end=lambda: ["ends"], tied=list)
-    said = identify._not_determined(told, found)
-    assert set(said) == {"news", "jumps", "ends"}
-    assert "jumps about it" in said["jumps"]
+    found = SimpleNamespace(at_bounds=lambda: ["ends"], correlated_pairs=list)
+    reasons = identified_parameters.not_determined(identified, found)
+    assert set(reasons) == {"news", "jumps", "ends"}
+    assert "not smooth" in reasons["jumps"]
 
 
 def test_a_parameter_at_the_end_of_its_range_is_named():
     fitted = replace(Bench([np.ones(1000)], wave).start(0.0, 0.0), values=np.array([2999.0, -3000.0]))
-    found = joint.Joint(
+    found = joint.JointEstimate(
         fitted, (), None, None, ("a", "b"), fitted.values, np.eye(2), (), (), np.ones((2, 2)), {}, ()
     )
-    assert found.at_an_end() == ["b"]
+    assert found.at_bounds() == ["b"]
     assert any(
-        s.startswith("b stands at the end of its range") for s in findings.joint(found, {}, ()).sentences
+        s.startswith("b is at a bound of its range")
+        for s in joint_finding.joint_finding(found, (), ()).sentences
     )
 
 
@@ -458,7 +460,7 @@ def test_how_long_a_break_away_is_unseen(gain):
         [(onset, direction)] = rests._onsets(observed, np.zeros(260), reading, 1.0)
         assert direction == 1
         seen.append(onset - 200)
-    mean, spread = break_away._unseen(gain)
+    mean, spread = break_away._detection_delay(gain)
     assert mean == pytest.approx(np.mean(seen), abs=0.1)
     assert spread == pytest.approx(np.std(seen), abs=0.1)
 
@@ -473,7 +475,9 @@ def swept(peaks, name="sweep"):
         w = 2 * np.pi * frequency
         b, a, _ = cont2discrete(([w**2], [1, 2 * ratio * w, w**2]), 0.002, "zoh")
         strain = strain + size * lfilter(b.ravel(), a, torque)
-    return spectra.response([Recording(name, time, {"torque_command": torque, "strain_base": strain})])
+    return spectra.frequency_response(
+        [Recording(name, time, {"torque_command": torque, "strain_base": strain})]
+    )
 
 
 def of_modes(rig, torsion=None):
@@ -485,7 +489,7 @@ def of_modes(rig, torsion=None):
 def test_peaks_that_a_payload_moves_are_bending_modes():
     heavy = RIG.replace(tip_mass=0.3, tip_inertia=3e-4)
     here, there = of_modes(RIG, 28.0), of_modes(heavy, 28.0)
-    kinds = {round(p.frequency_hz): p for p in compare_campaigns.paired(here, RIG, there, heavy)}
+    kinds = {round(p.frequency_hz): p for p in compare_campaigns.pair_peaks(here, RIG, there, heavy)}
     assert {f: p.kind for f, p in kinds.items()} == {7: "bending", 18: "bending", 28: "not bending"}
     assert kinds[28].other_hz == pytest.approx(28.0, rel=0.01)
     assert kinds[18].other_hz == pytest.approx(kinds[18].bending_hz, rel=0.02)
@@ -493,16 +497,18 @@ def test_peaks_that_a_payload_moves_are_bending_modes():
 
 
 def test_a_peak_that_an_air_pad_takes_away_is_none_of_bending():
-    found = compare_campaigns.paired(of_modes(RIG, 28.0), RIG, of_modes(RIG), RIG)
+    found = compare_campaigns.pair_peaks(of_modes(RIG, 28.0), RIG, of_modes(RIG), RIG)
     assert [p.kind for p in found] == ["bending", "bending", "not bending"]
     assert found[2].other_hz is None
-    said = findings.compared(Comparison("with-pad", {}, found)).sentences
+    said = findings.campaigns_compared(Comparison("with-pad", {}, found)).sentences
     assert any("Hz is gone" in s for s in said)
-    assert findings.compared(Comparison("with-pad", {}, (), missing="no sweep")).missing == "no sweep"
+    assert (
+        findings.campaigns_compared(Comparison("with-pad", {}, (), missing="no sweep")).missing == "no sweep"
+    )
 
 
 def at_peaks(*frequencies, response=1.0):
-    """A response that is flat, with sharp peaks of equal height; it stands for what `spectra.response` found."""
+    """A flat response with sharp peaks of equal height, in the place of `spectra.frequency_response`."""
     f = np.arange(1.0, 45.0, 0.05)
     return SimpleNamespace(frequency=f, h1=response * np.ones(len(f)), known=f > 0, tops=frequencies)
 
@@ -520,11 +526,11 @@ def pictured(monkeypatch):
 
 @pytest.mark.parametrize(("left", "gone", "kind"), [(0.69, False, "unknown"), (0.2, True, "not bending")])
 def test_a_peak_is_gone_only_if_its_height_is(pictured, left, gone, kind):
-    [found] = compare_campaigns.paired(at_peaks(30.0), RIG, at_peaks(response=left), RIG)
+    [found] = compare_campaigns.pair_peaks(at_peaks(30.0), RIG, at_peaks(response=left), RIG)
     assert found.other_hz is None
     assert found.height == pytest.approx(left)
-    assert (found.gone, found.kind) == (gone, kind)
-    [_, said] = findings.compared(Comparison("B", {}, (found,))).sentences
+    assert (found.vanished, found.kind) == (gone, kind)
+    [_, said] = findings.campaigns_compared(Comparison("B", {}, (found,))).sentences
     assert ("is gone" in said) == ("no bending mode" in said) == gone
 
 
@@ -562,11 +568,11 @@ def kinds(peaks):
 def test_the_torsional_mode_of_figure_4_vanishes_with_the_air_pad(figure_4):
     found = compare_campaigns.compare(figure_4["bare"], figure_4["with-pad"])
     [torsion] = [p for p in found.peaks if 27 < p.frequency_hz < 32]
-    assert torsion.gone
+    assert torsion.vanished
     assert all(p.kind == "bending" for p in found.peaks if p is not torsion)
     assert len(found.peaks) == 4
     assert not found.appeared
-    said = findings.compared(found).sentences
+    said = findings.campaigns_compared(found).sentences
     assert [s for s in said if "no bending mode" in s] == [s for s in said if "is gone" in s]
 
 
@@ -587,15 +593,17 @@ def test_without_a_torsional_mode_figure_4_has_bending_modes_alone(figure_4):
 
 
 def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured, figure_4, monkeypatch):
-    third = float(near_modes.bending_frequencies(RIG, 3)[2])
+    third = float(bending_modes.bending_frequencies(RIG, 3)[2])
     seen = {"bare": at_peaks(response=0.1), "with-pad": at_peaks(30.0, 1.003 * third)}
-    monkeypatch.setattr(spectra, "response", lambda recordings, *channel: seen[names[id(recordings[0])]])
+    monkeypatch.setattr(
+        spectra, "frequency_response", lambda recordings, *channel: seen[names[id(recordings[0])]]
+    )
     for response in seen.values():
         response.channel = "strain_base"
     names = {id(figure_4[name].fit[0]): name for name in seen}
     found = compare_campaigns.compare(figure_4["bare"], figure_4["with-pad"])
     assert [p.kind for p in found.appeared] == ["not bending", "bending"]
-    [_, torsion, third_bending] = findings.compared(found).sentences
+    [_, torsion, third_bending] = findings.campaigns_compared(found).sentences
     assert "no bending mode" in torsion
     assert "has a bending mode" in third_bending
 
@@ -616,30 +624,30 @@ def backbone_of_sweeps(folder, effects):
     ]
     make_campaign(folder, effects, 3, rig=SLIDING, experiments=sweeps)
     campaign = read_campaign(folder)
-    expected = float(near_modes.bending_frequencies(campaign.rig, 1)[0])
+    expected = float(bending_modes.bending_frequencies(campaign.rig, 1)[0])
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 8))
     pairs = [(r, simulate(twin, r, Start())) for r in campaign.fit]
-    return backbone.beside(backbone.backbone(campaign.fit, expected), pairs, expected)
+    return backbone.with_simulation(backbone.backbone(campaign.fit, expected), pairs, expected)
 
 
 def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
     found = backbone_of_sweeps(tmp_path / "rig", {})
-    assert found.moves
+    assert found.depends_on_amplitude
     assert found.slope.value < -0.1
-    assert found.simulated == pytest.approx(found.slope.value, abs=0.03)
-    assert found.softens is False
-    assert abs(found.beyond.value) < 0.01
+    assert found.simulated_slope == pytest.approx(found.slope.value, abs=0.03)
+    assert found.differs_from_model is False
+    assert abs(found.residual_slope.value) < 0.01
     said = findings.spectra(seen_sweeps(), (), found, estimates.Estimate(7.27, 0.01)).sentences[-1]
-    assert "nothing is left for a softening link" in said
+    assert said.endswith("no evidence of a softening link.")
 
 
 def test_a_softening_link_moves_its_resonance_beyond_the_model(tmp_path):
     effects = {"softening-stiffness": {"softening": 0.15, "curvature": 1.5}}
     found = backbone_of_sweeps(tmp_path / "rig", effects)
-    assert found.softens
-    assert -0.1 < found.beyond.value < -0.02
+    assert found.differs_from_model
+    assert -0.1 < found.residual_slope.value < -0.02
     assert (
-        "a softening link"
+        ": evidence of a softening link"
         in findings.spectra(seen_sweeps(), (), found, estimates.Estimate(7.27, 0.01)).sentences[-1]
     )
 
@@ -657,10 +665,10 @@ def test_a_backbone_that_was_not_simulated_is_no_softening():
         estimates.Estimate(7.0, 0.1),
         estimates.Estimate(-0.2, 0.05),
     )
-    assert found.moves
-    assert found.softens is None
+    assert found.depends_on_amplitude
+    assert found.differs_from_model is None
     assert (
-        "no softening of the link by itself"
+        "no evidence of a softening link"
         in findings.spectra(seen_sweeps(), (), found, estimates.Estimate(7.27, 0.01)).sentences[-1]
     )
 
@@ -682,8 +690,8 @@ def test_the_limit_of_even_chains_knows_a_clamp_that_gives():
 
 
 def test_the_interval_of_a_positive_figure_stays_above_zero():
-    low, high = estimates.positive(3.4, 2.4).interval
+    low, high = estimates.positive_estimate(3.4, 2.4).interval
     assert 0 < low < 3.4 < high
-    assert estimates.positive(3.4, 0.01).interval == pytest.approx(
+    assert estimates.positive_estimate(3.4, 0.01).interval == pytest.approx(
         estimates.Estimate(3.4, 0.01).interval, rel=1e-4
     )

@@ -32,7 +32,7 @@ from twin.identification import (
 from twin.identification.backbone import Backbone, backbone
 from twin.identification.break_away import StaticFriction
 from twin.identification.deliver import FOLDER
-from twin.identification.estimates import Estimate, Mode, disagreement, pooled
+from twin.identification.estimates import Estimate, Mode, normalised_difference, pooled
 from twin.mechanics import beam, chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
@@ -55,7 +55,7 @@ def static_test_of(columns, second_moment=None):
     """What `twin identify` says of a static test on a link of the paper's length."""
     rig = preset("bossi2009")
     table = campaign.StaticTest(columns, second_moment)
-    return static_test.read(campaign.Campaign("paper", rig, {}, (), table))
+    return static_test.evaluate(campaign.Campaign("paper", rig, {}, (), table))
 
 
 @pytest.fixture
@@ -76,12 +76,12 @@ def test_table_one_reads_as_in_the_paper_and_says_what_does_not_add_up(table_one
 
 
 def test_table_one_in_numbers(table_one):
-    odd = table_one.odd
+    odd = table_one.outlier
     assert odd.row == 0
-    assert odd.away == pytest.approx(-0.001, abs=1e-9)
-    assert odd.others.stiffness.value == pytest.approx(0.2423, abs=2e-4)
-    assert odd.others.tare / g == pytest.approx(0.019, abs=1e-6)
-    assert odd.alone == pytest.approx(0.2527, abs=2e-4)
+    assert odd.residual == pytest.approx(-0.001, abs=1e-9)
+    assert odd.without.stiffness.value == pytest.approx(0.2423, abs=2e-4)
+    assert odd.without.tare / g == pytest.approx(0.019, abs=1e-6)
+    assert odd.own_stiffness == pytest.approx(0.2527, abs=2e-4)
     assert table_one.modulus.value == pytest.approx(table_one.stiffness.value / 2.95e-11)
 
 
@@ -107,7 +107,7 @@ def test_the_second_moment_of_the_section_is_read_from_the_campaign(tmp_path):
         file.write("\n[static]\nsecond_moment = 2.95e-11\n")
     read = read_campaign(folder)
     assert read.static.second_moment == 2.95e-11
-    said = static_test.read(read)
+    said = static_test.evaluate(read)
     assert said.modulus.value == pytest.approx(said.stiffness.value / 2.95e-11)
 
 
@@ -141,8 +141,8 @@ def test_interval_of_few_rows_holds_the_truth(rows, decimals):
 def test_a_bent_load_line_is_seen():
     x = np.linspace(0, 1, 12)
     noise = np.random.default_rng(0).normal(0, 0.003, 12)
-    assert static_line.fit_line(x, x + noise).straight
-    assert not static_line.fit_line(x, x - 0.1 * x**2 + noise).straight
+    assert static_line.fit_line(x, x + noise).is_straight
+    assert not static_line.fit_line(x, x - 0.1 * x**2 + noise).is_straight
 
 
 def test_displacement_against_its_load_is_an_error():
@@ -176,7 +176,7 @@ def ringing(
 
 
 def read(recording: Recording) -> decay.Decay | None:
-    return decay.ring_down(recording, "strain_base", recording.time[0], recording.time[-1])
+    return decay.fit_ring_down(recording, "strain_base", recording.time[0], recording.time[-1])
 
 
 @pytest.mark.parametrize(
@@ -205,9 +205,9 @@ def test_intervals_of_short_and_noisy_decays_hold_the_truth():
     # Four and a half periods, noise of a tenth of the amplitude.
     found = [read(ringing(span=3.7, noise=3e-5, seed=seed)) for seed in range(20)]
     assert all(d is not None for d in found)
-    off = [disagreement(d.frequency, Estimate(1.243, 0.0)) for d in found]
+    off = [normalised_difference(d.frequency, Estimate(1.243, 0.0)) for d in found]
     assert np.mean(np.array(off) < 1.96) >= 0.85
-    off = [disagreement(d.by_fit, Estimate(0.05 / (2 * math.pi * 1.243), 0.0)) for d in found]
+    off = [normalised_difference(d.by_fit, Estimate(0.05 / (2 * math.pi * 1.243), 0.0)) for d in found]
     assert np.mean(np.array(off) < 1.96) >= 0.85
 
 
@@ -242,7 +242,7 @@ def dlsim_of(omega: float, ratio: float, torque: np.ndarray) -> np.ndarray:
 
 
 def test_peak_of_a_planted_mode():
-    found = spectra.response([resonance(7.27, 0.034, noise=1e-6)])
+    found = spectra.frequency_response([resonance(7.27, 0.034, noise=1e-6)])
     [peak] = spectra.peaks(found)
     assert abs(peak.frequency.value - 7.27) < 2 * peak.frequency.standard_error + 0.01
     assert peak.damping_ratio.value == pytest.approx(0.034, rel=0.1)
@@ -251,7 +251,7 @@ def test_peak_of_a_planted_mode():
 
 
 def test_without_noise_the_estimators_are_one_and_with_noise_h1_is_below_h2():
-    clean, noisy = (spectra.response([resonance(7.27, 0.034, noise=n)]) for n in (1e-9, 3e-5))
+    clean, noisy = (spectra.frequency_response([resonance(7.27, 0.034, noise=n)]) for n in (1e-9, 3e-5))
     # Off the peak, where the average over a band does not count.
     near = np.abs(clean.frequency - 5) < 1
     assert np.abs(clean.h2[near] / clean.h1[near] - 1).max() < 0.02
@@ -279,7 +279,8 @@ def fed_back(seed: int = 0) -> Recording:
 def test_of_a_closed_loop_the_response_is_by_the_reference_and_h1_is_biased():
     loops = [fed_back(seed) for seed in range(6)]
     by_reference, by_torque = (
-        spectra.response(recordings) for recordings in (loops, [r.replace(loop="open") for r in loops])
+        spectra.frequency_response(recordings)
+        for recordings in (loops, [r.replace(loop="open") for r in loops])
     )
     f = by_reference.frequency
     s, omega = 2j * np.pi * f, 2 * np.pi * 7.27
@@ -303,7 +304,9 @@ def test_a_step_is_no_sweep():
     recording = resonance(7.27, 0.034)
     torque = np.where(recording.time > 1, 0.05, 0.0)
     assert (
-        spectra.response([recording.replace(channels={**recording.channels, "torque_command": torque})])
+        spectra.frequency_response(
+            [recording.replace(channels={**recording.channels, "torque_command": torque})]
+        )
         is None
     )
 
@@ -312,11 +315,11 @@ def test_backbone_of_a_resonance_that_softens_with_amplitude():
     sizes = np.array([0.01, 0.02, 0.03, 0.04])
     softer = [resonance(7.27 * (1 - 0.05 * (a / 0.04) ** 2), 0.02, a, 1e-6, k) for k, a in enumerate(sizes)]
     found = backbone(softer, 7.0)
-    assert found.moves
-    assert found.small.value == pytest.approx(7.27, abs=0.05)
+    assert found.depends_on_amplitude
+    assert found.small_amplitude.value == pytest.approx(7.27, abs=0.05)
     assert found.slope.value == pytest.approx(-0.05, abs=0.01)
     still = backbone([resonance(7.27, 0.02, a, 1e-6, k) for k, a in enumerate(sizes)], 7.0)
-    assert not still.moves
+    assert not still.depends_on_amplitude
     assert backbone(softer[:2], 7.0) is None
 
 
@@ -466,7 +469,7 @@ def test_intervals_are_told_with_where_they_come_from(run):
         if p["interval_by"] == "covariance":
             assert (high - low) / 2 == pytest.approx(1.96 * p["standard_error"], rel=1e-3)
         else:
-            assert f"not elliptic in {name}" in output
+            assert f"not quadratic in {name}" in output
     # One sweep has no slews.
     assert "The total inertia, and the payload by it, are missing" in output
     assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
@@ -503,7 +506,9 @@ def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
 @pytest.mark.parametrize(("peak", "said"), [(6.5, True), (7.26, False), (18.4, False)])
 def test_a_peak_that_friction_has_moved_is_said_to_be(peak, said):
     mode = Mode("free", Estimate(peak, 0.02), None, "bending", "s.csv, strain_base")
-    found = findings.spectra(spectra.response([fed_back(0)]), (mode,), None, Estimate(7.27, 0.01)).sentences
+    found = findings.spectra(
+        spectra.frequency_response([fed_back(0)]), (mode,), None, Estimate(7.27, 0.01)
+    ).sentences
     assert any("small vibration" in sentence for sentence in found) == said
 
 
@@ -599,7 +604,7 @@ def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb,
     prepared, _ = prepare(given.fit[0], noise_levels(given))
     believed = given.rig.replace("believed", coulomb_friction=0.85 * coulomb)
     model = Model(believed, given.sensors, chain.fit_shape(believed, 12), step=2.5e-4)
-    found = friction_map.read(model, [prepared], [prepared.start])
+    found = friction_map.friction_map_of_release(model, [prepared], [prepared.start])
     assert (np.diff(found.damping) > 0).all()
     # Without friction there is the declared damping of the free modes.
     assert found.damping[0] == pytest.approx(0.034, rel=0.1)
@@ -613,7 +618,7 @@ def test_noise_of_a_swing_is_shared_with_the_next():
     smooth = sosfiltfilt(sections, noise * rng.standard_normal((4000, 800)), axis=-1)
     tops = smooth[:, 200 + np.round(np.arange(count + 1) * 0.5 / frequency / period).astype(int)]
     swings = (-1.0) ** np.arange(count) * (tops[:, :-1] - tops[:, 1:])
-    found = friction_map._scatter(count, period, frequency, noise)
+    found = friction_map._swing_covariance(count, period, frequency, noise)
     # Of 4000 draws each entry scatters by some 2 % of the variance.
     assert found == pytest.approx(np.cov(swings.T), abs=0.08 * found[0, 0])
     assert found[0, 1] > 0.3 * found[0, 0]
@@ -624,11 +629,13 @@ def test_what_the_damping_leaves_open_is_in_the_error_of_the_decay_map():
         none = np.zeros(0)
         return friction_map.FrictionMap("free.csv", none, none, Estimate(0.05, 1e-3), level, 0.03)
 
-    found = friction_map.with_error_of(mapped(Estimate(5e-3, 3e-5)), mapped(Estimate(4.96e-3, 3e-5)))
+    found = friction_map.with_map_nuisance_error(
+        mapped(Estimate(5e-3, 3e-5)), mapped(Estimate(4.96e-3, 3e-5))
+    )
     assert found.level.value == 5e-3
     assert found.level.standard_error == pytest.approx(5e-5)
-    assert friction_map.with_error_of(mapped(None), None).level is None
-    assert friction_map.with_error_of(mapped(None), mapped(Estimate(5e-3, 3e-5))).level is None
+    assert friction_map.with_map_nuisance_error(mapped(None), None).level is None
+    assert friction_map.with_map_nuisance_error(mapped(None), mapped(Estimate(5e-3, 3e-5))).level is None
 
 
 def test_break_away_on_a_staircase_lies_between_two_stairs():
@@ -641,7 +648,7 @@ def test_break_away_on_a_staircase_lies_between_two_stairs():
         "stairs.csv", time, {"torque_command": stairs, "hub_angle": still, "strain_base": still}
     )
     prepared = recorded(model, climb, seed=1)
-    found = break_away.read(DrivenData([prepared], model), model, [prepared.start])
+    found = break_away.static_friction(DrivenData([prepared], model), model, [prepared.start])
     assert set(found.by_direction) == {-1}
     assert found.level.value == pytest.approx(0.045)
     assert found.level.standard_error == pytest.approx(0.01 / math.sqrt(12))

@@ -11,7 +11,7 @@ import pytest
 
 from twin.campaigns.campaign import read_campaign
 from twin.estimation.calibrate import noise_levels
-from twin.identification import balance, findings, identify, joint, total_inertia
+from twin.identification import balance, findings, joint, parameter_estimates, total_inertia
 from twin.identification.break_away import StaticFriction
 from twin.identification.estimates import Estimate
 from twin.mechanics import beam, chain
@@ -57,13 +57,15 @@ def test_a_bent_link_is_nearer_to_the_axis():
     c, rate, m, positions = 0.3, 2.0, 5, (0.02, 0.21)
     rig = {"length": 0.42, "linear_density": 0.0, "tip_mass": 0.155}
     bends = [np.full(m, c * (1 - x / rig["length"])) for x in positions]
-    found = total_inertia.lacking(bends, positions, 0.002 * np.arange(m), np.full(m, rate), rig)
+    found = total_inertia.foreshortening_momentum(
+        bends, positions, 0.002 * np.arange(m), np.full(m, rate), rig
+    )
     assert found == pytest.approx(-0.155 * rate * c**2 * 0.42**4 / 45, rel=5e-3)
 
 
 def test_the_total_inertia_has_no_bias(quiet):
     _, _, model, data = quiet
-    found = total_inertia.of_rig(data, model).inertia
+    found = total_inertia.momentum_balance(data, model).inertia
     # Taken as straight, a link that bends by 65 mm makes it 0.4 to 1 % low.
     assert found.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-4)
 
@@ -77,39 +79,47 @@ def test_a_strain_that_is_bridged_is_no_reading(quiet):
         mid[fastest : fastest + 75] = np.nan  # 0.15 s
         channels = {**p.recording.channels, "strain_mid": mid}
         prepared.append(prepare(p.recording.replace(channels=channels), NOISE)[0])
-    found = total_inertia.of_rig(DrivenData(prepared, model, joint.BANDS), model)
+    found = total_inertia.momentum_balance(DrivenData(prepared, model, joint.BANDS), model)
     assert found.inertia.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-3)
 
 
 def test_the_shape_of_the_link_needs_two_gauges(quiet):
     _, _, model, data = quiet
     one = replace(model, sensors={n: s for n, s in model.sensors.items() if n != "strain_mid"})
-    assert total_inertia.of_rig(data, one) is None
+    assert total_inertia.momentum_balance(data, one) is None
 
 
 def test_few_runs_say_nothing(quiet):
     _, _, model, data = quiet
-    assert total_inertia.of_rig(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
+    assert total_inertia.momentum_balance(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
 
 
 def test_total_inertia_and_payload_from_slews_hold_the_truth(noisy):
     truth, declared, model, data = noisy
-    hub = balance.of_hub(data, model, [p.start for p in data.prepared])
-    whole = total_inertia.of_rig(data, model)
+    hub = balance.hub_balance(data, model, [p.start for p in data.prepared])
+    whole = total_inertia.momentum_balance(data, model)
     total = beam.rigid_inertia(model.declared)
     low, high = whole.inertia.interval
     assert low < total < high
     assert high - low < 0.008 * total
     names = ("bending_stiffness", "tip_mass")
     values = np.array([truth[name] for name in names])
-    told = {n: Estimate(float(v), 1e-3 * float(v)) for n, v in zip(names, values, strict=True)}
-    found = SimpleNamespace(names=names, values=values, errors=1e-3 * values, estimate=told.__getitem__)
-    tip_mass = identify._payload(declared, found, hub, whole)
+    fitted = {n: Estimate(float(v), 1e-3 * float(v)) for n, v in zip(names, values, strict=True)}
+    found = SimpleNamespace(names=names, values=values, errors=1e-3 * values, estimate=fitted.__getitem__)
+    results = SimpleNamespace(
+        static_test=None,
+        joint=found,
+        decays=(),
+        static_friction=StaticFriction((), (), {}, None, math.nan),
+        hub_balance=hub,
+        momentum=whole,
+        friction_map=None,
+    )
+    tip_mass = parameter_estimates.tip_mass_by_balances(declared, results)
     low, high = tip_mass.interval
     assert low < truth["tip_mass"] < high
     assert high - low < 0.025 * truth["tip_mass"]
-    none = StaticFriction((), (), {}, None, math.nan)
-    methods = identify._methods(declared, found, (), none, hub, None, None, tip_mass)
+    methods = parameter_estimates.estimates_by_procedure(declared, results)
     assert methods["tip_mass"]["slews"] == tip_mass
     said = findings.inertia(hub, whole, Estimate(total, 0.01 * total), tip_mass, found).sentences
     assert any(s.startswith("Payload ") and "by (J - J0 - rho l^3/3 - J_p)/l^2" in s for s in said)
@@ -120,15 +130,19 @@ def test_the_payload_is_what_the_total_inertia_leaves():
     exact = {name: Estimate(rig[name], 0.0) for name in ("length", "linear_density", "tip_inertia")}
     hub = Estimate(rig["hub_inertia"], 0.0)
     total = beam.rigid_inertia(rig)
-    found = balance.payload(Estimate(total, 0.01 * total), hub, exact)
+    found = balance.tip_mass_from_inertias(Estimate(total, 0.01 * total), hub, exact)
     assert found.value == pytest.approx(rig["tip_mass"])
     assert found.standard_error == pytest.approx(0.01 * total / rig["length"] ** 2)
     assert found.interval[1] - found.value == pytest.approx(1.96 * found.standard_error)
-    wide = balance.payload(Estimate(total, 0.01 * total, (0.97 * total, 1.03 * total)), hub, exact)
+    wide = balance.tip_mass_from_inertias(
+        Estimate(total, 0.01 * total, (0.97 * total, 1.03 * total)), hub, exact
+    )
     assert wide.interval[1] - wide.value == pytest.approx(3 * found.standard_error)
     for name in exact:
         rough = exact | {name: Estimate(rig[name], 0.02 * rig[name])}
         off = exact | {name: Estimate(1.0001 * rig[name], 0.0)}
-        slope = (balance.payload(Estimate(total, 0.0), hub, off).value - rig["tip_mass"]) / 1e-4
-        error = balance.payload(Estimate(total, 0.0), hub, rough).standard_error
+        slope = (
+            balance.tip_mass_from_inertias(Estimate(total, 0.0), hub, off).value - rig["tip_mass"]
+        ) / 1e-4
+        error = balance.tip_mass_from_inertias(Estimate(total, 0.0), hub, rough).standard_error
         assert error == pytest.approx(0.02 * abs(slope), rel=1e-3), name

@@ -16,7 +16,13 @@ from twin import labels
 from twin.diagnosis.answer import ChannelError, Patched, Trace
 from twin.report import display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
-from twin.report.figures import JoinedTime, compress, other_variables_figure, recording_figure, trace_figure
+from twin.report.figures import (
+    JoinedTime,
+    other_variables_figure,
+    recording_figure,
+    symmetric_log,
+    trace_figure,
+)
 from twin.report.html import render
 from twin.rigs.patch import Patch
 
@@ -111,15 +117,18 @@ def test_errors_are_multiples_of_the_noise(diagnosis):
 
 def test_false_alarm_rate_is_told_with_what_it_came_to(diagnosis):
     text = seen(page(diagnosis))
-    assert "The best of the first round gains 812 . Chance alone gives more than 9.8 in 1 %" in text
-    assert "Whatever chance gives, 30 is the least" in text
+    assert (
+        "The best of the first round gains 812 . Where nothing is missing, chance alone exceeds 9.8 in 1 %"
+        in text
+    )
+    assert "The least threshold is 30 whatever chance gives" in text
     answer = diagnosis.to_json()
     assert (answer["false_alarm_rate"], answer["by_chance"], answer["threshold"]) == (0.01, 9.8, 30.0)
 
 
 def test_what_was_not_fitted_has_no_score_and_the_threshold_is_a_line(diagnosis):
     html = page(diagnosis)
-    assert "Not fitted, because their slopes promised less: payload mass, air drag." in seen(html)
+    assert "Not fitted, because their score tests were lower: payload mass, air drag." in seen(html)
     assert "viscous friction 3.2" in seen(html)
     assert "payload mass 0.4" not in seen(html)
     lines = [a["style"] for tag, a in outline(html).tags if a.get("class") == "least"]
@@ -312,7 +321,7 @@ def test_outside_the_library_the_traces_are_of_what_remains_and_no_lookup_has_a_
 
 
 def test_what_remains_is_listed_worst_first(diagnosis):
-    rows = display.remaining(diagnosis)
+    rows = display.remaining_errors(diagnosis)
     assert rows
     assert all(over > display.NOISE_LIKE for *_, over in rows)
     assert [row[3] for row in rows] == sorted((row[3] for row in rows), reverse=True)
@@ -356,9 +365,9 @@ def test_probability_is_never_certain():
 
 
 def test_compressed_axis_is_odd_and_logarithmic_far_out():
-    assert compress(0.0) == 0.0
-    assert compress(-5.0) == -compress(5.0)
-    assert compress(1000.0) - compress(100.0) == pytest.approx(1.0, abs=1e-3)
+    assert symmetric_log(0.0) == 0.0
+    assert symmetric_log(-5.0) == -symmetric_log(5.0)
+    assert symmetric_log(1000.0) - symmetric_log(100.0) == pytest.approx(1.0, abs=1e-3)
 
 
 # Decimation
@@ -403,14 +412,14 @@ def test_summary_names_verdict_and_errors(verdict):
 
 
 def test_an_effect_of_a_small_score_has_a_reason(diagnosis):
-    assert "what was adopted gains less" not in render(diagnosis)
+    assert "the adopted effect scores less" not in render(diagnosis)
     small = replace(diagnosis, ranking=(("cable-torsion", 17.4),))
-    assert "what was adopted gains less" in render(small)
+    assert "the adopted effect scores less" in render(small)
 
 
 def test_what_a_patch_gains_stands_beside_the_models_that_have_none():
     odd = synthetic.outside(duration=0.5)
-    file = next(iter(display.judged(odd)))
+    file = next(iter(display.evaluated_predictions(odd)))
     lookup = Patch("strain_base", "strain_base", np.linspace(-1e-3, 1e-3, 8), np.zeros(8), np.full(8, 100))
     noise = odd.predictions[file].errors["strain_base"].noise
     patched = Patched(lookup, "1", {file: {"strain_base": (8 * noise, 3.21 * noise)}})

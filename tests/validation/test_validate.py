@@ -19,13 +19,13 @@ from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.mechanics.modal import state_space, zero_order_hold_response
 from twin.rigs import preset
-from twin.validation.figures import figures
-from twin.validation.fleet import Bench, Job
-from twin.validation.linear_form import NoLinearFormError, identify
+from twin.validation.fleet import Evaluator, Job
+from twin.validation.linear_form import NoLinearFormError, linear_form_of
 from twin.validation.linear_rig import sampled_chain, sampled_modes
-from twin.validation.loop import margins
+from twin.validation.margins import margins
+from twin.validation.metrics import performance_metrics
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
-from twin.validation.rigs import draw, unknowns
+from twin.validation.rigs import draw_rigs, uncertain_parameters
 from twin.validation.validation import drivers
 from twin.virtual_rig import make_campaign
 
@@ -63,7 +63,7 @@ class Spillover:
 
 @pytest.fixture(scope="module")
 def lqi():
-    return identify(controller("lqi", RIG, T), T)
+    return linear_form_of(controller("lqi", RIG, T), T)
 
 
 # Linear form
@@ -71,7 +71,7 @@ def lqi():
 
 def test_form_of_a_known_system_has_its_response():
     system = control.sample_system(control.tf([5, 5], [1, 305, 1500]) * 60, T, "bilinear")
-    form = identify(LinearController(control.ss(system), 2.0), T)
+    form = linear_form_of(LinearController(control.ss(system), 2.0), T)
     z = np.exp(1j * np.array([0.3, 3.0, 30.0, 300.0]) * T)
     found = [(form.C @ np.linalg.solve(x * np.eye(len(form.A)) - form.A, form.B) + form.D)[0] for x in z]
     # From the hub angle: the error has the other sign.
@@ -81,7 +81,7 @@ def test_form_of_a_known_system_has_its_response():
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_every_controller_of_the_library_has_a_linear_form(name):
-    form = identify(controller(name, RIG, T), T)
+    form = linear_form_of(controller(name, RIG, T), T)
     assert np.abs(form.B).max() > 0
     # Nothing that grows; the integrator stands still.
     assert np.abs(np.linalg.eigvals(form.A)).max() < 1 + 1e-6
@@ -90,20 +90,20 @@ def test_every_controller_of_the_library_has_a_linear_form(name):
 @pytest.mark.parametrize(
     ("law", "reason"),
     [
-        (lambda error, tip, time: math.copysign(0.1, error), "three times|add up"),
+        (lambda error, tip, time: math.copysign(0.1, error), "-3 times the response|add up"),
         (lambda error, tip, time: 1.0 * error * (1 + time), "depends on time"),
-        (lambda error, tip, time: 1e6 * error**3, "three times"),
+        (lambda error, tip, time: 1e6 * error**3, "-3 times the response"),
         (lambda error, tip, time: 1e6 * error * tip, "add up|does not respond"),
         (lambda error, tip, time: error if abs(error) > 0.01 else 0.0, "does not respond"),
     ],
 )
 def test_what_is_not_linear_has_no_linear_form(law, reason):
     with pytest.raises(NoLinearFormError, match=reason):
-        identify(Law(law), T)
+        linear_form_of(Law(law), T)
 
 
 def test_a_constant_torque_does_not_hide_a_linear_form():
-    form = identify(Law(lambda error, tip, time: 0.01 + 0.3 * error), T)
+    form = linear_form_of(Law(lambda error, tip, time: 0.01 + 0.3 * error), T)
     np.testing.assert_allclose(form.D, [[-0.3, 0, 0, 0, 0]], atol=1e-6)
 
 
@@ -134,7 +134,7 @@ def test_motor_torque_is_what_acts_before_the_next_command():
 
 @pytest.mark.parametrize("name", ["siso", "lqi"])
 def test_margins_are_those_of_python_control(name):
-    form = identify(controller(name, RIG, T), T)
+    form = linear_form_of(controller(name, RIG, T), T)
     found = margins(form, MODEL_RIG, T)
     K = control.ss(form.A, form.B, form.C, form.D, T)
     P = control.ss(MODEL_RIG.A, MODEL_RIG.B, MODEL_RIG.C, 0, T)
@@ -163,7 +163,7 @@ def test_a_loop_at_its_gain_margin_is_at_the_edge(lqi):
 
 
 def test_a_neglected_mode_that_destabilises_is_seen():
-    form = identify(Spillover(), T)
+    form = linear_form_of(Spillover(), T)
     one, two = (margins(form, sampled_modes(MODEL, T, modes), T) for modes in (1, 2))
     assert one.growth < 0
     assert one.disk > 0
@@ -223,11 +223,11 @@ def test_play_is_left_out_of_the_linear_loop_and_said_so():
 
 
 def test_a_hub_sensor_with_another_gain_turns_the_hub_too_little():
-    [drawn] = draw(RIG, {"hub-sensor-gain": {"gain": 1.2}}, (), 0, 0)
-    outcome = Bench(Job("lqi", RIG, "lq-step-120")).outcome(drawn)
+    [drawn] = draw_rigs(RIG, {"hub-sensor-gain": {"gain": 1.2}}, (), 0, 0)
+    outcome = Evaluator(Job("lqi", RIG, "lq-step-120")).outcome(drawn)
     # The reading arrives, the hub stops a sixth before; friction keeps it within 3 % of there.
-    assert outcome.figures["steady_state_error"] == pytest.approx(100 / 6, abs=3)
-    assert outcome.figures["overshoot"] == 0.0
+    assert outcome.metrics["steady_state_error"] == pytest.approx(100 / 6, abs=3)
+    assert outcome.metrics["overshoot"] == 0.0
 
 
 def test_a_late_reading_is_what_was_true_then():
@@ -245,10 +245,10 @@ def test_a_late_reading_is_what_was_true_then():
 
 
 def test_drawn_rigs_repeat_and_follow_their_uncertainty():
-    uncertain = unknowns(
+    uncertain = uncertain_parameters(
         RIG, {"viscous-friction": {"viscous": 1e-3}}, {"viscous-friction": {"viscous": 1e-3}}
     )
-    few, many = (draw(RIG, {"viscous-friction": {"viscous": 1e-3}}, uncertain, n, 3) for n in (5, 300))
+    few, many = (draw_rigs(RIG, {"viscous-friction": {"viscous": 1e-3}}, uncertain, n, 3) for n in (5, 300))
     assert [dict(r.rig) for r in few] == [dict(r.rig) for r in many[:6]]
     assert dict(many[0].rig) == dict(RIG)
     stiffness = np.array([r.rig["bending_stiffness"] for r in many[1:]]) / RIG["bending_stiffness"]
@@ -263,7 +263,7 @@ def test_drawn_rigs_repeat_and_follow_their_uncertainty():
 
 def test_rigs_are_drawn_as_a_fit_correlates_their_parameters():
     together = Correlations(("length", "bending_stiffness"), np.array([[1.0, 0.9], [0.9, 1.0]]))
-    rigs = draw(RIG, {}, unknowns(RIG, {}), 400, 0, together)[1:]
+    rigs = draw_rigs(RIG, {}, uncertain_parameters(RIG, {}), 400, 0, together)[1:]
     away = {n: [r.deviations[n] for r in rigs] for n in ("length", "bending_stiffness", "tip_mass")}
     # 400 of them: the standard error is 0.01 at 0.9 and 0.05 at 0.
     assert np.corrcoef(away["length"], away["bending_stiffness"])[0, 1] == pytest.approx(0.9, abs=0.04)
@@ -289,7 +289,7 @@ def test_figures_are_those_of_an_oscillator():
         envelope = np.exp(-zeta * omega * t)
         return 0.5 * (1 - envelope * (np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t)))
 
-    found = figures(response(step), length=0.3)
+    found = performance_metrics(response(step), length=0.3)
     assert found["overshoot"] == pytest.approx(100 * math.exp(-math.pi * zeta * omega / damped), rel=1e-3)
     assert found["settling_time"] == pytest.approx(4 / (zeta * omega), rel=0.2)
     assert found["steady_state_error"] < 0.01
@@ -300,7 +300,7 @@ def test_figures_are_those_of_an_oscillator():
 
 
 def test_a_hub_that_stays_outside_its_band_never_settles():
-    found = figures(response(lambda t: 0.5 * 0.97 * (1 - np.exp(-5 * t))), length=0.3)
+    found = performance_metrics(response(lambda t: 0.5 * 0.97 * (1 - np.exp(-5 * t))), length=0.3)
     assert found["settling_time"] == math.inf
     assert found["overshoot"] == 0.0
     assert found["steady_state_error"] == pytest.approx(3.0, rel=1e-3)

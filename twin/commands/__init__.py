@@ -1,1 +1,1 @@
-"""The commands of `twin`, one file each: arguments and printing only."""
+"""The commands of `twin`, one module each: arguments and printing only."""

@@ -1,4 +1,4 @@
-"""`twin check`: the chain held against the analytical model."""
+"""`twin check`: accuracy of the chain against the analytical beam model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def check(
     segments: Annotated[int, typer.Option(help="Number of segments of the chain.")] = 8,
     json_file: JsonFile = None,
 ) -> None:
-    """Hold the chain against the analytical model; exit code 1 where it is off."""
+    """Compare the chain with the analytical beam model; exit code 1 where an error exceeds its bound."""
     check_writable(json_file, read=[rig_file(rig)])
     declared, effects = load_rig(rig)
     if effects:

@@ -1,4 +1,4 @@
-"""`twin compare`: runs and recordings laid over one another."""
+"""`twin compare`: differences between runs and recordings."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def compare(
     ],
     rig: Annotated[
         str,
-        typer.Option("--rig", metavar="NAME|FILE", help=f"Of the runs; a campaign declares its own. {RIGS}"),
+        typer.Option("--rig", metavar="NAME|FILE", help=f"Rig of runs; a campaign declares its own. {RIGS}"),
     ] = DEFAULT_RIG,
     rrd_file: Annotated[
-        Path | None, typer.Option("--rrd", metavar="FILE", help="Lay them over one another here, for rerun.")
+        Path | None, typer.Option("--rrd", metavar="FILE", help="Write all of them into one rerun file.")
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Lay runs and recordings over one another on one timeline, with their difference from the first."""
+    """Compare runs and recordings with the first one, channel by channel."""
     from twin.report.run_csv import files_read
 
     read = [read for file in files for read in files_read(file)]
@@ -82,5 +82,5 @@ def _print(first: str, rows: list[Difference]) -> None:
 
 
 def _number(value: float, digits: int = 3) -> str:
-    """A number with so many digits, or with all before its point: no power of ten where it is large."""
+    """A number with this many significant digits, without exponent where it is large."""
     return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"

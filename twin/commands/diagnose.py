@@ -1,4 +1,4 @@
-"""`twin demo` and `twin diagnose`: the loop on a campaign."""
+"""`twin demo` and `twin diagnose`: which physical effect the model of a campaign lacks."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def demo(out: DiagnosisFolder = None, json_file: JsonFile = None, force: Force = False) -> None:
-    """Diagnose the bundled campaign, recorded on a virtual rig with an effect that it does not declare."""
+    """Diagnose the bundled campaign of a virtual rig with one undeclared effect."""
     from importlib.resources import as_file, files
 
     with as_file(files("twin") / "data" / "demo-rig") as folder:
@@ -39,18 +39,18 @@ def diagnose(
     json_file: JsonFile = None,
     force: Force = False,
     false_alarm_rate: Annotated[
-        float, typer.Option(metavar="RATE", help="How often something may be found where nothing is missing.")
+        float, typer.Option(metavar="RATE", help="Probability of finding an effect where none is missing.")
     ] = 0.01,
     rig: DeclaredRig = None,
 ) -> None:
-    """Find which physical effect a model lacks; write report, rerun recording and augmented model."""
+    """Find which physical effect the declared model lacks; write report, rerun recording and augmented model."""
     _diagnose(campaign, out, json_file, force, false_alarm_rate, rig)
 
 
-def _declared(campaign: Campaign, file: Path) -> Campaign:
-    """The campaign, its rig declared by a parameter file.
+def _with_rig_file(campaign: Campaign, file: Path) -> Campaign:
+    """The campaign with the rig and effects of a parameter file.
 
-    Effects of that file are fitted anew, however well they were known: what is missing may be that one has changed.
+    The standard errors of its effects are not used: an effect may have changed, so that it is fitted anew.
     """
     from twin.rigs.rig_file import read_rig_file
 
@@ -74,19 +74,19 @@ def _diagnose(
     check_writable(json_file, made=folder, beside=written, read=read)
     given = read_campaign(campaign)
     if rig is not None:
-        given = _declared(given, rig)
+        given = _with_rig_file(given, rig)
     with progress() as report:
         report(COMPILING)
         from twin.diagnosis.diagnose import diagnose as loop
 
-        found = loop(given, report, false_alarm_rate=rate)
+        result = loop(given, report, false_alarm_rate=rate)
         report("writing the results")
-        delivery = deliver.deliver(found, given.sensors, folder)
+        delivery = deliver.deliver(result, given.sensors, folder)
         if json_file is not None:
-            write_json(json_file, found.to_json())
+            write_json(json_file, result.to_json())
     answer = {} if json_file is None else {"JSON": json_file}
     screen = console()
-    print_summary(found, screen, {**delivery.paths, **answer})
+    print_summary(result, screen, {**delivery.paths, **answer})
     if delivery.left_out:
         missing = ", ".join(delivery.left_out)
         screen.print(f"{delivery.paths['MJCF'].name} leaves out: {missing}", highlight=False, markup=False)

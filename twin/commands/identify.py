@@ -1,4 +1,4 @@
-"""`twin identify`: the rig's parameters from a campaign's recordings."""
+"""`twin identify`: parameters of a rig from the recordings of a campaign."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from twin.campaigns.campaign import Campaign
-    from twin.identification.identify import Identification
+    from twin.identification.result import Identification
 
 
 def identify(
@@ -35,14 +35,14 @@ def identify(
         Path | None,
         typer.Option(
             metavar="OTHER",
-            help="Campaign of the same rig with another payload or an air-pad: which peaks move.",
+            help="Campaign of the same rig with another payload or an air-pad, to classify resonances.",
         ),
     ] = None,
     json_file: JsonFile = None,
     force: Force = False,
     rig: DeclaredRig = None,
 ) -> None:
-    """Identify a rig: each parameter with its interval and the evidence; write a report and a rig file."""
+    """Identify the parameters of a rig with 95 % intervals; write a report and a parameter file."""
     from twin.campaigns.campaign import campaign_files, read_campaign
     from twin.identification import deliver
 
@@ -50,22 +50,22 @@ def identify(
     read = (*campaign_files(campaign), rig, *(() if against is None else campaign_files(against)))
     written = deliver.FOLDER.output_files(folder, json_file)
     check_writable(json_file, made=folder, beside=written, read=read)
-    given = _known(read_campaign(campaign), rig)
+    given = _with_rig_file(read_campaign(campaign), rig)
     other = read_campaign(against) if against is not None else None
     with progress() as report:
         report(COMPILING)
         from twin.identification.identify import identify as run
 
-        found = run(given, report, other=other)
+        result = run(given, report, other=other)
         report("writing the results")
-        paths = deliver.deliver(found, folder)
+        paths = deliver.deliver(result, folder)
         if json_file is not None:
-            write_json(json_file, found.to_json())
-    _print(found, paths if json_file is None else {**paths, "JSON": json_file})
+            write_json(json_file, result.to_json())
+    _print(result, paths if json_file is None else {**paths, "JSON": json_file})
 
 
-def _known(campaign: Campaign, file: Path | None) -> Campaign:
-    """The campaign, its rig and what acts on it declared by a parameter file, if there is one."""
+def _with_rig_file(campaign: Campaign, file: Path | None) -> Campaign:
+    """The campaign with the rig, effects and standard errors of a parameter file, if there is one."""
     if file is None:
         return campaign
     from twin.rigs.rig_file import read_rig_file, read_uncertainty
@@ -75,43 +75,48 @@ def _known(campaign: Campaign, file: Path | None) -> Campaign:
     return replace(campaign, rig=rig, effects=effects, effect_errors=errors)
 
 
-def _held_out(found: Identification) -> Table:
+def _held_out(result: Identification) -> Table:
+    """Prediction errors on held-out recordings, in noise levels."""
     from rich.table import Table
 
     table = Table(
         "recording", "channel", "declared", "identified", "following", "windows", "steps", "start", box=None
     )
-    for e in found.held_out:
+    for e in result.held_out:
         sizes = (e.declared, e.identified, e.following, e.windowed, e.by_steps)
         cells = ("-" if size is None else f"{size / e.noise:.3g}" for size in sizes)
         table.add_row(e.recording, e.channel, *cells, e.start)
     return table
 
 
-def _print(found: Identification, paths: dict[str, Path]) -> None:
+def _print(result: Identification, paths: dict[str, Path]) -> None:
     from rich.table import Table
 
-    from twin.identification.findings import shown
+    from twin.identification.text import format_estimate
 
     screen = console()
-    screen.print(f"{found.campaign}: identified", highlight=False, markup=False)
+    screen.print(f"{result.campaign}: identified", highlight=False, markup=False)
     table = Table("parameter", "declared", "identified (95 % interval)", "unit", "not determined", box=None)
-    for name, p in found.numbers.items():
+    for name, p in result.all_parameters.items():
         table.add_row(
-            name, f"{p.declared:.5g}", shown(p.estimate), p.unit, found.not_determined.get(name, "")
+            name,
+            f"{p.declared:.5g}",
+            format_estimate(p.estimate),
+            p.unit,
+            result.not_determined.get(name, ""),
         )
     screen.print(table, highlight=False)
-    for finding in found.findings:
+    for finding in result.findings:
         screen.print(f"\n{finding.title}", highlight=False, markup=False)
         lines = (f"not possible: {finding.missing}",) if finding.missing else finding.sentences
         for line in lines:
             screen.print(f"  {line}", highlight=False, markup=False)
-    if found.held_out:
+    if result.held_out:
         screen.print("\nHeld-out recordings: measured minus simulated, in noise levels", highlight=False)
-        screen.print(_held_out(found), highlight=False)
-    if found.notes:
+        screen.print(_held_out(result), highlight=False)
+    if result.notes:
         screen.print("\nAssumptions and data defects", highlight=False)
-        for note in found.notes:
+        for note in result.notes:
             screen.print(f"  {note}", highlight=False, markup=False)
     screen.print()
     for what, path in paths.items():

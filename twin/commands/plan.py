@@ -1,4 +1,4 @@
-"""`twin plan-experiment`: what to record to tell two explanations apart."""
+"""`twin plan-experiment`: the experiment that distinguishes best between two explanations."""
 
 from __future__ import annotations
 
@@ -21,17 +21,19 @@ def plan_experiment(
         tuple[str, str] | None,
         typer.Option(
             metavar="EFFECT EFFECT",
-            help="Two effects to tell apart.",
-            show_default="the two that explain most",
+            help="Two effects to distinguish.",
+            show_default="the two with the highest scores",
         ),
     ] = None,
     torque_file: Annotated[
         Path | None,
-        typer.Option("--torque", metavar="FILE", help="Write the best experiment's torque here, as CSV."),
+        typer.Option(
+            "--torque", metavar="FILE", help="Write the torque of the best experiment here, as CSV."
+        ),
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Find the experiment that would separate two explanations of a campaign, and write its torque."""
+    """Find the experiment that distinguishes best between two explanations of a campaign; write its torque."""
     from twin.campaigns.campaign import campaign_files, read_campaign
 
     check_writable(torque_file, json_file, read=campaign_files(campaign))

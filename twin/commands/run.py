@@ -1,4 +1,4 @@
-"""`twin run`: one experiment on either plant."""
+"""`twin run`: one experiment, simulated on one of the plants."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
+    from twin.control.closed_loop import Run
+    from twin.control.experiment import Experiment
     from twin.rigs.patch import Patch
 
 Scenario = Annotated[
@@ -55,7 +57,7 @@ Noise = Annotated[
     typer.Option(
         "--noise",
         metavar="SEED",
-        help="Noise and resolution of the rig's sensors.",
+        help="Simulate noise and resolution of the sensors, with this seed.",
         min=0,
         show_default="none",
     ),
@@ -71,30 +73,30 @@ def run(
     patch_file: Annotated[
         Path | None,
         typer.Option(
-            "--patch", metavar="FILE", help="Add a lookup to the plant: the patch.csv of a diagnosis."
+            "--patch", metavar="FILE", help="Add a lookup table to the plant: the patch.csv of a diagnosis."
         ),
     ] = None,
     rrd_file: Annotated[
-        Path | None, typer.Option("--rrd", metavar="FILE", help="Write the run here, for the rerun viewer.")
+        Path | None, typer.Option("--rrd", metavar="FILE", help="Write the run here as a rerun file.")
     ] = None,
     view: Annotated[
-        bool, typer.Option("--view", help="Show the run in the rerun viewer while it goes on.")
+        bool, typer.Option("--view", help="Show the run in the rerun viewer while it is computed.")
     ] = False,
     ghost: Annotated[
         str | None,
         typer.Option(
             metavar="other|none|FILE.csv",
-            help="Shown beside the run, with --rrd or --view: the other plant, nothing, a recording.",
+            help="Second arm with --rrd or --view: the other plant, none, or a recording.",
             show_default="other",
         ),
     ] = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Write the run here, as a recording.")
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write the run here as a recording.")
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Run one of the paper's experiments on the chain, the modal model or its own, under any controller."""
-    read = (rig_file(rig), controller_file(controller), patch_file, *_read_for(ghost or ""))
+    """Simulate one of the paper's experiments with a controller on the chain, the modal or the paper's model."""
+    read = (rig_file(rig), controller_file(controller), patch_file, *_ghost_files(ghost or ""))
     check_writable(csv_file, json_file, rrd_file, read=read)
     if ghost is not None and rrd_file is None and not view:
         raise InputError("--ghost is shown beside a run; expected --rrd FILE or --view with it")
@@ -107,22 +109,12 @@ def run(
         report("loading the plants")
         from twin.control.experiment import Experiment
         from twin.control.plants import KINDS
-        from twin.report.show_run import run_shown
+        from twin.report.show_run import run_and_show
 
         experiment = Experiment(scenario, plant, declared, effects, controller, noise, patch)
         report(f"{scenario} on the {KINDS.get(plant, plant)}")
-        result = run_shown(experiment, rrd_file, view, ghost or "other", remarks.append)
-    figures = experiment.metrics(result)
-    answer = {
-        "scenario": scenario,
-        "plant": plant,
-        "controller": experiment.controller_name,
-        "duration_s": float(result.time[-1]),
-        "wall_s": result.wall,
-        "metrics": figures,
-    }
-    if patch is not None:
-        answer["patch"] = f"{patch.channel} by {patch.variable}"
+        result = run_and_show(experiment, rrd_file, view, ghost or "other", remarks.append)
+    answer = _answer(experiment, result)
     if csv_file is not None:
         from twin.report.run_csv import write_csv
 
@@ -134,14 +126,29 @@ def run(
         console().print(line, highlight=False, markup=False)
 
 
+def _answer(experiment: Experiment, result: Run) -> dict[str, Any]:
+    """The result as plain values for JSON."""
+    answer = {
+        "scenario": experiment.scenario,
+        "plant": experiment.plant,
+        "controller": experiment.controller_name,
+        "duration_s": float(result.time[-1]),
+        "wall_s": result.wall,
+        "metrics": experiment.metrics(result),
+    }
+    if experiment.patch is not None:
+        answer["patch"] = f"{experiment.patch.channel} by {experiment.patch.variable}"
+    return answer
+
+
 def _patch(file: Path) -> Patch:
     from twin.rigs import patch
 
     return patch.read_patch(file)
 
 
-def _read_for(ghost: str) -> tuple[Path, ...]:
-    """The files that a ghost is read from."""
+def _ghost_files(ghost: str) -> tuple[Path, ...]:
+    """The files that a ghost is read from; none unless it is a CSV file."""
     if not ghost.endswith(".csv"):
         return ()
     from twin.report.run_csv import files_read

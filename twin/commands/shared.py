@@ -1,4 +1,4 @@
-"""What several commands need: options, the screen, the progress display."""
+"""Options, console and progress display that several commands use."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from twin.parameters import Rig
 
-_WIDTH = 110  # of tables that go into a file or a pipe
+_WIDTH = 110  # columns of output into a file or a pipe
 
 
 def _out_folder(kind: str) -> Any:
@@ -28,8 +28,8 @@ def _out_folder(kind: str) -> Any:
     )
 
 
-CONTROLLERS = "siso, lqi, lqi-zv, lqi-ei, siso-friction, or one of yours: FILE.py:NAME."
-"""For help, which does not wait for the library of controllers."""
+CONTROLLERS = "siso, lqi, lqi-zv, lqi-ei, siso-friction, or your own: FILE.py:NAME."
+"""Help text; written out, so that `--help` does not import the library of controllers."""
 
 COMPILING = "loading the equations of motion; the first time they are compiled, which takes minutes"
 
@@ -47,18 +47,18 @@ DeclaredRig = Annotated[
     typer.Option(
         "--rig",
         metavar="FILE",
-        help="Parameter file (TOML) to declare the rig by, with the effects that it is known to have.",
+        help="Parameter file (TOML) with the declared rig and its known effects.",
         show_default="as the campaign declares it",
     ),
 ]
 DEFAULT_RIG = "bossi2009"
 DiagnosisFolder = Annotated[Path | None, _out_folder("diagnosis")]
 IdentificationFolder = Annotated[Path | None, _out_folder("identification")]
-Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds something else.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds other files.")]
 
 
 def console() -> Console:
-    """Returns where results are printed: as wide as the terminal, or wide enough for the tables."""
+    """Returns the console for results, as wide as the terminal, else `_WIDTH` columns."""
     from rich.console import Console
 
     screen = Console()
@@ -67,7 +67,7 @@ def console() -> Console:
 
 @contextmanager
 def progress() -> Iterator[Callable[[str], None]]:
-    """Yields a function that says what is being done, on standard error and on a terminal only."""
+    """Yields a function that shows a text as the current stage, on standard error if that is a terminal."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -109,10 +109,10 @@ def controller_file(name: str | None) -> Path | None:
 
 
 def require_display(what: str) -> None:
-    """Makes sure that there is a screen to show a window on.
+    """Checks that a window can be opened.
 
     Raises:
-      InputError: none is set, or the one that is set cannot be opened.
+      InputError: no display is set, or the one that is set cannot be opened.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -123,7 +123,7 @@ def require_display(what: str) -> None:
 
 
 def _display_opens() -> bool:
-    import glfw  # of MuJoCo's viewer
+    import glfw  # which MuJoCo's viewer uses
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

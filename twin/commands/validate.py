@@ -1,4 +1,4 @@
-"""`twin validate`: a controller on many uncertain rigs, against requirements."""
+"""`twin validate`: requirements on a controller, checked on rigs drawn from the parameter uncertainty."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.validation.rigs import Believed
+    from twin.validation.rigs import NominalRig
     from twin.validation.validation import Validation
 
 _STEPS = "lq-step-120, filtered-step-120, or bang-bang-20, -45, -60, -90, -120: a step of that angle."
@@ -44,25 +44,25 @@ def validate(
     ] = None,
     campaign: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="The rig that this campaign declares, instead of --rig."),
+        typer.Option(metavar="FOLDER", help="Campaign that declares the rig, instead of --rig."),
     ] = None,
     rigs: Annotated[int, typer.Option(help="Number of rigs to draw.", min=1)] = 200,
     scenario: Annotated[str, typer.Option(metavar="NAME", help=_STEPS)] = "lq-step-120",
-    seed: Annotated[int, typer.Option(help="Of the draw.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random draw.", min=0)] = 0,
     requirements: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Other limits, TOML: docs/validation.md.", show_default="stated defaults"
+            metavar="FILE", help="Limits as TOML, see docs/validation.md.", show_default="stated defaults"
         ),
     ] = None,
     json_file: JsonFile = None,
     report_file: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE", help="Write a page here, HTML.")
+        Path | None, typer.Option("--report", metavar="FILE", help="Write a report here, as HTML.")
     ] = None,
 ) -> None:
-    """Try a controller on many rigs that the uncertainty allows; exit code 1 where it fails the requirements."""
+    """Check requirements on a controller on randomly drawn rigs; exit code 1 where it fails them."""
     check_writable(json_file, report_file, read=_read(controller, rig, campaign, requirements))
-    believed = _believed(rig or DEFAULT_RIG) if campaign is None else _declared(campaign)
+    nominal = _of_rig(rig or DEFAULT_RIG) if campaign is None else _of_campaign(campaign)
     from twin.validation.requirements import defaults, read_requirements
 
     limits = defaults() if requirements is None else read_requirements(requirements)
@@ -70,9 +70,9 @@ def validate(
         report("loading the equations of motion")
         from twin.validation import validation
 
-        job = validation.Job(controller, believed.rig, scenario)
+        job = validation.Job(controller, nominal.rig, scenario)
         result = validation.validate(
-            job, believed.effects, believed.errors, limits, rigs, seed, report, believed.together
+            job, nominal.effects, nominal.errors, limits, rigs, seed, report, nominal.correlations
         )
     if json_file is not None:
         write_json(json_file, validation.to_json(result))
@@ -88,7 +88,7 @@ def validate(
 def _read(
     controller: str, rig: str | None, campaign: Path | None, requirements: Path | None
 ) -> Iterator[Path | None]:
-    """The files that a validation reads."""
+    """Yields the files that a validation reads; None for options that name no file."""
     if rig is not None and campaign is not None:
         raise InputError("--rig and --campaign both say which rig; expected one of them")
     yield from (controller_file(controller), requirements)
@@ -100,24 +100,24 @@ def _read(
         yield from campaign_files(campaign)
 
 
-def _believed(rig: str) -> Believed:
-    """What a preset or a parameter file says."""
+def _of_rig(rig: str) -> NominalRig:
+    """The nominal rig of a preset or a parameter file."""
     if Path(rig).is_dir():
         raise InputError(f"{rig} is a folder; expected a TOML file; for a campaign use --campaign")
     declared, effects = load_rig(rig)
     from twin.rigs import PRESETS
     from twin.rigs.rig_file import read_uncertainty
-    from twin.validation.rigs import Believed
+    from twin.validation.rigs import NominalRig
 
-    return Believed(declared, effects, *(() if rig in PRESETS else read_uncertainty(rig)))
+    return NominalRig(declared, effects, *(() if rig in PRESETS else read_uncertainty(rig)))
 
 
-def _declared(campaign: Path) -> Believed:
-    """What a campaign says."""
+def _of_campaign(campaign: Path) -> NominalRig:
+    """The nominal rig of a campaign."""
     from twin.campaigns.campaign import read_campaign
-    from twin.validation.rigs import declared_by
+    from twin.validation.rigs import nominal_rig_of
 
-    return declared_by(read_campaign(campaign))
+    return nominal_rig_of(read_campaign(campaign))
 
 
 def _print(result: Validation) -> None:
@@ -128,7 +128,7 @@ def _print(result: Validation) -> None:
     screen = console()
     screen.print(text.headline(result), highlight=False, markup=False)
     screen.print()
-    table = Table("requirement", "limit", "believed", "median", "worst", "missed", "driven by", box=None)
+    table = Table("requirement", "limit", "nominal", "median", "worst", "missed", "driven by", box=None)
     for column in table.columns[1:6]:
         column.justify = "right"
     for row in text.rows(result):

@@ -1,4 +1,4 @@
-"""`twin view`: the rig in MuJoCo's viewer, the controller running in real time."""
+"""`twin view`: a controlled rig in MuJoCo's interactive viewer, in real time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def view(
     controller: ControllerOption = None,
     rig: RigOption = DEFAULT_RIG,
 ) -> None:
-    """Watch a controller move the chain in MuJoCo's interactive viewer, in real time."""
+    """Show a controller on the chain in MuJoCo's interactive viewer, in real time."""
     declared, effects = load_rig(rig)
     require_display("twin view")
     import mujoco.viewer

@@ -1,8 +1,8 @@
-"""Peaks of one rig beside those of the same rig with another load: which move as bending modes do.
+"""Resonances of one rig with two different loads: which of them shift as bending modes do.
 
-A payload moves each bending mode by as much as the beam says; an air-pad leaves them alone. A peak that stays where
-they move, or that moves or vanishes where they stay, is none (mass loading; Bossi et al. 2009, Fig. 4: a peak near
-28 Hz almost vanishes with the air-pad).
+A payload shifts each bending mode by the amount that the beam model predicts; an air-pad does not shift them. A peak
+that stays where bending modes shift, or that shifts or vanishes where they stay, is no bending mode (mass loading;
+Bossi et al. 2009, Fig. 4: a peak near 28 Hz almost vanishes with the air-pad).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from twin.campaigns.campaign import Campaign
-from twin.identification import near_modes, spectra
+from twin.identification import bending_modes, spectra
 from twin.identification.estimates import Kind
 from twin.identification.spectra import Peak, Response
 from twin.mechanics.chain import SHAPE_PARAMETERS
@@ -23,22 +23,23 @@ from twin.parameters import Rig
 
 _BENDING: Kind = "bending"
 _NOT_BENDING: Kind = "not bending"
-_MODES = 5
-_SURE = 3.0  # standard errors of a frequency that count as the same
-_SOFTER = 0.02  # relative change of a frequency by another amplitude
-_GONE = 1 / 3  # of the height of a peak, below which it has vanished
+_MODES = 5  # bending modes among which that of a peak is looked up
+_FREQUENCY_TOLERANCE = 3.0  # standard errors within which two frequencies are equal
+_AMPLITUDE_TOLERANCE = 0.02  # relative change of a frequency that another vibration amplitude may cause [1]
+_VANISHED_HEIGHT = 1 / 3  # share of the height of a peak below which it has vanished [1]
 
 
 @dataclass(frozen=True)
 class PairedPeak:
-    """A peak of one campaign and what became of it in the other.
+    """A peak of one campaign and its counterpart in the other.
 
     Attributes:
-      frequency_hz: of the peak [Hz].
-      other_hz: where it is in the other campaign [Hz]; None where there is no clear peak.
-      bending_hz: where a bending mode would be [Hz].
-      height: response there over that of the peak [1]; without a clear peak the larger of those here and there.
-      kind: "bending" where it moved, or stayed, as one; "unknown" where no clear peak is left, but much of its height.
+      frequency_hz: in the first campaign [Hz].
+      other_hz: in the other campaign [Hz]; None where it has no peak there.
+      bending_hz: where the peak would be in the other campaign if it were a bending mode [Hz].
+      height: height in the other campaign over that in the first [1]; without a peak the larger response at
+        `frequency_hz` and at `bending_hz`.
+      kind: "bending" where the peak shifted as a bending mode; "unknown" without a peak but with much of its height.
     """
 
     frequency_hz: float
@@ -48,22 +49,22 @@ class PairedPeak:
     kind: Kind
 
     @property
-    def gone(self) -> bool:
-        """Whether hardly anything of it is left."""
-        return self.other_hz is None and self.height < _GONE
+    def vanished(self) -> bool:
+        """Whether the peak has vanished in the other campaign."""
+        return self.other_hz is None and self.height < _VANISHED_HEIGHT
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two campaigns of one rig.
+    """Resonances of two campaigns of one rig.
 
     Attributes:
-      campaign: the other one.
-      changed: parameter of the link and its ends -> declared here and there, where they differ.
-      peaks: of the first campaign, as far as the other one excites them.
-      appeared: clear peaks of the other campaign that are none in the first; of bending where its rig has such a mode.
-      missing: what the recordings lack; None where there is a comparison.
-      responses: here and there; none where something is missing.
+      campaign: name of the other campaign.
+      changed: parameter of the beam model -> declared value in both campaigns, where they differ.
+      peaks: of the first campaign, as far as the other one excites their frequencies.
+      appeared: peaks of the other campaign without counterpart in the first.
+      missing: which recordings are lacking; None where there is a comparison.
+      responses: frequency responses of both campaigns; empty where recordings are lacking.
     """
 
     campaign: str
@@ -74,7 +75,7 @@ class Comparison:
     responses: tuple[Response, ...] = field(default=(), repr=False)
 
     def to_json(self) -> dict[str, Any]:
-        """The comparison as plain values."""
+        """Returns the comparison as plain values for JSON."""
         return {
             "campaign": self.campaign,
             "changed": {name: list(values) for name, values in self.changed.items()},
@@ -85,16 +86,17 @@ class Comparison:
 
 
 def compare(campaign: Campaign, other: Campaign, rig: Rig | None = None) -> Comparison:
-    """Compares the peaks of two campaigns in the channel that shows those of the first.
+    """Compares the resonances of two campaigns in the response channel of the first.
 
     Args:
-      campaign, other: of one rig, each with what it declares of it.
-      rig: as identified from the first; in the other it differs by what the two declare.
+      campaign, other: of one rig; each declares its own parameters.
+      rig: as identified from the first campaign, by default as declared; the rig of the other campaign differs from it
+        by the difference of the declarations.
     """
-    here = spectra.response(campaign.fit)
+    here = spectra.frequency_response(campaign.fit)
     there = None
     if here is not None:
-        there = spectra.response([r for r in other.fit if here.channel in r], here.channel)
+        there = spectra.frequency_response([r for r in other.fit if here.channel in r], here.channel)
     changed = {
         name: (value, other.rig[name])
         for name in SHAPE_PARAMETERS
@@ -106,54 +108,63 @@ def compare(campaign: Campaign, other: Campaign, rig: Rig | None = None) -> Comp
         return Comparison(other.name, changed, (), missing=missing)
     rig = rig or campaign.rig
     loaded = rig.replace("loaded", **{name: value for name, (_, value) in changed.items()})
-    peaks = paired(here, rig, there, loaded)
-    back = paired(there, loaded, here, rig)
-    appeared = tuple(_appeared(p, loaded) for p in back if p.other_hz is None)
+    peaks = pair_peaks(here, rig, there, loaded)
+    back = pair_peaks(there, loaded, here, rig)
+    appeared = tuple(_classify_unpaired(p, loaded) for p in back if p.other_hz is None)
     return Comparison(other.name, changed, peaks, appeared, responses=(here, there))
 
 
-def paired(here: Response, rig: Rig, there: Response, other: Rig) -> tuple[PairedPeak, ...]:
-    """The peaks of one response beside those of another, whose rigs are declared as such."""
-    modes, moved = (near_modes.bending_frequencies(r, _MODES) for r in (rig, other))
+def pair_peaks(here: Response, rig: Rig, there: Response, other: Rig) -> tuple[PairedPeak, ...]:
+    """Returns the peaks of one response with their counterparts in another.
+
+    Args:
+      here, there: the two responses.
+      rig, other: the rigs that they belong to.
+    """
+    modes, shifted = (bending_modes.bending_frequencies(r, _MODES) for r in (rig, other))
     candidates = spectra.peaks(there)
     excited = there.frequency[there.known]
-    found = []
+    pairs = []
     for peak in spectra.peaks(here):
         mode = int(np.argmin(np.abs(np.log(modes / peak.frequency.value))))
-        expected = peak.frequency.value * float(moved[mode] / modes[mode])
+        expected = peak.frequency.value * float(shifted[mode] / modes[mode])
         if excited.size and excited[0] < min(expected, peak.frequency.value) and excited[-1] > expected:
-            found.append(_pair(peak, expected, candidates, there))
-    return tuple(found)
+            pairs.append(_pair_peak(peak, expected, candidates, there))
+    return tuple(pairs)
 
 
-def _pair(peak: Peak, expected: float, candidates: Sequence[Peak], there: Response) -> PairedPeak:
+def _pair_peak(peak: Peak, expected: float, candidates: Sequence[Peak], there: Response) -> PairedPeak:
+    """The counterpart of a peak: a candidate where a bending mode is expected [Hz], else one at its own frequency."""
     f = peak.frequency.value
-    as_bending = _near(peak, expected, candidates)
-    stayed = _near(peak, f, candidates)
-    for found, kind in ((as_bending, _BENDING), (stayed, _NOT_BENDING)):
-        if found is not None and found.height > _GONE * peak.height:
-            return PairedPeak(f, found.frequency.value, expected, found.height / peak.height, kind)
-    height = max(_left(peak, expected, there), _left(peak, f, there))
-    return PairedPeak(f, None, expected, height, _NOT_BENDING if height < _GONE else "unknown")
+    as_bending = _nearest_candidate(peak, expected, candidates)
+    unshifted = _nearest_candidate(peak, f, candidates)
+    for other, kind in ((as_bending, _BENDING), (unshifted, _NOT_BENDING)):
+        if other is not None and other.height > _VANISHED_HEIGHT * peak.height:
+            return PairedPeak(f, other.frequency.value, expected, other.height / peak.height, kind)
+    height = max(_relative_response(peak, expected, there), _relative_response(peak, f, there))
+    return PairedPeak(f, None, expected, height, _NOT_BENDING if height < _VANISHED_HEIGHT else "unknown")
 
 
-def _appeared(peak: PairedPeak, rig: Rig) -> PairedPeak:
-    """A peak that is clear in one campaign only: its place says whether it is of bending, as it does of any peak."""
-    return replace(peak, kind=_BENDING) if near_modes.near_bending(peak.frequency_hz, rig) else peak
+def _classify_unpaired(peak: PairedPeak, rig: Rig) -> PairedPeak:
+    """A peak without counterpart; it is a bending mode if it lies at one of the rig."""
+    return (
+        replace(peak, kind=_BENDING) if bending_modes.is_near_bending_mode(peak.frequency_hz, rig) else peak
+    )
 
 
-def _near(peak: Peak, frequency: float, candidates: Sequence[Peak]) -> Peak | None:
-    """The candidate at a frequency [Hz] as far as its error, the peak's own and the amplitude leave it open."""
-    near = [c for c in candidates if abs(c.frequency.value / frequency - 1) < _open(peak, c)]
+def _nearest_candidate(peak: Peak, frequency: float, candidates: Sequence[Peak]) -> Peak | None:
+    """The candidate nearest to a frequency [Hz], within the tolerance of both peaks; None without one."""
+    near = [c for c in candidates if abs(c.frequency.value / frequency - 1) < _relative_tolerance(peak, c)]
     return min(near, key=lambda c: abs(c.frequency.value - frequency), default=None)
 
 
-def _open(a: Peak, b: Peak) -> float:
+def _relative_tolerance(a: Peak, b: Peak) -> float:
+    """Relative difference [1] within which the frequencies of two peaks are equal."""
     relative = [p.frequency.standard_error / p.frequency.value for p in (a, b)]
-    return _SURE * math.hypot(*relative) + _SOFTER
+    return _FREQUENCY_TOLERANCE * math.hypot(*relative) + _AMPLITUDE_TOLERANCE
 
 
-def _left(peak: Peak, frequency: float, there: Response) -> float:
-    """Response about a frequency [Hz] over the height of the peak [1]."""
-    near = np.abs(there.frequency / frequency - 1) < _SOFTER
+def _relative_response(peak: Peak, frequency: float, there: Response) -> float:
+    """Largest response about a frequency [Hz] over the height of the peak [1]."""
+    near = np.abs(there.frequency / frequency - 1) < _AMPLITUDE_TOLERANCE
     return float(np.abs(there.h1[near]).max() / peak.height) if near.any() else 0.0

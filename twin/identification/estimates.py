@@ -1,4 +1,4 @@
-"""What an identification says: plain values, read by the report, the JSON and the tests."""
+"""Result types of an identification: estimates with standard errors, parameters, modes, findings."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Boundary = Literal["clamped", "free"]
 IntervalBy = Literal["covariance", "profile", "range", "declaration"]
 Kind = Literal["bending", "not bending", "unknown"]
 
-EXPLAINED = 0.9
-"""Share of what it balances that a balance has to explain to be believed."""
-_UNTOLD = 0.5  # relative error from which a number is not given
+MIN_DETERMINATION = 0.9
+"""Coefficient of determination [1] below which the parameters of a balance are not used."""
+_MAX_RELATIVE_ERROR = 0.5  # relative standard error [1] above which an estimate is not reported
 TWO_SIDED_95 = 1.96
-"""Standard errors to either side of a value that make a 95 % interval, where errors are normal."""
+"""Half width of a 95 % interval in standard errors, for normal errors."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Estimate:
     """A number with its standard error, SI units.
 
     Attributes:
-      value, standard_error: as they are called.
-      profile: 95 % interval where errors are not normal: by the profile of the likelihood, or Student's where readings
-        are few.
+      value, standard_error: in the same unit.
+      profile: 95 % interval where errors are not normal: by the profile likelihood, or Student's t where there are few
+        readings; None for a normal one.
     """
 
     value: float
@@ -44,25 +44,30 @@ class Estimate:
         return self.value - half, self.value + half
 
     @property
-    def told(self) -> bool:
-        """Whether the error leaves something of the value."""
-        return self.standard_error <= _UNTOLD * abs(self.value)
+    def informative(self) -> bool:
+        """Whether the standard error is at most half of the value."""
+        return self.standard_error <= _MAX_RELATIVE_ERROR * abs(self.value)
 
     def scaled(self, factor: float) -> Estimate:
-        """The number in another unit, `factor` of which make one of its own; above zero."""
+        """Returns the estimate in another unit: value times `factor` (> 0)."""
         profile = None if self.profile is None else (factor * self.profile[0], factor * self.profile[1])
         return Estimate(factor * self.value, factor * self.standard_error, profile)
 
 
-def positive(value: float, standard_error: float) -> Estimate:
-    """A number above zero with its standard error: an interval of its logarithm, which does not reach below zero."""
+def positive_estimate(value: float, standard_error: float) -> Estimate:
+    """Returns an estimate of a positive quantity, with the interval of a normal logarithm: it stays above zero."""
     factor = math.exp(TWO_SIDED_95 * standard_error / value)
     return Estimate(value, standard_error, (value / factor, value * factor))
 
 
-def grown(estimate: Estimate, other: Estimate) -> Estimate:
-    """A number whose error has that of something else in it, one standard error of which makes it the other one."""
-    change = abs(estimate.value - other.value)
+def with_nuisance_error(estimate: Estimate, perturbed: Estimate) -> Estimate:
+    """Adds the error that a nuisance parameter contributes to an estimate, in quadrature.
+
+    Args:
+      estimate: at the nuisance parameter's own value.
+      perturbed: the same with the nuisance parameter one standard error larger.
+    """
+    change = abs(estimate.value - perturbed.value)
     error = math.hypot(estimate.standard_error, change)
     if estimate.profile is None:
         return Estimate(estimate.value, error)
@@ -71,29 +76,32 @@ def grown(estimate: Estimate, other: Estimate) -> Estimate:
     return Estimate(estimate.value, error, (estimate.value - half, estimate.value + half))
 
 
-def student(value: float, scatter: float, free: int, known: float = 0.0) -> Estimate:
-    """A number whose error was read off the scatter of few readings: an interval of Student's distribution.
+def student_t_estimate(value: float, scatter: float, free: int, known: float = 0.0) -> Estimate:
+    """Returns an estimate whose standard error comes from few readings, with Student's t interval.
 
     Args:
-      value: the number.
-      scatter: its standard error as the readings scatter.
-      free: readings beyond those that the number and its companions take.
-      known: another standard error, from elsewhere.
+      value: the estimate.
+      scatter: its standard error by the scatter of the readings.
+      free: degrees of freedom.
+      known: independent standard error of known size, added in quadrature.
     """
     half = math.hypot(float(students_t.ppf(0.975, free)) * scatter, TWO_SIDED_95 * known)
     return Estimate(value, math.hypot(scatter, known), (value - half, value + half))
 
 
-def disagreement(a: Estimate, b: Estimate) -> float:
+def normalised_difference(a: Estimate, b: Estimate) -> float:
     """Distance of two independent estimates in standard errors of their difference [1]."""
     return abs(a.value - b.value) / math.hypot(a.standard_error, b.standard_error)
 
 
 def pooled(estimates: Sequence[Estimate]) -> Estimate:
-    """The weighted mean of independent estimates; its error grows with their scatter (R. T. Birge, 1932).
+    """Returns the weighted mean of independent estimates.
+
+    Its standard error is multiplied by the Birge ratio where the estimates scatter more than their errors say
+    (R. T. Birge, 1932).
 
     Raises:
-      ValueError: there is none.
+      ValueError: no estimate is given.
     """
     if not estimates:
         raise ValueError("no estimate to pool; expected at least one")
@@ -108,17 +116,17 @@ def pooled(estimates: Sequence[Estimate]) -> Estimate:
 
 @dataclass(frozen=True)
 class Identified:
-    """One parameter of the rig.
+    """One identified parameter of the rig or of a declared effect.
 
     Attributes:
-      value, standard_error: the joint estimate, `unit`.
+      value, standard_error: final estimate, in `unit`.
       unit: SI unit.
-      declared: what the campaign says.
-      declared_error: standard deviation of what it says; None where it says nothing.
-      methods: procedure -> what it says by itself.
+      declared: value that the campaign declares.
+      declared_error: standard deviation of the declared value; None where none is declared.
+      methods: procedure -> its own estimate.
       profile: 95 % interval where errors are not normal.
-      interval_by: what the interval is by: the covariance, the profile of the likelihood, the range that was looked at,
-        which cuts it short, or the declaration, where the recordings say nothing.
+      interval_by: source of the interval: the covariance, the profile likelihood, the bounds of the parameter, which
+        truncate it, or the declaration, where the recordings contain no information on it.
     """
 
     value: float
@@ -132,20 +140,20 @@ class Identified:
 
     @property
     def estimate(self) -> Estimate:
-        """Value with its error and interval."""
+        """Value, standard error and interval."""
         return Estimate(self.value, self.standard_error, self.profile)
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A vibration seen in the recordings.
+    """A resonance found in the recordings.
 
     Attributes:
       boundary: "clamped", or "free" where the hub can turn.
       frequency: [Hz].
-      damping_ratio: [1].
-      kind: "bending" where it is a bending mode of this rig, "not bending" where it is none.
-      source: the recordings and the procedure.
+      damping_ratio: [1]; None where no mode could be fitted.
+      kind: "bending" where the frequency is that of a bending mode of this rig, else "not bending".
+      source: recordings and channel.
     """
 
     boundary: Boundary
@@ -157,13 +165,13 @@ class Mode:
 
 @dataclass(frozen=True)
 class Finding:
-    """What one procedure found, in sentences.
+    """Result of one procedure in sentences.
 
     Attributes:
       procedure: "static", "decay", "break-away", "coulomb", "inertia", "spectra", "against" or "joint".
-      title: for people.
-      sentences: what was found, and the evidence against it.
-      missing: what the recordings lack for it; None where it was possible.
+      title: heading of the section in the report.
+      sentences: results, and how well they agree with other procedures.
+      missing: which data the procedure would need; None where it was possible.
     """
 
     procedure: str
@@ -173,7 +181,7 @@ class Finding:
 
 
 def mode_json(mode: Mode) -> dict[str, Any]:
-    """The mode as plain values."""
+    """Returns a mode as plain values for JSON."""
     damping = mode.damping_ratio
     return {
         "boundary": mode.boundary,
@@ -186,17 +194,17 @@ def mode_json(mode: Mode) -> dict[str, Any]:
     }
 
 
-def parameter_json(found: Identified) -> dict[str, Any]:
-    """The parameter as plain values."""
+def parameter_json(parameter: Identified) -> dict[str, Any]:
+    """Returns an identified parameter as plain values for JSON."""
     return {
-        "value": found.value,
-        "standard_error": found.standard_error,
-        "interval": list(found.estimate.interval),
-        "interval_by": found.interval_by,
-        "unit": found.unit,
-        "declared": found.declared,
+        "value": parameter.value,
+        "standard_error": parameter.standard_error,
+        "interval": list(parameter.estimate.interval),
+        "interval_by": parameter.interval_by,
+        "unit": parameter.unit,
+        "declared": parameter.declared,
         "methods": {
             name: {"value": e.value, "standard_error": e.standard_error, "interval": list(e.interval)}
-            for name, e in found.methods.items()
+            for name, e in parameter.methods.items()
         },
     }

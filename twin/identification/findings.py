@@ -1,336 +1,371 @@
-"""What each procedure found, in words: numbers with intervals, the evidence against them, what is lacking."""
+"""Results of the procedures in sentences: estimates with intervals, their agreement, and which data are lacking.
+
+The joint estimate has a module of its own, `joint_finding`.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from scipy.constants import g
 
-from twin.identification.backbone import LEAST_SWEEPS, Backbone
+from twin.identification.backbone import MIN_SWEEPS, Backbone
 from twin.identification.balance import Balance
+from twin.identification.bending_modes import SOFTENING_TOLERANCE
 from twin.identification.break_away import StaticFriction
 from twin.identification.compare_campaigns import Comparison, PairedPeak
 from twin.identification.decay import Decay
-from twin.identification.estimates import Estimate, Finding, Mode, disagreement
+from twin.identification.estimates import Estimate, Finding, Mode, normalised_difference
 from twin.identification.friction_map import FrictionMap
-from twin.identification.held_out import HeldOutError
-from twin.identification.joint import Joint, with_link
-from twin.identification.near_modes import SOFTER
+from twin.identification.joint import JointEstimate, with_link_uncertainty
 from twin.identification.spectra import Response
-from twin.identification.static_test import LOADS, OddRow, StaticTest
-from twin.identification.total_inertia import Momentum
-
-_FEWEST, _MOST = 4, 9  # digits of a number
-_ODD_SHOWN = 3  # contradictions between recordings
-_APART = 3.0  # standard errors of the difference from which two estimates are said to disagree
+from twin.identification.static_test import LOADS, Outlier, StaticTest
+from twin.identification.text import DISAGREEMENT, agreement, format_estimate
+from twin.identification.total_inertia import MomentumBalance
 
 
-def shown(estimate: Estimate, unit: str = "") -> str:
-    """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N m^2`."""
-    low, high = estimate.interval
-    digits = _FEWEST
-    if high > low and estimate.value:
-        # Two digits of half the interval.
-        digits = min(max(_FEWEST, 2 + math.ceil(math.log10(2 * abs(estimate.value) / (high - low)))), _MOST)
-    return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {unit}".rstrip()
-
-
-def agreement(a: Estimate, b: Estimate, names: tuple[str, str]) -> str:
-    """Whether two estimates of one quantity agree."""
-    apart = disagreement(a, b)
-    word = "agree" if apart < _APART else "disagree"
-    return f"{names[0]} and {names[1]} {word}: {apart:.1f} standard errors of their difference apart."
-
-
-def static(load: StaticTest | None, declared: Estimate) -> Finding:
-    """The static test; `declared` is the stiffness that the campaign says."""
+def static(test: StaticTest | None, declared: Estimate) -> Finding:
+    """Returns the finding of the static test; `declared` is the declared bending stiffness [N m^2]."""
     title = "Stiffness from a static test"
-    if load is None:
+    if test is None:
         columns = " or ".join(LOADS)
         return Finding("static", title, (), f"no static.csv with tip_deflection beside {columns}")
-    said = []
-    if load.stiffness is not None:
-        said.append(
-            f"{_elastic(load)} by a line with its own zero through {len(load.line.x)} loads, {_line_errors(load)}."
-        )
-        if abs(load.line.intercept.value) > 2 * load.line.intercept.standard_error:
-            said.append(
-                f"The line crosses zero displacement {_tare(load)} below no load: what else hung there, or the zero "
-                "of the ruler."
-            )
-        if declared.standard_error > 0:
-            said.append(agreement(load.stiffness, declared, ("The static test", "the declared stiffness")))
-    else:
-        assert load.curvature is not None
-        said.append(
-            f"No load was recorded, so that no stiffness follows; one unit of {load.column} is a curvature of "
-            f"{shown(load.curvature, '1/m')} at the hub, the errors of both alike in parts of their ranges."
-        )
-    if load.odd is not None:
-        said += _odd_row(load.odd)
-    p = load.line.curvature_probability
+    sentences = _gauge_curvature(test) if test.stiffness is None else _static_stiffness(test, declared)
+    if test.outlier is not None:
+        sentences += _outlier(test.outlier)
+    p = test.line.curvature_probability
     if p == p:
-        word = "straight" if load.line.straight else "bent"
-        said.append(
-            f"The line is {word}: chance alone makes a parabola this much better with probability {p:.2g}."
+        word = "straight" if test.line.is_straight else "curved"
+        sentences.append(f"The line is {word}: the F test of a parabola against it has p = {p:.2g}.")
+    return Finding("static", title, tuple(sentences))
+
+
+def _static_stiffness(test: StaticTest, declared: Estimate) -> list[str]:
+    assert test.stiffness is not None
+    line = test.line
+    sentences = [
+        f"{_stiffness(test)} by a line with a free intercept through {len(line.x)} loads, {_reading_errors(test)}."
+    ]
+    if abs(line.intercept.value) > 2 * line.intercept.standard_error:
+        sentences.append(
+            f"The intercept is that of a load of {_tare(test)} that was not recorded: a tare, or the zero of the ruler."
         )
-    return Finding("static", title, tuple(said))
+    if declared.standard_error > 0:
+        sentences.append(agreement(test.stiffness, declared, ("The static test", "the declared stiffness")))
+    return sentences
 
 
-def _elastic(load: StaticTest) -> str:
-    """EI, and E where I was given."""
-    assert load.stiffness is not None
-    said = f"EI = {shown(load.stiffness, 'N m^2')}"
-    if load.modulus is None:
-        return said
-    return f"{said}, E = {shown(load.modulus, 'Pa')} with the I that was given,"
+def _gauge_curvature(test: StaticTest) -> list[str]:
+    assert test.curvature is not None
+    return [
+        f"No load was recorded, so that no stiffness follows; one unit of {test.column} is a curvature of "
+        f"{format_estimate(test.curvature, '1/m')} at the hub, with errors in proportion to the spread of both columns."
+    ]
 
 
-def _line_errors(load: StaticTest) -> str:
-    x, y = load.errors
+def _stiffness(test: StaticTest) -> str:
+    """EI, and E where the second moment of area is given."""
+    assert test.stiffness is not None
+    text = f"EI = {format_estimate(test.stiffness, 'N m^2')}"
+    if test.modulus is None:
+        return text
+    return f"{text}, E = {format_estimate(test.modulus, 'Pa')} with the I that was given,"
+
+
+def _reading_errors(test: StaticTest) -> str:
+    x, y = test.errors
     if not (x > 0 and y > 0):
         return "the loads taken as exact"
     return f"load and displacement as uncertain as their last decimals, {x:.2g} N and {1e3 * y:.2g} mm"
 
 
-def _tare(load: StaticTest) -> str:
-    force = f"{load.tare:.3g} N"
-    return f"{force} ({load.tare / g:.3g} kg)" if load.column == "tip_load_mass" else force
+def _tare(test: StaticTest) -> str:
+    force = f"{test.tare:.3g} N"
+    return f"{force} ({test.tare / g:.3g} kg)" if test.column == "tip_load_mass" else force
 
 
-def _odd_row(odd: OddRow) -> list[str]:
-    name, others = f"row {odd.row + 1}", odd.others
-    said = [
-        f"{name.capitalize()} lies {1e3 * odd.away:+.3g} mm off the line through the others: a slip, or a bent line."
+def _outlier(outlier: Outlier) -> list[str]:
+    name, others = f"row {outlier.row + 1}", outlier.without
+    sentences = [
+        f"{name.capitalize()} lies {1e3 * outlier.residual:+.3g} mm off the line through the others: "
+        "a misreading, or a curved line."
     ]
     if others.stiffness is not None:
-        said.append(f"Without it {_elastic(others).removesuffix(',')}, tare = {_tare(others)}.")
+        sentences.append(f"Without it {_stiffness(others).removesuffix(',')}, tare = {_tare(others)}.")
     elif others.curvature is not None:
-        said.append(f"Without it one unit is {shown(others.curvature, '1/m')}.")
-    if odd.alone is not None:
-        said.append(f"With that tare {name} by itself gives EI = {odd.alone:.4g} N m^2.")
-    return said
+        sentences.append(f"Without it one unit is {format_estimate(others.curvature, '1/m')}.")
+    if outlier.own_stiffness is not None:
+        sentences.append(f"With that tare {name} by itself gives EI = {outlier.own_stiffness:.4g} N m^2.")
+    return sentences
 
 
-def decays(found: Sequence[Decay]) -> Finding:
-    """The ring-downs."""
+def decays(ring_downs: Sequence[Decay]) -> Finding:
+    """Returns the finding of the ring-downs of the clamped link."""
     title = "Damping from free vibration"
-    if not found:
-        return Finding(
-            "decay",
-            title,
-            (),
-            "no clamped recording, and no rest of the hub, in which the link rings for four periods",
+    if not ring_downs:
+        missing = (
+            "no clamped recording, and no rest of the hub, in which the link vibrates freely for four periods"
         )
-    said = []
-    for d in found:
-        where = f"{d.recording}, {d.channel}, {d.time[0]:.1f} to {d.time[-1]:.1f} s"
-        said.append(f"{where}: {shown(d.frequency, 'Hz')}, damping ratio {shown(d.damping_ratio)}.")
-        said.append(agreement(d.by_decrement, d.by_fit, ("Logarithmic decrement", "fit of the decay")))
-        if d.law == "proportional":
-            said.append(
-                "The envelope is exponential: losses in proportion to the rate, no friction or air needed."
-            )
-        else:
-            said.append(
-                f"The envelope needs a loss by {d.law}, {d.law_significance:.0f} standard errors from none."
-            )
-        if abs(d.frequency_slope.value) > 4 * d.frequency_slope.standard_error:
-            change = 100 * d.frequency_slope.value
-            said.append(
-                f"At its first amplitude the frequency is {change:+.2f} % off that of small vibration."
-            )
-    return Finding("decay", title, tuple(said))
+        return Finding("decay", title, (), missing)
+    return Finding("decay", title, tuple(s for d in ring_downs for s in _decay(d)))
 
 
-def break_aways(found: StaticFriction) -> Finding:
-    """The static friction."""
+def _decay(d: Decay) -> list[str]:
+    where = f"{d.recording}, {d.channel}, {d.time[0]:.1f} to {d.time[-1]:.1f} s"
+    sentences = [
+        f"{where}: {format_estimate(d.frequency, 'Hz')}, damping ratio {format_estimate(d.damping_ratio)}.",
+        agreement(d.by_decrement, d.by_fit, ("Logarithmic decrement", "fit of the decay")),
+    ]
+    if d.law == "proportional":
+        sentences.append(
+            "The envelope is exponential: the losses are proportional to the rate, without significant dry friction or "
+            "air drag."
+        )
+    else:
+        sentences.append(
+            f"The envelope has a loss by {d.law}, {d.law_significance:.0f} standard errors from zero."
+        )
+    if abs(d.frequency_slope.value) > 4 * d.frequency_slope.standard_error:
+        change = 100 * d.frequency_slope.value
+        sentences.append(
+            f"At its first amplitude the frequency is {change:+.2f} % off that of small vibration."
+        )
+    return sentences
+
+
+def break_aways(friction: StaticFriction) -> Finding:
+    """Returns the finding of the static friction."""
     title = "Break-away friction from slow ramps"
-    if found.level is None:
-        return Finding(
-            "break-away", title, (), "no recording in which a slowly growing torque ends a rest of the hub"
+    if friction.level is None:
+        missing = "no recording in which a slowly growing torque ends a rest of the hub"
+        return Finding("break-away", title, (), missing)
+    count = f"{len(friction.events)} break-away{'s' if len(friction.events) > 1 else ''}"
+    sentences = [f"{count}; static friction {format_estimate(friction.level, 'N m')}."]
+    for direction, level in friction.by_direction.items():
+        side = "positive" if direction > 0 else "negative"
+        sentences.append(f"Towards {side} angles {format_estimate(level, 'N m')}.")
+    if len(friction.by_direction) == 2:
+        names = ("The level of the positive direction", "that of the negative one")
+        sentences.append(agreement(friction.by_direction[1], friction.by_direction[-1], names))
+    if friction.angle_spread == friction.angle_spread:
+        sentences.append(
+            f"Standard deviation over the angles at which they were read: {friction.angle_spread:.2g} N m."
         )
-    many = f"{len(found.events)} break-away{'s' if len(found.events) > 1 else ''}"
-    said = [f"{many}; static friction {shown(found.level, 'N m')}."]
-    for direction, level in found.by_direction.items():
-        said.append(f"Towards {'positive' if direction > 0 else 'negative'} angles {shown(level, 'N m')}.")
-    if len(found.by_direction) == 2:
-        said.append(
-            agreement(found.by_direction[1], found.by_direction[-1], ("The two directions", "each other"))
-        )
-    if found.angle_spread == found.angle_spread:
-        said.append(
-            f"Standard deviation over the angles at which they were read: {found.angle_spread:.2g} N m."
-        )
-    return Finding("break-away", title, tuple(said))
+    return Finding("break-away", title, tuple(sentences))
 
 
 def coulomb(
-    hub: Balance | None, released: FrictionMap | None, found: Joint, level: Estimate | None
+    hub: Balance | None, release: FrictionMap | None, joint: JointEstimate, static_level: Estimate | None
 ) -> Finding:
-    """The Coulomb friction by the torque balance and by the decay of the unclamped link; `level` is the static one."""
+    """Returns the finding of the Coulomb friction, by the torque balance and by the decay of the unclamped link."""
     title = "Coulomb friction"
-    if hub is None and released is None:
+    if hub is None and release is None:
         return Finding("coulomb", title, (), "no recording in which a free hub slides for long enough")
-    said = _of_balance(hub, found) if hub else []
-    if hub and not hub.believed:
+    sentences = _coulomb_by_balance(hub, joint) if hub else []
+    if hub and not hub.accepted:
         hub = None
-    sliding = (
-        hub.both if hub else found.estimate("coulomb_friction") if "coulomb_friction" in found.names else None
-    )
-    if sliding and level and sliding.value > level.value and disagreement(sliding, level) > _APART:
-        whose = "That" if hub else f"The joint estimate, {shown(sliding, 'N m')},"
-        said.append(
-            f"{whose} is more than the resting hub bore, which dry friction cannot be: part of it grows with the rate."
-        )
-    if released is None:
-        said.append(
-            "By the decay of the unclamped link: no unclamped recording with initial_tip_deflection swings five times."
-        )
-    elif released.level is None:
-        said.append(
-            f"By the decay of the unclamped link ({released.recording}): its equivalent damping ratio, "
-            f"{shown(released.measured)}, is none that a simulation gives for any Coulomb friction."
-        )
-    else:
-        said.append(
-            f"By the decay of the unclamped link ({released.recording}), with an equivalent damping ratio of "
-            f"{shown(released.measured)} and a map by simulation from {1e3 * released.deflection:.3g} mm, with which "
-            f"the swings are as large as measured: {shown(released.level, 'N m')}."
-        )
-        if hub:
-            said.append(agreement(hub.both, released.level, ("The balance", "the decay")))
-    return Finding("coulomb", title, tuple(said))
+    sentences += _above_static(hub, joint, static_level)
+    sentences.append(_coulomb_by_decay(release))
+    if hub and release and release.level:
+        sentences.append(agreement(hub.coulomb_mean, release.level, ("The balance", "the decay")))
+    return Finding("coulomb", title, tuple(sentences))
 
 
-def _of_balance(hub: Balance, found: Joint) -> list[str]:
+def _coulomb_by_balance(hub: Balance, joint: JointEstimate) -> list[str]:
     explained = f"explains {100 * hub.determination:.3g} % of the torque's variance"
-    if not hub.believed:
+    if not hub.accepted:
         return [
-            f"The hub's torque balance {explained}: the hub obeys other laws beside, and it tells no level."
+            f"The hub's torque balance {explained}: the model lacks torques on the hub, so that it gives no level."
         ]
-    said = [
-        f"By the hub's torque balance: {shown(hub.both, 'N m')}.",
-        f"Towards positive angles {shown(hub.coulomb[1], 'N m')}, "
-        f"towards negative ones {shown(hub.coulomb[-1], 'N m')}.",
+    sentences = [
+        f"By the hub's torque balance: {format_estimate(hub.coulomb_mean, 'N m')}.",
+        f"Towards positive angles {format_estimate(hub.coulomb[1], 'N m')}, "
+        f"towards negative ones {format_estimate(hub.coulomb[-1], 'N m')}.",
         f"The balance {explained}.",
     ]
-    if "coulomb_friction" in found.names:
-        said.append(
-            agreement(hub.both, found.estimate("coulomb_friction"), ("The balance", "the joint estimate"))
-        )
-    return said
+    if "coulomb_friction" in joint.names:
+        estimate = joint.estimate("coulomb_friction")
+        sentences.append(agreement(hub.coulomb_mean, estimate, ("The balance", "the joint estimate")))
+    return sentences
+
+
+def _above_static(hub: Balance | None, joint: JointEstimate, static_level: Estimate | None) -> list[str]:
+    """A sentence where the Coulomb level exceeds the static one, which dry friction cannot."""
+    if hub:
+        level = hub.coulomb_mean
+    elif "coulomb_friction" in joint.names:
+        level = joint.estimate("coulomb_friction")
+    else:
+        return []
+    if static_level is None or level.value <= static_level.value:
+        return []
+    if normalised_difference(level, static_level) <= DISAGREEMENT:
+        return []
+    subject = "That" if hub else f"The joint estimate, {format_estimate(level, 'N m')},"
+    return [f"{subject} exceeds the static friction, as dry friction cannot: part of it grows with the rate."]
+
+
+def _coulomb_by_decay(release: FrictionMap | None) -> str:
+    head = "By the decay of the unclamped link"
+    if release is None:
+        return f"{head}: no unclamped recording with initial_tip_deflection swings five times."
+    head = f"{head} ({release.recording})"
+    measured = format_estimate(release.measured)
+    if release.level is None:
+        return f"{head}: no simulated Coulomb friction gives its equivalent damping ratio, {measured}."
+    return (
+        f"{head}, with an equivalent damping ratio of {measured} and simulations from a deflection of "
+        f"{1e3 * release.deflection:.3g} mm, which gives swings as large as measured: "
+        f"{format_estimate(release.level, 'N m')}."
+    )
 
 
 def inertia(
     hub: Balance | None,
-    whole: Momentum | None,
+    momentum: MomentumBalance | None,
     total: Estimate,
     tip_mass: Estimate | None,
-    found: Joint | None,
+    joint: JointEstimate | None,
 ) -> Finding:
-    """The inertias and the payload; a balance that explains too little is left out."""
+    """Returns the finding of the inertias and the payload; a balance that is not accepted is left out.
+
+    Args:
+      hub: torque balance of the hub.
+      momentum: balance of the rig's angular momentum.
+      total: total inertia by the joint estimate [kg m^2].
+      tip_mass: by both balances [kg].
+      joint: joint estimate.
+    """
     title = "Inertias and payload from slews"
-    if hub is None and whole is None:
+    if hub is None and momentum is None:
         return Finding("inertia", title, (), "no recording in which a free hub slides for long enough")
-    said = []
-    if hub is not None and hub.believed:
-        said += _of_hub(hub.inertia if found is None else with_link(hub.inertia, found), found)
-    if whole is not None and whole.believed:
-        said.append(f"J = {shown(whole.inertia, 'kg m^2')} of the whole rig by its angular momentum.")
-        said.append(agreement(whole.inertia, total, ("It", "that of the joint estimate")))
-    elif said and whole is not None:
-        said.append(
-            "The total inertia, and the payload by it, are missing: its balance explains "
-            f"{100 * whole.determination:.0f} % of how the hub turns, other laws act on it."
+    sentences = []
+    if hub is not None and hub.accepted:
+        sentences += _hub_inertia(
+            hub.inertia if joint is None else with_link_uncertainty(hub.inertia, joint), joint
         )
-    elif said:
-        said.append(
-            "The total inertia, and the payload by it, are missing: no recordings with two strain gauges in which the "
-            "hub slides on often enough, one slew there and one back in each of six, say."
+    if momentum is not None and momentum.accepted:
+        sentences.append(
+            f"J = {format_estimate(momentum.inertia, 'kg m^2')} of the whole rig by its angular momentum."
         )
+        sentences.append(agreement(momentum.inertia, total, ("It", "that of the joint estimate")))
+    elif sentences:
+        sentences.append(_missing_total_inertia(momentum))
     if tip_mass is not None:
-        said.append(
-            f"Payload {shown(tip_mass, 'kg')} by (J - J0 - rho l^3/3 - J_p)/l^2, the link and J_p as declared."
-        )
-        if found is not None and "tip_mass" in found.names:
-            said.append(agreement(tip_mass, found.estimate("tip_mass"), ("It", "the joint estimate")))
-    if not said:
-        return Finding(
-            "inertia", title, (), "the balance explains too little of the hub's torque: other laws act on it"
-        )
-    return Finding("inertia", title, tuple(said))
+        sentences += _tip_mass(tip_mass, joint)
+    if not sentences:
+        missing = "the balance explains too little of the hub's torque: the model lacks torques on the hub"
+        return Finding("inertia", title, (), missing)
+    return Finding("inertia", title, tuple(sentences))
 
 
-def _of_hub(inertia: Estimate, found: Joint | None) -> list[str]:
-    if not inertia.told:
+def _hub_inertia(inertia: Estimate, joint: JointEstimate | None) -> list[str]:
+    if not inertia.informative:
         share = 100 * inertia.standard_error / abs(inertia.value)
-        return [f"The hub's torque balance does not tell J0: its standard error is {share:.0f} % of it."]
-    said = [f"J0 = {shown(inertia, 'kg m^2')} by the hub's torque balance."]
-    if found is not None and "hub_inertia" in found.names:
-        said.append(agreement(inertia, found.estimate("hub_inertia"), ("It", "the joint estimate")))
-    return said
+        return [
+            f"The hub's torque balance does not determine J0: its standard error is {share:.0f} % of its value."
+        ]
+    sentences = [f"J0 = {format_estimate(inertia, 'kg m^2')} by the hub's torque balance."]
+    if joint is not None and "hub_inertia" in joint.names:
+        sentences.append(agreement(inertia, joint.estimate("hub_inertia"), ("It", "the joint estimate")))
+    return sentences
+
+
+def _missing_total_inertia(momentum: MomentumBalance | None) -> str:
+    head = "The total inertia, and the payload by it, are missing: "
+    if momentum is not None:
+        return (
+            f"{head}its balance explains {100 * momentum.determination:.0f} % of the hub's motion, the model lacks "
+            "torques on the hub."
+        )
+    return (
+        f"{head}no recordings with two strain gauges in which the hub slides without a stop often enough, "
+        "one slew there and one back in each of six, say."
+    )
+
+
+def _tip_mass(tip_mass: Estimate, joint: JointEstimate | None) -> list[str]:
+    value = format_estimate(tip_mass, "kg")
+    sentences = [f"Payload {value} by (J - J0 - rho l^3/3 - J_p)/l^2, the link and J_p as declared."]
+    if joint is not None and "tip_mass" in joint.names:
+        sentences.append(agreement(tip_mass, joint.estimate("tip_mass"), ("It", "the joint estimate")))
+    return sentences
 
 
 def spectra(
-    found: Response | None, modes: Sequence[Mode], moved: Backbone | None, small: Estimate
+    response: Response | None, modes: Sequence[Mode], curve: Backbone | None, first: Estimate
 ) -> Finding:
-    """The frequency responses; `small` is the first frequency of small vibration by the joint estimate."""
+    """Returns the finding of the frequency responses.
+
+    Args:
+      response: of the link to the torque.
+      modes: resonances with a free hub.
+      curve: backbone of the first resonance.
+      first: first frequency of small vibration by the joint estimate [Hz].
+    """
     title = "Spectra of torque sweeps"
-    if found is None:
+    if response is None:
         return Finding("spectra", title, (), "no recording from rest whose torque excites a broad band")
-    said = [f"{found.channel} over torque, from {', '.join(found.recordings)}."]
-    if found.by_reference:
-        said.append(
-            "The loop was closed: the response is by the reference as instrument, because noise that the controller "
-            "feeds back is in the torque, and in H1, H2 and Hv."
+    sentences = [f"{response.channel} over torque, from {', '.join(response.recordings)}."]
+    if response.by_reference:
+        sentences.append(
+            "The loop was closed: the response is by the reference as instrumental variable, because noise that the "
+            "controller feeds back is in the torque, and in H1, H2 and Hv."
         )
-    for mode in modes:
-        damping = f", damping ratio {shown(mode.damping_ratio)}" if mode.damping_ratio else ""
-        what = "a bending mode of this rig" if mode.kind == "bending" else "no bending mode of this rig"
-        said.append(f"{shown(mode.frequency, 'Hz')}{damping}: {what}.")
-    firsts = [
-        m.frequency
-        for m in modes
-        if m.kind == "bending" and abs(m.frequency.value / small.value - 1) < SOFTER
-    ]
-    if firsts and small.told and disagreement(firsts[0], small) > _APART:
-        said.append(
-            f"By the joint estimate the first mode has {shown(small, 'Hz')} in small vibration: friction of the hub "
-            "and large bends move the peak of a sweep."
-        )
-    if moved is None:
-        said.append(
-            f"How the resonance moves with amplitude: fewer than {LEAST_SWEEPS} recordings show it by themselves."
+    sentences += [_mode(mode) for mode in modes]
+    sentences += _shifted_first_mode(modes, first)
+    if curve is None:
+        sentences.append(
+            f"How the resonance depends on amplitude: fewer than {MIN_SWEEPS} recordings show it by themselves."
         )
     else:
-        said += _backbone(moved)
-    return Finding("spectra", title, tuple(said))
+        sentences += _backbone(curve)
+    return Finding("spectra", title, tuple(sentences))
 
 
-def _backbone(found: Backbone) -> list[str]:
-    word = "moves" if found.moves else "does not move visibly"
-    said = [
-        f"The first resonance {word} with amplitude: {shown(found.small, 'Hz')} for small vibration, "
-        f"{_percent(found.slope)} at the largest."
+def _mode(mode: Mode) -> str:
+    damping = f", damping ratio {format_estimate(mode.damping_ratio)}" if mode.damping_ratio else ""
+    kind = "a bending mode of this rig" if mode.kind == "bending" else "no bending mode of this rig"
+    return f"{format_estimate(mode.frequency, 'Hz')}{damping}: {kind}."
+
+
+def _shifted_first_mode(modes: Sequence[Mode], first: Estimate) -> list[str]:
+    """A sentence where the first peak of a sweep is not at the frequency of small vibration."""
+    near = [
+        m.frequency
+        for m in modes
+        if m.kind == "bending" and abs(m.frequency.value / first.value - 1) < SOFTENING_TOLERANCE
     ]
-    if found.simulated is None or found.beyond is None:
+    if not (near and first.informative and normalised_difference(near[0], first) > DISAGREEMENT):
+        return []
+    return [
+        f"By the joint estimate the first mode has {format_estimate(first, 'Hz')} in small vibration: hub friction and "
+        "large bends shift the peak of a sweep."
+    ]
+
+
+def _backbone(curve: Backbone) -> list[str]:
+    word = "shifts" if curve.depends_on_amplitude else "does not shift significantly"
+    head = (
+        f"The first resonance {word} with amplitude: {format_estimate(curve.small_amplitude, 'Hz')} "
+        f"for small vibration, {_percent(curve.slope)} at the largest."
+    )
+    if curve.simulated_slope is None or curve.residual_slope is None:
         return [
-            *said,
-            "Friction of the hub and large bends move it too, and no simulation of these sweeps shows by how much: "
-            "this is no softening of the link by itself.",
+            head,
+            "Hub friction and large bends shift it too, and no simulation of these sweeps shows by how much: "
+            "this alone is no evidence of a softening link.",
         ]
-    left = (
-        "a softening link, or what else the model lacks"
-        if found.softens
-        else "nothing is left for a softening link"
+    evidence = (
+        "evidence of a softening link, or of something else that the model lacks"
+        if curve.differs_from_model
+        else "no evidence of a softening link"
     )
-    said.append(
-        f"The identified model, without softening, moves by {100 * found.simulated:+.2f} % in the same sweeps, by the "
-        f"friction of its hub and large bends; measured over simulated by {_percent(found.beyond)}: {left}."
-    )
-    return said
+    return [
+        head,
+        f"The identified model, without softening, shifts by {100 * curve.simulated_slope:+.2f} % in the same sweeps, "
+        f"by hub friction and large bends; measured over simulated by {_percent(curve.residual_slope)}: {evidence}.",
+    ]
 
 
 def _percent(change: Estimate) -> str:
@@ -338,126 +373,41 @@ def _percent(change: Estimate) -> str:
     return f"{100 * change.value:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
 
 
-def compared(found: Comparison) -> Finding:
-    """The peaks beside those of another campaign of the rig."""
-    title = f"Peaks beside those of {found.campaign}"
-    if found.missing is not None or not (found.peaks or found.appeared):
-        return Finding(
-            "against", title, (), found.missing or f"no peak in a band that {found.campaign} excites"
-        )
+def campaigns_compared(comparison: Comparison) -> Finding:
+    """Returns the finding on the peaks of two campaigns of the rig."""
+    title = f"Peaks beside those of {comparison.campaign}"
+    if comparison.missing is not None or not (comparison.peaks or comparison.appeared):
+        missing = comparison.missing or f"no peak in a band that {comparison.campaign} excites"
+        return Finding("against", title, (), missing)
     changed = [
-        f"{name} {here:.4g} here and {there:.4g} there" for name, (here, there) in found.changed.items()
+        f"{name} {here:.4g} here and {there:.4g} there" for name, (here, there) in comparison.changed.items()
     ]
     rigs = (
         f"Declared: {', '.join(changed)}."
         if changed
-        else "The two declare one rig, so that bending modes stay where they are."
+        else "The two declare one rig, so that bending modes do not shift."
     )
-    said = [_paired(peak) for peak in found.peaks]
-    said += [_appeared(peak, found.campaign) for peak in found.appeared]
-    return Finding("against", title, (rigs, *said))
+    sentences = [_paired_peak(peak) for peak in comparison.peaks]
+    sentences += [_unpaired_peak(peak, comparison.campaign) for peak in comparison.appeared]
+    return Finding("against", title, (rigs, *sentences))
 
 
-def _paired(peak: PairedPeak) -> str:
+def _paired_peak(peak: PairedPeak) -> str:
     expected = 100 * (peak.bending_hz / peak.frequency_hz - 1)
-    rule = f"a bending mode would by {expected:+.1f} %"
     if peak.other_hz is None:
-        left = f"{100 * peak.height:.0f} % of its height is left"
-        if peak.gone:
-            return f"{peak.frequency_hz:.4g} Hz is gone ({left}): no bending mode of the link."
-        return f"{peak.frequency_hz:.4g} Hz is no clear peak there, but {left}: its kind stays open."
-    moved = 100 * (peak.other_hz / peak.frequency_hz - 1)
-    what = "a bending mode" if peak.kind == "bending" else "no bending mode"
-    return f"{peak.frequency_hz:.4g} Hz moves by {moved:+.1f} %, {rule}: {what}."
+        rest = f"{100 * peak.height:.0f} % of its height is left"
+        if peak.vanished:
+            return f"{peak.frequency_hz:.4g} Hz is gone ({rest}): no bending mode of the link."
+        return f"{peak.frequency_hz:.4g} Hz is no clear peak there, but {rest}: its kind is undetermined."
+    shift = 100 * (peak.other_hz / peak.frequency_hz - 1)
+    kind = "a bending mode" if peak.kind == "bending" else "no bending mode"
+    return f"{peak.frequency_hz:.4g} Hz shifts by {shift:+.1f} %, a bending mode would by {expected:+.1f} %: {kind}."
 
 
-def _appeared(peak: PairedPeak, campaign: str) -> str:
+def _unpaired_peak(peak: PairedPeak, campaign: str) -> str:
     where = f"{peak.frequency_hz:.4g} Hz is a clear peak in {campaign} only"
     if peak.kind == "bending":
         return f"{where}, where this rig has a bending mode."
-    if peak.gone:
+    if peak.vanished:
         return f"{where}: no bending mode of the link."
-    return f"{where}, but {100 * peak.height:.0f} % of its height is here too: its kind stays open."
-
-
-def joint(
-    found: Joint, figures: Mapping[str, tuple[Estimate, str]], predicted: Sequence[HeldOutError]
-) -> Finding:
-    """The joint estimate: what moves together, what follows from it, how it was checked, and what it predicts."""
-    count = len(found.recordings)
-    said = [
-        f"{len(found.names)} parameters from {count} recording{'s' if count > 1 else ''}, "
-        "each with its declared uncertainty as prior."
-    ]
-    for a, b, r in found.tied()[:5]:
-        way = "together" if r > 0 else "against each other"
-        power, error = found.combination(a, b)
-        alone = [100 * e.standard_error / abs(e.value) for e in (found.estimate(a), found.estimate(b))]
-        said.append(
-            f"{a} and {b} move {way} (correlation {r:.3f}): {a} times {b} to the power {power:.2g} is known to "
-            f"{100 * error:.2g} %, each alone to {alone[0]:.2g} and {alone[1]:.2g} %."
-        )
-    for what, (value, unit) in figures.items():
-        if value.told:
-            comma = "," if "," in what else ""
-            said.append(f"Together they give {what}{comma} of {shown(value, unit)}.")
-        else:
-            said.append(f"Together they do not tell {what}.")
-    said += [
-        f"{name} stands at the end of its range: what was declared of it is wrong, or the model lacks something."
-        for name in found.at_an_end()
-    ]
-    said += [
-        f"Without {recording} {name} moves by {distance:.3g} standard errors of the move: the recordings contradict "
-        "each other, which the model does not explain."
-        for recording, name, distance in found.odd[:_ODD_SHOWN]
-    ]
-    if count == 1:
-        said.append("There is no other recording that it could be checked against.")
-    elif not found.odd:
-        said.append("No recording moves the estimate by more than chance when it is left out.")
-    said += [
-        f"The likelihood is not elliptic in {name}: the 95 % interval, by its profile, is {low:.5g} to {high:.5g}"
-        f"{_open(found.open_ends(name))}."
-        for name, (low, high) in found.intervals.items()
-    ]
-    rest = [name for name in found.not_elliptic() if name not in found.intervals]
-    if rest:
-        said.append(
-            f"The likelihood is not elliptic in {', '.join(rest)}, but where recordings contradict each other "
-            "its profile tells no interval: theirs are those of the covariance."
-        )
-    elif not found.intervals:
-        said.append(
-            "Two standard errors away the likelihood is what the covariance says, in every parameter."
-        )
-    return Finding("joint", "Joint estimate", (*said, *_of_held_out(predicted)))
-
-
-def _of_held_out(errors: Sequence[HeldOutError]) -> list[str]:
-    """How far the identified rig is off recordings that were held out, at worst."""
-    hub = max(
-        (e for e in errors if e.channel == "hub_angle"), key=lambda e: e.windowed / e.noise, default=None
-    )
-    steps = [(e.by_steps / e.noise, e) for e in errors if e.by_steps is not None]
-    link = max(steps, key=lambda pair: pair[0], default=None)
-    parts = []
-    if hub is not None:
-        parts.append(f"{hub.windowed / hub.noise:.2g} noise levels of hub_angle in windows ({hub.recording})")
-    if link is not None:
-        parts.append(f"{link[0]:.2g} of {link[1].channel} by steps ({link[1].recording})")
-    if not parts:
-        return []
-    return [
-        f"Held-out recordings are predicted to {' and '.join(parts)} at worst. Noise alone is 1, by steps less: "
-        "well above it, sticking begins or ends at another instant, or the model lacks something that `twin diagnose` "
-        "looks for."
-    ]
-
-
-def _open(sides: Sequence[str]) -> str:
-    """What an interval says that ends where the range of its parameter does."""
-    if not sides:
-        return ""
-    ends = f"{' and '.join(sides)} end{'s are those' if len(sides) > 1 else ' is that'}"
-    return f", and its {ends} of the range looked at"
+    return f"{where}, but {100 * peak.height:.0f} % of its height is here too: its kind is undetermined."

@@ -1,11 +1,13 @@
-"""How the identified rig predicts recordings that were held out, beside the declared one.
+"""Prediction errors of the declared and the identified rig on held-out recordings.
 
-Free-running from the first samples and the command alone, a stick more or less decides the rest of a run; following,
-the hub is held and released when the measured one rests and moves, so that the errors are those of link and slides.
-In windows, only what the hub's error changes by within a quarter of a second counts. By steps, the measured hub moves
-the link at every instant and nothing adds up: what is left is in the link, the gauges or the torque of that instant.
+Four simulations with growing use of the measurement:
 
-A rig that was already moving at the first sample starts in the state that its first second tells.
+- free-running: from the first samples and the command alone; one different stick changes the rest of the run.
+- following: the hub is held and released when the measured one rests and moves; errors are those of link and sliding.
+- windowed: as following, but of the hub's error only its change within a quarter of a second counts.
+- by steps: the measured hub drives the link, so that errors do not accumulate; they are of link, gauges or torque.
+
+A rig that is in motion at the first sample starts in a state that is estimated from its first second.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from twin.estimation.calibrate import made_ready, noise_levels
 from twin.estimation.minimise import minimise
 from twin.estimation.unknowns import start_unknowns
 from twin.estimation.workbench import Workbench, whitened
-from twin.identification.joint import Joint
+from twin.identification.joint import JointEstimate
 from twin.mechanics.state import Start
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
@@ -36,16 +38,16 @@ from twin.rigs.simulate import simulate
 
 @dataclass(frozen=True)
 class HeldOutError:
-    """Root-mean-square of measured minus simulated over one held-out recording, SI units.
+    """Root-mean-square of measured minus simulated over one channel of a held-out recording, SI units.
 
     Attributes:
-      recording, channel, unit: of what.
-      noise: standard deviation of the sensor.
-      declared, identified: free-running.
-      following: of the identified rig, resting and moving as the measured hub did.
-      windowed: as following, of the hub only what the error changes by within `fit.MEMORY`.
-      by_steps: of the identified link under the measured hub; None for the hub itself.
-      start: "rest", or "estimated" from the first second of a rig that was already moving.
+      recording, channel, unit: what is predicted.
+      noise: standard deviation of the sensor noise.
+      declared, identified: free-running, with the declared and the identified rig.
+      following: identified rig, its hub at rest and in motion when the measured one is.
+      windowed: as following; of the hub angle only the change of the error within `workbench.MEMORY`.
+      by_steps: identified link driven by the measured hub; None for the hub itself.
+      start: "rest", or "estimated" for a rig that is in motion at the first sample.
     """
 
     recording: str
@@ -60,26 +62,34 @@ class HeldOutError:
     start: Literal["rest", "estimated"] = "rest"
 
 
-def errors(
-    campaign: Campaign, found: Joint, rig: Rig, pool: ThreadPoolExecutor
+def held_out_errors(
+    campaign: Campaign, joint: JointEstimate, rig: Rig, pool: ThreadPoolExecutor
 ) -> tuple[tuple[HeldOutError, ...], list[str]]:
-    """Errors on every held-out recording, and what they leave out; `rig` is the identified one."""
+    """Returns the errors on every held-out recording, and notes on data that were left out.
+
+    Args:
+      campaign: with held-out recordings and the declared rig.
+      joint: joint estimate with model and clock.
+      rig: as identified.
+      pool: threads for the simulations.
+    """
     noise = noise_levels(campaign)
-    models = [found.fit.model.replace(declared=r) for r in (campaign.rig, rig)]
+    models = [joint.fit.model.replace(declared=r) for r in (campaign.rig, rig)]
     rows: list[HeldOutError] = []
     notes: list[str] = []
     for recording in campaign.holdout():
-        prepared, left_out = made_ready(recording, campaign.sensors, found.clock, noise)
+        prepared, left_out = made_ready(recording, campaign.sensors, joint.clock, noise)
         notes += left_out
         if prepared.channels:
             starts = [first_state.first_state(m, prepared, pool) for m in models]
-            rows += _rows(prepared, [with_fine_chain(m) for m in models], starts, pool)
+            rows += _errors_of_recording(prepared, [with_fine_chain(m) for m in models], starts, pool)
     return tuple(rows), notes
 
 
-def _rows(
+def _errors_of_recording(
     prepared: Prepared, models: Sequence[Model], starts: Sequence[Start], pool: ThreadPoolExecutor
 ) -> list[HeldOutError]:
+    """Errors of each channel of one recording, with the declared and the identified model and their initial states."""
     recording, (declared, identified), (before, start) = prepared.recording, models, starts
     guide = guided(identified, prepared, tight=False)
     runs = [
@@ -88,7 +98,7 @@ def _rows(
         simulate(identified, recording, start, guide),
     ]
     windows = whitened(identified, prepared, start)
-    steps = _by_steps(prepared, identified, start, pool)
+    steps = _driven_link_errors(prepared, identified, start, pool)
     known_from: Literal["rest", "estimated"] = "estimated" if recording.start == "unknown" else "rest"
     rows = []
     for channel in prepared.channels:
@@ -105,17 +115,19 @@ def _rows(
     return rows
 
 
-def _by_steps(prepared: Prepared, model: Model, start: Start, pool: ThreadPoolExecutor) -> dict[str, float]:
-    """Channel of the link -> its error under the measured hub, behind the low-pass of `twin.residuals.data`."""
+def _driven_link_errors(
+    prepared: Prepared, model: Model, start: Start, pool: ThreadPoolExecutor
+) -> dict[str, float]:
+    """Channel of the link -> RMS error with the hub driven as measured, after the low-pass of `twin.residuals.data`."""
     data = DrivenData([prepared], model)
     view = data.views[0]
     if prepared.recording.start == "unknown" and data.groups:
-        # Under a measured hub the link rings on for long: its first state is that of all the recording.
+        # The driven link oscillates for long: its initial state is fitted to the whole recording.
         bench = Workbench(data, pool)
         start = minimise(bench, model, [start], start_unknowns([prepared]), iterations=6).starts[0]
-    found = residual.missing(view, prepared, model, start)
+    missing = residual.missing(view, prepared, model, start)
     of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
-    return {g.channel: _rms(found[g.channel][data.weight[g.rows] > 0]) for g in of_link}
+    return {g.channel: _rms(missing[g.channel][data.weight[g.rows] > 0]) for g in of_link}
 
 
 def _rms(values: np.ndarray) -> float:

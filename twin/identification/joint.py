@@ -1,10 +1,10 @@
-"""One estimate of all declared parameters from all fit recordings: the calibration of the diagnosis, taken further.
+"""Joint estimate of all declared parameters from all fit recordings.
 
-The calibration starts a last fit in the limit of a fine chain; what the last power of the extrapolation came to counts
-as error. The covariance is that of the residuals as they are (`scatter`), which is neither what the weights take them
-for nor more. The errors are checked: each recording is left out in turn, and those that contradict the others are
-named; where recordings disagree by more than their noise, the errors grow (`disagreement`). Where the likelihood is no
-ellipse, intervals are by its profile.
+The calibration of a diagnosis starts a last maximum-a-posteriori fit in the limit of a fine chain; the remaining
+discretisation error counts as error. The covariance is the sandwich covariance of the coloured residuals (`sandwich`).
+Each recording is left out in turn, and recordings that contradict the others are named; where recordings disagree by
+more than their noise, the errors grow (`jackknife`). Where the log-likelihood is not quadratic, intervals are those of
+the profile likelihood.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from twin.estimation.sandwich import Evidence
 from twin.estimation.slopes import costs_at, normal_equations, row_weights
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
-from twin.identification.estimates import TWO_SIDED_95, Estimate, positive
+from twin.identification.estimates import TWO_SIDED_95, Estimate, positive_estimate
 from twin.identification.likelihood_profile import Profile
 from twin.parameters import Rig, relative_uncertainty
 from twin.progress import Progress
@@ -36,33 +36,34 @@ from twin.residuals.filters import MOTION_BANDS
 from twin.residuals.prepared import Prepared
 
 BANDS = (100.0, *MOTION_BANDS)
-"""Corners of the low-pass on the motion of the hub [Hz]: an identification follows its harmonics further up."""
-_ITERATIONS = 4
-_CONTRADICTED = 4.0  # times as much variance as the noise makes, from which recordings contradict each other
-_CHANCE = 0.01  # probability that no recording disagrees as much with the others as one is allowed to
-_TIED = 0.9  # correlation from which two parameters are said to move together
-_END = 1e-6  # share of a range up to which a value stands at its end
-_ELLIPTIC = (0.25, 4.0)  # rise of the cost two standard errors away, over that of an ellipse
+"""Corners of the low-pass on the hub motion [Hz]; 100 Hz beside those of a diagnosis keeps more of its harmonics."""
+_ITERATIONS = 4  # of the fit before the last one
+_MAX_VARIANCE_RATIO = 4.0  # variance over that by noise above which recordings contradict each other [1]
+_FALSE_ALARM_RATE = 0.01  # probability that noise alone makes a recording contradict the others [1]
+_MIN_CORRELATION = 0.9  # correlation from which a pair of parameters is reported [1]
+_BOUND_TOLERANCE = 1e-6  # share of its range within which a value is at a bound [1]
+_QUADRATIC_RANGE = (0.25, 4.0)
+"""Rise of the cost at two standard errors over that of the quadratic approximation [1], within which it holds."""
 
 
 @dataclass(frozen=True)
-class Joint:
-    """The joint estimate.
+class JointEstimate:
+    """Joint estimate of p parameters.
 
     Attributes:
       fit: the last fit.
-      readings: the fit recordings, without readings that are no measurements.
-      bench: what it was fitted on.
+      readings: the fit recordings, without defective readings.
+      bench: data that the fit was made on.
       clock: when commands act.
-      names: (p) parameters that were free: those of the rig, and effect.parameter of the effects that it is known to
-        have.
-      values: (p) estimate.
+      names: (p) estimated parameters: of the rig, and effect.parameter of declared effects.
+      values: (p) estimates, SI.
       covariance: (p x p).
-      recordings: that were fitted.
-      odd: (recording, parameter, distance) of estimates that move by more than chance without that recording, in
-        standard errors of the move.
-      rises: (p x 2) cost two standard errors below and above, over what an ellipse would have, others giving way.
-      intervals: parameter -> 95 % interval by the profile of the likelihood, where that is no ellipse.
+      recordings: names of the fit recordings.
+      contradictions: (recording, parameter, distance) wherever the estimate moves by more than chance if a recording is
+        left out; the distance is in standard errors of the move.
+      cost_rise_ratios: (p x 2) rise of the cost at two standard errors below and above, over that of the quadratic
+        approximation, the other parameters moved along.
+      intervals: parameter -> 95 % interval by the profile likelihood, where the log-likelihood is not quadratic.
       notes: what was left out of the recordings or assumed of them.
     """
 
@@ -74,19 +75,19 @@ class Joint:
     values: np.ndarray
     covariance: np.ndarray
     recordings: tuple[str, ...]
-    odd: tuple[tuple[str, str, float], ...]
-    rises: np.ndarray
+    contradictions: tuple[tuple[str, str, float], ...]
+    cost_rise_ratios: np.ndarray
     intervals: Mapping[str, tuple[float, float]]
     notes: tuple[str, ...]
 
     @property
     def prepared(self) -> tuple[Prepared, ...]:
-        """The recordings, made ready."""
+        """The prepared recordings."""
         return self.bench.prepared
 
     @property
     def data(self) -> DrivenData:
-        """The recordings, the link driven by the measured hub angle."""
+        """The recordings, with the link driven by the measured hub angle."""
         assert isinstance(self.bench.data, DrivenData)
         return self.bench.data
 
@@ -97,214 +98,232 @@ class Joint:
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation matrix (p x p) of what the recordings and the declared uncertainty leave open."""
+        """Correlation matrix (p x p)."""
         return self.covariance / np.outer(self.errors, self.errors)
 
-    def tied(self) -> list[tuple[str, str, float]]:
-        """Pairs of parameters that move together, with their correlation, the closest first."""
+    def correlated_pairs(self) -> list[tuple[str, str, float]]:
+        """Pairs of parameters with a correlation above `_MIN_CORRELATION`, and their correlation, largest first."""
         r = self.correlation
         pairs = [
             (self.names[i], self.names[j], float(r[i, j]))
             for i in range(len(r))
             for j in range(i + 1, len(r))
         ]
-        return sorted((p for p in pairs if abs(p[2]) > _TIED), key=lambda p: -abs(p[2]))
+        return sorted((p for p in pairs if abs(p[2]) > _MIN_CORRELATION), key=lambda p: -abs(p[2]))
 
-    def at_an_end(self) -> list[str]:
-        """Parameters that stand where their declared uncertainty, taken far, ends."""
-        found = []
+    def at_bounds(self) -> list[str]:
+        """Parameters whose estimate is at a bound of their range."""
+        names = []
         for u, value in zip(self.fit.unknowns, self.fit.values, strict=True):
             low, high = u.bounds
-            if u.of_rig and min(value - low, high - value) < _END * (high - low):
-                found.append(u.full_name)
-        return found
+            if u.of_rig and min(value - low, high - value) < _BOUND_TOLERANCE * (high - low):
+                names.append(u.full_name)
+        return names
 
     def estimate(self, name: str) -> Estimate:
-        """A parameter with its interval: by its profile where there is one, and within the range looked at."""
+        """A parameter with its interval, by profile likelihood where there is one, cut off at the bounds."""
         k = self.names.index(name)
-        said = Estimate(float(self.values[k]), float(self.errors[k]), self.intervals.get(name))
+        whole = Estimate(float(self.values[k]), float(self.errors[k]), self.intervals.get(name))
         low, high = self.range_of(name)
-        first, last = said.interval
-        return (
-            said
-            if low <= first and last <= high
-            else replace(said, profile=(max(first, low), min(last, high)))
-        )
+        first, last = whole.interval
+        if low <= first and last <= high:
+            return whole
+        return replace(whole, profile=(max(first, low), min(last, high)))
 
     def range_of(self, name: str) -> tuple[float, float]:
-        """Values of a parameter that are looked at."""
+        """Bounds of a parameter in the fit."""
         unknown = next(u for u in self.fit.unknowns if u.of_rig and u.full_name == name)
-        return _turned(unknown, *unknown.bounds)
+        return _to_parameter_interval(unknown, *unknown.bounds)
 
-    def not_elliptic(self) -> list[str]:
-        """Parameters in which the likelihood two standard errors away is not that of an ellipse."""
-        low, high = _ELLIPTIC
+    def non_quadratic(self) -> list[str]:
+        """Parameters in which the log-likelihood is not quadratic within two standard errors."""
+        low, high = _QUADRATIC_RANGE
         return [
             name
-            for name, rises in zip(self.names, self.rises, strict=True)
-            if name != "static_friction" and (rises.min() < low or rises.max() > high)
+            for name, ratios in zip(self.names, self.cost_rise_ratios, strict=True)
+            if name != "static_friction" and (ratios.min() < low or ratios.max() > high)
         ]
 
-    def open_ends(self, name: str) -> list[str]:
-        """Sides, "lower" and "upper", on which a profile's interval ends where the range does."""
+    def truncated_sides(self, name: str) -> list[str]:
+        """Sides, "lower" and "upper", on which the profile interval of a parameter ends at its bound."""
         low, high = self.range_of(name)
-        near = _END * (high - low)
+        near = _BOUND_TOLERANCE * (high - low)
         first, last = self.intervals[name]
         return [side for side, gap in (("lower", first - low), ("upper", high - last)) if gap < near]
 
-    def combination(self, a: str, b: str) -> tuple[float, float]:
-        """The power s with which a b^s is known best, and its relative standard error [1]."""
+    def best_known_product(self, a: str, b: str) -> tuple[float, float]:
+        """The power s for which a b^s has the least relative standard error, and that error [1]."""
         i, j = self.names.index(a), self.names.index(b)
         values = self.values[[i, j]]
         C = self.covariance[np.ix_([i, j], [i, j])] / np.outer(values, values)
         power = -float(C[0, 1] / C[1, 1])
         return power, float(np.sqrt(max(C[0, 0] - C[0, 1] ** 2 / C[1, 1], 0.0)))
 
-    def figure(self, of: Callable[[Mapping[str, float]], float], rig: Mapping[str, float]) -> Estimate:
-        """A positive figure of the rig at the estimate, with the covariance's error; `rig` has what is fixed."""
+    def derived_estimate(
+        self, quantity: Callable[[Mapping[str, float]], float], rig: Mapping[str, float]
+    ) -> Estimate:
+        """Returns a positive function of the rig's parameters with its error by linear propagation.
+
+        Args:
+          quantity: function of the parameters.
+          rig: values of the parameters that are not estimated.
+        """
         values = {**rig, **dict(zip(self.names, self.values, strict=True))}
-        here = of(values)
+        here = quantity(values)
         slopes = np.array(
             [
-                (of({**values, n: values[n] * 1.001}) - here) / (values[n] * 1e-3) if n in rig else 0.0
+                (quantity({**values, n: values[n] * 1.001}) - here) / (values[n] * 1e-3) if n in rig else 0.0
                 for n in self.names
             ]
         )
-        return positive(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
+        return positive_estimate(here, float(np.sqrt(slopes @ self.covariance @ slopes)))
 
 
-def with_link(inertia: Estimate, found: Joint) -> Estimate:
-    """J0 of the hub's balance, whose link is the identified one: as uncertain as the scale of that link's torque."""
-    stiffness = found.names.index("bending_stiffness")
-    scale = found.errors[stiffness] / found.values[stiffness]
+def with_link_uncertainty(inertia: Estimate, joint: JointEstimate) -> Estimate:
+    """J0 of the hub's balance with the error of the link's reaction, which scales with the bending stiffness."""
+    stiffness = joint.names.index("bending_stiffness")
+    scale = joint.errors[stiffness] / joint.values[stiffness]
     return Estimate(inertia.value, float(np.hypot(inertia.standard_error, inertia.value * scale)))
 
 
-def estimate(
-    campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, told: Mapping[str, float]
-) -> Joint:
-    """Fits all declared parameters within their uncertainty, and checks the errors.
+def joint_estimate(
+    campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, initial: Mapping[str, float]
+) -> JointEstimate:
+    """Fits all declared parameters with their uncertainty as prior, and checks the errors.
 
     Args:
       campaign: the recordings.
       pool: threads for the simulations.
-      progress: told of every stage.
-      told: parameter -> value by a procedure of its own, from which the fit starts.
+      progress: called with a text at every stage.
+      initial: parameter -> value from which the fit starts; the others start as declared.
     """
-    start = calibrate(campaign, pool, progress, told)
+    calibration = calibrate(campaign, pool, progress, initial)
     progress("fitting in the limit of a fine chain")
-    bench = Workbench(DrivenData(start.prepared, start.base.model, BANDS), pool)
-    bench, base, left = _in_the_limit(bench, start.base)
+    bench = Workbench(DrivenData(calibration.prepared, calibration.base.model, BANDS), pool)
+    bench, base, chain_error = _fit_in_chain_limit(bench, calibration.base)
     progress("leaving recordings out")
-    said = sandwich.evidence(bench, base)
+    evidence = sandwich.evidence(bench, base)
+    distances = evidence.distances()
+    other = evidence.by_declaration + np.outer(chain_error, chain_error)
+    covariance = jackknife.widened(evidence.by_noise, other, *evidence.influences(), jackknife.most(base))
+    progress("evaluating the profile likelihood")
+    errors = np.sqrt(np.diag(covariance))
+    ratios = _cost_rise_ratios(bench, base, errors)
+    intervals = _profile_intervals(bench, base, errors, evidence, ratios)
+    # First states and the clock are nuisance parameters: they are left out.
+    own = [i for i, u in enumerate(base.unknowns) if u.of_rig]
+    names = tuple(base.unknowns[i].full_name for i in own)
+    # Derivative of a parameter by its unknown: a stiffness that may be infinite is fitted as its inverse.
+    slopes = np.array([-1 / base.values[i] ** 2 if base.unknowns[i].inverse else 1.0 for i in own])
     recordings = tuple(p.recording.name for p in bench.prepared)
-    distances = said.distances()
-    rest = said.by_declaration + np.outer(left, left)
-    full = jackknife.widened(said.by_noise, rest, *said.influences(), jackknife.most(base))
-    progress("looking along the likelihood")
-    errors = np.sqrt(np.diag(full))
-    rises = _rises(bench, base, errors)
-    intervals = _profiles(bench, base, errors, said, rises)
-    mine = [i for i, u in enumerate(base.unknowns) if u.of_rig]
-    names = tuple(base.unknowns[i].full_name for i in mine)
-    # Of a stiffness that may be infinite, a fit moves one over it.
-    turns = np.array([-1 / base.values[i] ** 2 if base.unknowns[i].inverse else 1.0 for i in mine])
-    return Joint(
+    return JointEstimate(
         base,
-        start.readings,
+        calibration.readings,
         bench,
-        start.clock,
+        calibration.clock,
         names,
-        np.array([base.unknowns[i].turned(float(base.values[i])) for i in mine]),
-        full[np.ix_(mine, mine)] * np.outer(turns, turns),
+        np.array([base.unknowns[i].turned(float(base.values[i])) for i in own]),
+        covariance[np.ix_(own, own)] * np.outer(slopes, slopes),
         recordings,
-        _odd(recordings, names, distances[:, mine]),
-        rises[mine],
+        _contradictions(recordings, names, distances[:, own]),
+        ratios[own],
         {
-            n: _turned(base.unknowns[i], *intervals[i])
-            for i, n in zip(mine, names, strict=True)
+            n: _to_parameter_interval(base.unknowns[i], *intervals[i])
+            for i, n in zip(own, names, strict=True)
             if i in intervals
         },
-        (*start.notes, *late_command_notes(base)),
+        (*calibration.notes, *late_command_notes(base)),
     )
 
 
-def _turned(unknown: Unknown, *ends: float) -> tuple[float, float]:
+def _to_parameter_interval(unknown: Unknown, *ends: float) -> tuple[float, float]:
+    """Ends of an interval of an unknown as an interval of its parameter, in order."""
     low, high = sorted(unknown.turned(end) for end in ends)
     return low, high
 
 
 def prior_deviation(rig: Rig, name: str) -> float:
-    """Standard deviation of a declared parameter; 0 where it is exact."""
+    """Standard deviation of a declared parameter, SI; 0 where it is exact."""
     return relative_uncertainty(rig.parameters[name]) * abs(rig[name])
 
 
-def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np.ndarray]:
-    """The data without the chain's own error, the fit to them, and what (p) the values may still be off by that error.
+def _fit_in_chain_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np.ndarray]:
+    """Returns the data corrected for the chain's discretisation error, the fit to them, and the remaining error (p).
 
-    The error is determined where the fit starts, and once more, with one chain more, where it stands.
+    The correction is computed where the fit starts, and once more, with one chain more, where it ends. The remaining
+    error is the change of the estimate by the last order of the extrapolation.
     """
     kept = refine.seen(base)
     unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
     bench, _ = chain_limit.corrected(bench, base.model, base.starts, chain_limit.QUICK)
-    found = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
-    bench, change = chain_limit.corrected(bench, found.model, found.starts, chain_limit.CLOSE)
-    found = refine.refined(bench, found)
-    information, _ = normal_equations(bench, found)
-    pull = found.jacobian.T @ (row_weights(bench, found.residual) * change)
-    return bench, found, -np.linalg.pinv(information, hermitian=True) @ pull
+    fit = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
+    bench, change = chain_limit.corrected(bench, fit.model, fit.starts, chain_limit.CLOSE)
+    fit = refine.refined(bench, fit)
+    information, _ = normal_equations(bench, fit)
+    gradient = fit.jacobian.T @ (row_weights(bench, fit.residual) * change)
+    return bench, fit, -np.linalg.pinv(information, hermitian=True) @ gradient
 
 
-def _allowed(distances: np.ndarray) -> float:
-    """The distance (k x p of them) that chance makes one exceed in so few cases."""
-    return float(norm.isf(_CHANCE / 2 / distances.size))
+def _distance_limit(distances: np.ndarray) -> float:
+    """Limit that normal distances (k x p) exceed anywhere with `_FALSE_ALARM_RATE`, by Bonferroni's correction."""
+    return float(norm.isf(_FALSE_ALARM_RATE / 2 / distances.size))
 
 
-def _odd(
+def _contradictions(
     recordings: tuple[str, ...], names: tuple[str, ...], distances: np.ndarray
 ) -> tuple[tuple[str, str, float], ...]:
-    """Recording, parameter and distance (k x p) wherever one disagrees with others, the farthest first."""
+    """Recording, parameter and distance wherever a distance (k x p) exceeds the limit, largest first."""
     if len(recordings) < 2:
         return ()
-    found = [
+    exceeded = [
         (recordings[i], names[k], float(abs(distances[i, k])))
-        for i, k in zip(*np.nonzero(np.abs(distances) > _allowed(distances)), strict=True)
+        for i, k in zip(*np.nonzero(np.abs(distances) > _distance_limit(distances)), strict=True)
     ]
-    return tuple(sorted(found, key=lambda f: -f[2]))
+    return tuple(sorted(exceeded, key=lambda f: -f[2]))
 
 
-def _profiles(
-    bench: Workbench, base: Fit, errors: np.ndarray, said: Evidence, rises: np.ndarray
+def _profile_intervals(
+    bench: Workbench, base: Fit, errors: np.ndarray, evidence: Evidence, rises: np.ndarray
 ) -> dict[int, tuple[float, float]]:
-    """Unknown -> 95 % interval by the profile, where the likelihood (p x 2 rises) is no ellipse within its range."""
-    low, high = _ELLIPTIC
-    ratios = errors**2 / np.diag(said.inverse)
-    half, ends = TWO_SIDED_95 * errors, np.array([u.bounds for u in base.unknowns])
-    cut = (base.values - half < ends[:, 0]) | (base.values + half > ends[:, 1])
-    # The static level is read at break-aways, not here.
-    mine = np.array([u.of_rig and u.name != "static_friction" for u in base.unknowns])
-    # Where recordings contradict each other their errors are not those of the likelihood, and no rise of it is theirs.
-    contradicted = errors**2 > _CONTRADICTED * np.diag(said.covariance)
-    odd = np.flatnonzero(mine & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))
-    inside = np.clip(np.column_stack([base.values - half, base.values + half]), ends[:, :1], ends[:, 1:])
-    found = {}
-    for k in odd:
+    """Returns unknown -> 95 % interval by profile likelihood, where the log-likelihood is not quadratic.
+
+    Args:
+      bench, base: the fit.
+      errors: (p) standard errors.
+      evidence: for the variance that the likelihood and the noise give.
+      rises: (p x 2) as `JointEstimate.cost_rise_ratios`.
+    """
+    low, high = _QUADRATIC_RANGE
+    ratios = errors**2 / np.diag(evidence.inverse)
+    half, bounds = TWO_SIDED_95 * errors, np.array([u.bounds for u in base.unknowns])
+    cut = (base.values - half < bounds[:, 0]) | (base.values + half > bounds[:, 1])
+    # The static friction is read at break-aways instead.
+    own = np.array([u.of_rig and u.name != "static_friction" for u in base.unknowns])
+    # Where recordings contradict each other, their errors are not those of the likelihood, and no profile gives them.
+    contradicted = errors**2 > _MAX_VARIANCE_RATIO * np.diag(evidence.covariance)
+    chosen = np.flatnonzero(own & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))
+    normal = np.clip(np.column_stack([base.values - half, base.values + half]), bounds[:, :1], bounds[:, 1:])
+    intervals = {}
+    for k in chosen:
         first, last = Profile(bench, base, int(k), float(errors[k]), float(ratios[k])).interval()
-        # Others that are not quite at their best make a profile too steep, never too flat.
-        found[int(k)] = min(first, float(inside[k, 0])), max(last, float(inside[k, 1]))
-    return found
+        # An incomplete minimisation over the others makes a profile too steep, never too flat.
+        intervals[int(k)] = min(first, float(normal[k, 0])), max(last, float(normal[k, 1]))
+    return intervals
 
 
-def _rises(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:
-    """Rise of the cost (p x 2) two standard errors (p) to either side, over that of an ellipse, others giving way."""
+def _cost_rise_ratios(bench: Workbench, base: Fit, errors: np.ndarray) -> np.ndarray:
+    """Rise of the cost (p x 2) at two standard errors (p) to either side over that of the quadratic approximation.
+
+    The other unknowns move along the regression line on the one that is moved.
+    """
     information, _ = normal_equations(bench, base)
     covariance = np.linalg.pinv(information, hermitian=True)
     low, high = np.array([u.bounds for u in base.unknowns]).T
     points, expected = [], []
     for k in range(len(base.values)):
         for side in (-2.0, 2.0):
-            away = side * errors[k] * covariance[:, k] / covariance[k, k]
-            points.append(np.clip(base.values + away, low, high))
+            move = side * errors[k] * covariance[:, k] / covariance[k, k]
+            points.append(np.clip(base.values + move, low, high))
             moved = points[-1] - base.values
             expected.append(0.5 * moved @ information @ moved)
     costs = costs_at(bench, base.model, base.starts, base.unknowns, points)

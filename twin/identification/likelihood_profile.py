@@ -1,8 +1,8 @@
-"""Intervals by the profile of the likelihood, for parameters in which it is no ellipse.
+"""Confidence intervals by the profile likelihood, for parameters in which the log-likelihood is not quadratic.
 
-A parameter is moved away from the estimate and the others are fitted again; the interval ends where the cost has risen
-by what a 95 % interval allows, 2 dl = 3.84. The likelihood takes the noise for simpler than it is, and says C for a
-variance that is V: the rise that is allowed is 3.84 V/C (R. E. Chandler and S. Bate, 2007).
+The parameter is moved away from the estimate and the others are fitted again; the interval ends where the cost has
+risen by 3.84/2, the 95 % quantile of chi-squared with one degree of freedom. The likelihood assumes a simpler noise
+than there is and gives a variance C where it is V: the rise is scaled by V/C (R. E. Chandler and S. Bate, 2007).
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from twin.estimation.unknowns import placed_both
 from twin.estimation.workbench import Workbench
 from twin.identification.estimates import TWO_SIDED_95
 
-_FARTHEST = 6.0  # standard errors up to which an end is looked for
-_STEPS = 2  # Gauss-Newton steps of the others at each point
-_CLOSE = 0.02  # standard errors
+_MAX_DISTANCE = 6.0  # standard errors within which the ends are searched
+_STEPS = 2  # Gauss-Newton steps of the other unknowns at each point
+_TOLERANCE = 0.02  # of the ends, in standard errors
 
 
 @dataclass(frozen=True)
 class Profile:
-    """The cost of a fit along one parameter.
+    """Profile of a fit's cost along one parameter.
 
     Attributes:
       bench, base: the fit.
       index: of the parameter among its unknowns.
       error: its standard error.
-      ratio: V/C, its variance over that of the likelihood.
+      ratio: V/C, its variance over that of the likelihood [1].
     """
 
     bench: Workbench
@@ -41,30 +41,31 @@ class Profile:
     ratio: float
 
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval; where the parameter's range ends before it does, that end."""
+        """Returns the 95 % interval, cut off at the bounds of the parameter."""
         low, high = (self._end(side) for side in (-1.0, 1.0))
         return low, high
 
     def _end(self, side: float) -> float:
+        """The lower (side -1) or upper (+1) end of the interval."""
         bounds = self.base.unknowns[self.index].bounds
         here = float(self.base.values[self.index])
         room = abs((bounds[1] if side > 0 else bounds[0]) - here) / self.error
-        reach = min(_FARTHEST, room)
+        reach = min(_MAX_DISTANCE, room)
 
-        def beyond(distance: float) -> float:
-            return self.distance(here + side * distance * self.error) - TWO_SIDED_95
+        def excess(distance: float) -> float:
+            return self.signed_root(here + side * distance * self.error) - TWO_SIDED_95
 
-        if reach <= 0 or beyond(reach) <= 0:
+        if reach <= 0 or excess(reach) <= 0:
             return here + side * reach * self.error
-        return here + side * self.error * float(brentq(beyond, 0.0, reach, xtol=_CLOSE))
+        return here + side * self.error * float(brentq(excess, 0.0, reach, xtol=_TOLERANCE))
 
-    def distance(self, value: float) -> float:
-        """Signed root of the rise of the cost at a value of the parameter, in standard errors of an ellipse."""
-        rise = self._least_cost(value) - self.base.cost
+    def signed_root(self, value: float) -> float:
+        """Root of twice the rise of the profiled cost over V/C: 1.96 at an end; negative where the cost falls."""
+        rise = self._profiled_cost(value) - self.base.cost
         return float(np.sign(rise) * np.sqrt(2 * abs(rise) / self.ratio))
 
-    def _least_cost(self, value: float) -> float:
-        """The cost with the parameter held, the others at their best."""
+    def _profiled_cost(self, value: float) -> float:
+        """Least cost with the parameter held at a value, over the other unknowns."""
         bench, base = self.bench, self.base
         information, _ = normal_equations(bench, base)
         free = np.arange(len(base.values)) != self.index
@@ -72,7 +73,7 @@ class Profile:
         low, high = np.array([u.bounds for u in base.unknowns]).T
         x = base.values.copy()
         x[self.index] = value
-        # On the ridge of the ellipse to begin with.
+        # Start at the conditional minimum of the quadratic approximation.
         x[free] -= inverse @ information[free, self.index] * (value - base.values[self.index])
         costs = []
         for step in range(_STEPS + 1):
@@ -80,6 +81,6 @@ class Profile:
             [r] = bench.residuals([(*placed_both(base.model, base.starts, base.unknowns, x), None)])
             costs.append(cost_of(bench, base.unknowns, x, r))
             if step < _STEPS:
-                _, pull = equations_at(bench, base.unknowns, x, r, base.jacobian)
-                x[free] -= inverse @ pull[free]
+                _, gradient = equations_at(bench, base.unknowns, x, r, base.jacobian)
+                x[free] -= inverse @ gradient[free]
         return min(costs)

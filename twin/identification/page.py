@@ -1,40 +1,76 @@
-"""An identification on one HTML page that needs no network."""
+"""An identification as one HTML page that needs no network."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
 from twin.identification import pictures
-from twin.identification.estimates import Finding
-from twin.identification.findings import shown
-from twin.identification.identify import Identification
+from twin.identification.procedures import Procedures
+from twin.identification.result import Identification
+from twin.identification.text import format_estimate
 from twin.report import pages
 
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
-def render(found: Identification) -> str:
+
+def render(result: Identification) -> str:
     """Returns the page."""
-    procedures = [(finding, _pictures(found, finding)) for finding in found.findings]
-    return pages.render("identification/page.html.j2", d=found, shown=shown, procedures=procedures)
+    sections = [(finding, _figures(result, finding.procedure)) for finding in result.findings]
+    return pages.render(
+        "identification/page.html.j2", d=result, format_estimate=format_estimate, sections=sections
+    )
 
 
-def _pictures(found: Identification, finding: Finding) -> list[str]:
+def _figures(result: Identification, procedure: str) -> list[str]:
     """The figures of one procedure as HTML."""
-    figures = {
-        "static": lambda: [pictures.load_line(found.load.line, found.load.column)] if found.load else [],
-        "decay": lambda: [pictures.decay(d) for d in found.decays],
-        "break-away": lambda: (
-            [pictures.break_aways(found.static_friction)] if found.static_friction.level else []
-        ),
-        "coulomb": lambda: [
-            *([pictures.friction(found.hub)] if found.hub else []),
-            *([pictures.friction_map(found.released)] if found.released else []),
-        ],
-        "spectra": lambda: [
-            *([pictures.response(found.spectrum)] if found.spectrum else []),
-            *([pictures.backbone(found.moved)] if found.moved else []),
-        ],
-        "against": lambda: (
-            [pictures.beside(found.compared)] if found.compared and found.compared.responses else []
-        ),
-        "joint": lambda: [pictures.correlation(found.joint)],
-    }
-    made = figures.get(finding.procedure, list)()
-    return [pages.figure_html(figure, f"{finding.procedure}-{k}") for k, figure in enumerate(made)]
+    make = FIGURES.get(procedure)
+    figures = [] if make is None else make(result.procedures)
+    return [pages.figure_html(figure, f"{procedure}-{k}") for k, figure in enumerate(figures)]
+
+
+def _static(r: Procedures) -> list[Figure]:
+    return [pictures.load_line(r.static_test.line, r.static_test.column)] if r.static_test else []
+
+
+def _decay(r: Procedures) -> list[Figure]:
+    return [pictures.decay(d) for d in r.decays]
+
+
+def _break_away(r: Procedures) -> list[Figure]:
+    return [pictures.break_aways(r.static_friction)] if r.static_friction.level else []
+
+
+def _coulomb(r: Procedures) -> list[Figure]:
+    return [
+        *([pictures.friction(r.hub_balance)] if r.hub_balance else []),
+        *([pictures.friction_map(r.friction_map)] if r.friction_map else []),
+    ]
+
+
+def _spectra(r: Procedures) -> list[Figure]:
+    return [
+        *([pictures.response(r.response)] if r.response else []),
+        *([pictures.backbone(r.backbone)] if r.backbone else []),
+    ]
+
+
+def _against(r: Procedures) -> list[Figure]:
+    return [pictures.compared_responses(r.comparison)] if r.comparison and r.comparison.responses else []
+
+
+def _joint(r: Procedures) -> list[Figure]:
+    return [pictures.correlation(r.joint)]
+
+
+FIGURES: Mapping[str, Callable[[Procedures], list[Figure]]] = {
+    "static": _static,
+    "decay": _decay,
+    "break-away": _break_away,
+    "coulomb": _coulomb,
+    "spectra": _spectra,
+    "against": _against,
+    "joint": _joint,
+}
+"""Name of a procedure -> its figures; a procedure without an entry has none."""

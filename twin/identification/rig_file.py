@@ -1,4 +1,4 @@
-"""The identified rig as a parameter file that every command reads with `--rig`."""
+"""The identified rig as a parameter file, which every command reads with `--rig`."""
 
 from __future__ import annotations
 
@@ -7,36 +7,37 @@ from dataclasses import replace
 
 from twin.correlations import of_covariance
 from twin.effects import REGISTRY
-from twin.identification.identify import Identification
+from twin.identification.result import Identification
 from twin.parameters import Parameter
 from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines
 
 FILE = "identified-rig.toml"
 
 
-def to_toml(found: Identification) -> str:
-    """Returns the identified rig as TOML, with standard errors that become its uncertainty when it is read."""
-    lines = header_lines(found.campaign, "as it was identified")
-    for parameter in found.rig.parameters.values():
-        lines += _parameter_lines(found, parameter)
-    for effect, values in found.joint.fit.model.effects.items():
-        known = {name: found.effects.get(f"{effect}.{name}") for name in values}
+def to_toml(result: Identification) -> str:
+    """Returns the identified rig as TOML, with standard errors that are its uncertainty when it is read."""
+    joint = result.procedures.joint
+    lines = header_lines(result.campaign, "as it was identified")
+    for parameter in result.rig.parameters.values():
+        lines += _parameter_lines(result, parameter)
+    for effect, values in joint.fit.model.effects.items():
+        known = {name: result.effects.get(f"{effect}.{name}") for name in values}
         errors = {name: p.standard_error for name, p in known.items() if p is not None}
         lines += effect_lines(
             effect, values, errors, REGISTRY[effect].units(values), "known, and identified with the rig"
         )
-    lines += of_covariance(found.joint.names, found.joint.covariance).lines()
+    lines += of_covariance(joint.names, joint.covariance).lines()
     return "\n".join(lines) + "\n"
 
 
-def _parameter_lines(found: Identification, parameter: Parameter) -> Iterator[str]:
-    identified = found.parameters.get(parameter.name)
+def _parameter_lines(result: Identification, parameter: Parameter) -> Iterator[str]:
+    identified = result.parameters.get(parameter.name)
     if identified is None:
         return parameter_lines(parameter)
-    why = found.not_determined.get(parameter.name)
-    told = "identified from" if why is None else "not determined by"
-    source = f"{told} the recordings of {found.campaign}; declared {identified.declared:.6g}"
+    reason = result.not_determined.get(parameter.name)
+    how = "identified from" if reason is None else "not determined by"
+    source = f"{how} the recordings of {result.campaign}; declared {identified.declared:.6g}"
     error = identified.standard_error
-    if why is not None:
-        source, error = f"{source}; {why}", max(error, identified.declared_error or 0.0)
+    if reason is not None:
+        source, error = f"{source}; {reason}", max(error, identified.declared_error or 0.0)
     return parameter_lines(replace(parameter, value=identified.value, source=source), error)

@@ -1,13 +1,13 @@
-"""Frequency responses of the link to the torque, and the modes in them.
+"""Frequency responses of the link to the motor torque, and the resonances in them.
 
-From cross- and power spectra of whole recordings, smoothed over a narrow band of frequencies: a recording that begins
-and ends at rest has no leakage, so none is windowed away, and a lightly damped peak stays as narrow as it is.
+Cross- and power spectra are those of whole recordings, averaged over a narrow band of frequencies. A recording that
+begins and ends at rest has no leakage, so no window in time is applied, and a lightly damped peak is not widened.
 
     H1 = Syu/Suu        H2 = Syy/Suy        coherence = |Suy|^2/(Suu Syy)
 
-H1 is right where noise is on the response only, H2 where it is on the torque only, Hv in between (J. S. Bendat and
-A. G. Piersol, Random Data). In a closed loop noise comes round to the torque: there the reference r is the
-instrument, H = Syr/Sur.
+H1 is unbiased by noise on the response, H2 by noise on the torque; Hv lies between (J. S. Bendat and A. G. Piersol,
+Random Data). In a closed loop the controller feeds noise of the response back to the torque: there the reference r is
+the instrumental variable, H = Syr/Sur.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import find_peaks
 
 from twin.identification.estimates import Estimate
@@ -25,30 +25,34 @@ from twin.recording import Recording
 
 SMOOTHING = 0.25
 """Half width of the band over which spectra are averaged [Hz]."""
-BROAD = 8.0
-"""Width of the band that a recording excites at least to count by itself [Hz]."""
-HIGHEST = 45.0  # Hz
-_COHERENT = 0.6  # coherence from which a response is believed
-_EXCITED = 1e-3  # share of the strongest torque spectrum above which a frequency is excited
+MIN_BANDWIDTH = 8.0
+"""Width of the band that a recording has to excite for a frequency response [Hz]."""
+HIGHEST = 45.0
+"""Highest frequency of a response [Hz]."""
+_MIN_COHERENCE = 0.6  # coherence from which a response is used [1]
+_MIN_EXCITATION = 1e-3
+"""Power spectrum of the torque over its maximum from which a frequency counts as excited [1]."""
 _CHANNELS = ("strain_base", "strain_mid", "tip_deflection")
-_SPAN = 0.15  # relative width of the band in which a peak is fitted, to either side
-_SURE = 0.04  # relative error of a frequency up to which a peak counts
-_LIGHT = (0.001, 0.25)  # damping ratios between which a peak is a mode
+"""Channels of a response in order of preference."""
+_FIT_BAND = 0.15  # half width of the band in which a peak is fitted, over its frequency [1]
+_MIN_POINTS = 12  # frequencies that a fit with six linear and two nonlinear unknowns needs
+_MAX_FREQUENCY_ERROR = 0.04  # largest relative standard error of the frequency of a peak [1]
+_DAMPING_RANGE = (0.001, 0.25)  # damping ratios of a resonance [1]; beyond it a peak is noise or no peak
 
 
 @dataclass(frozen=True)
 class Response:
-    """Frequency response of a channel to the torque.
+    """Frequency response of a channel to the torque at n frequencies.
 
     Attributes:
-      recordings: names.
+      recordings: their names.
       channel: of the response.
       frequency: (n) [Hz].
-      h1, h2, hv: (n) complex, units of the channel per N m; of a closed loop `h1` is by the reference.
-      coherence: (n) of response and torque [1]; of a closed loop the smaller of theirs with the reference.
-      known: (n) where the torque excites and the coherence is good.
-      resolution: distance of frequencies that are independent [Hz].
-      by_reference: whether the loop was closed and its reference the instrument.
+      h1, h2, hv: (n) complex, units of the channel per N m; in a closed loop `h1` is by the instrumental variable.
+      coherence: (n) of response and torque [1]; in a closed loop the smaller of their coherences with the reference.
+      known: (n) whether the torque excites the frequency and the coherence is sufficient.
+      resolution: distance of independent frequencies [Hz].
+      by_reference: whether the loop was closed, with the reference as instrumental variable.
     """
 
     recordings: tuple[str, ...]
@@ -64,40 +68,43 @@ class Response:
 
     @property
     def estimator(self) -> str:
-        """What `h1` is called."""
+        """Name of the estimator that `h1` holds."""
         return "by the reference" if self.by_reference else "H1"
 
 
 @dataclass(frozen=True)
 class Peak:
-    """A resonance: frequency [Hz] and damping ratio [1], fitted, and the response there, units of the response."""
+    """A resonance: fitted frequency [Hz] and damping ratio [1], and the largest |H| near it."""
 
     frequency: Estimate
     damping_ratio: Estimate
     height: float
 
 
-def response(
-    recordings: Sequence[Recording], channel: str | None = None, least: float = BROAD
+def frequency_response(
+    recordings: Sequence[Recording], channel: str | None = None, least: float = MIN_BANDWIDTH
 ) -> Response | None:
-    """The frequency response by all recordings that excite a broad band; None where there are none.
+    """Returns the frequency response by all recordings that excite a broad band; None without any.
+
+    Open-loop recordings are used if there are any, else closed-loop ones with a reference; both from rest, with a free
+    hub.
 
     Args:
-      recordings: those with a locked hub are left out; open and closed loops are not mixed: open ones come first.
-      channel: of the link; by default the first that all have.
+      recordings: candidates.
+      channel: of the response; None for the first of the link's channels that all have.
       least: width of the band that a recording has to excite [Hz].
     """
     free = [r for r in recordings if not r.clamped and r.start == "rest"]
     for loop in ("open", "closed"):
         chosen = [r for r in free if r.loop == loop and (loop == "open" or "hub_reference" in r)]
         names = [channel] if channel else [c for c in _CHANNELS if all(c in r for r in chosen)]
-        broad = [r for r in chosen if names and _excites(r, least)]
+        broad = [r for r in chosen if names and _is_broadband(r, least)]
         if broad:
             return _response(broad, names[0])
     return None
 
 
-def _excites(recording: Recording, least: float) -> bool:
+def _is_broadband(recording: Recording, least: float) -> bool:
     """Whether the torque has power over a broad band without a gap."""
     time, torque = _uniform(recording, "torque_command")
     if np.ptp(torque) == 0 or time[-1] - time[0] < 4:
@@ -105,12 +112,13 @@ def _excites(recording: Recording, least: float) -> bool:
     f = np.fft.rfftfreq(len(time), time[1] - time[0])
     power = _smooth(np.abs(np.fft.rfft(torque)) ** 2, f[1])
     inside = f < HIGHEST
-    # A few steps excite a broad band too, but hardly more than a line of it.
+    # A few steps of the torque excite a broad band too, but with most of the power in a narrow one.
     strong = power[inside] > 0.03 * power[inside].max()
     return float(strong.sum() * f[1]) > least
 
 
 def _response(recordings: Sequence[Recording], channel: str) -> Response:
+    """The response by the summed spectra of recordings that are all of open or all of closed loops."""
     period = max(r.period for r in recordings)
     size = int(2 ** math.ceil(math.log2(max(r.duration for r in recordings) / period)))
     f = np.fft.rfftfreq(size, period)
@@ -130,13 +138,13 @@ def _response(recordings: Sequence[Recording], channel: str) -> Response:
     closed = any(r.loop == "closed" for r in recordings)
     coherence = np.abs(s["yu"]) ** 2 / (uu * yy + 1e-300)
     if closed:
-        # Feedback makes torque and response alike without any reference.
+        # Feedback of noise makes torque and response coherent with each other, but not with the reference.
         rr = s["rr"].real
         coherence = np.minimum(
             np.abs(s["yr"]) ** 2 / (yy * rr + 1e-300), np.abs(s["ur"]) ** 2 / (uu * rr + 1e-300)
         )
     hv = s["yu"] / np.abs(s["yu"] + 1e-300) * np.sqrt(yy / (uu + tiny))
-    known = (uu > _EXCITED * uu.max()) & (coherence > _COHERENT)
+    known = (uu > _MIN_EXCITATION * uu.max()) & (coherence > _MIN_COHERENCE)
     names = tuple(r.name for r in recordings)
     return Response(names, channel, f, h1, h2, hv, coherence, known, 2 * SMOOTHING, closed)
 
@@ -144,7 +152,7 @@ def _response(recordings: Sequence[Recording], channel: str) -> Response:
 def _uniform(
     recording: Recording, channel: str, period: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The channel on a uniform clock; a torque is held, so that half a sample is added to its instants."""
+    """Instants [s] and values of a channel on a uniform clock; half a sample is added to the times of a held torque."""
     period = period or recording.period
     time = np.arange(recording.time[0], recording.time[-1], period)
     known = np.isfinite(recording[channel])
@@ -153,84 +161,115 @@ def _uniform(
 
 
 def _spectrum(recording: Recording, channel: str, period: float, size: int) -> np.ndarray:
+    """Discrete Fourier transform of a channel less its first value, zero-padded to `size` samples."""
     _, values = _uniform(recording, channel, period)
     return np.fft.rfft(values - values[0], size)
 
 
 def _smooth(values: np.ndarray, step: float) -> np.ndarray:
     """The spectrum (n) averaged over a Hann window of half width `SMOOTHING`."""
-    return np.convolve(values, _window(step)[1], "same")
+    return np.convolve(values, _smoothing_kernel(step)[1], "same")
 
 
-def _window(step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Distances [Hz] and weights, of sum 1, over which a spectrum with this step [Hz] is averaged."""
+def _smoothing_kernel(step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets [Hz] and weights (sum 1) of the Hann window over which a spectrum with this step [Hz] is averaged."""
     half = max(1, round(SMOOTHING / step))
     weights = np.hanning(2 * half + 1)[1:-1]
     return step * np.arange(1 - half, half), weights / weights.sum()
 
 
-def peaks(found: Response) -> tuple[Peak, ...]:
-    """The resonances of a response, by a mode and a straight line fitted in the band about each."""
-    size = np.where(found.known, np.abs(found.h1), 0.0)
+def peaks(response: Response) -> tuple[Peak, ...]:
+    """Returns the resonances of a response, by a fit of one mode and a straight line in the band about each peak."""
+    size = np.where(response.known, np.abs(response.h1), 0.0)
     if not size.any():
         return ()
-    step = found.frequency[1] - found.frequency[0]
+    step = response.frequency[1] - response.frequency[0]
     apart = max(1, round(4 * SMOOTHING / step))
     tops, _ = find_peaks(np.log(size + 1e-3 * size.max()), prominence=0.3, distance=apart)
-    fitted = [_fit_peak(found, float(found.frequency[k])) for k in tops]
-    sure = [p for p in fitted if p is not None and _is_sure(p)]
+    fitted = [_fit_peak(response, float(response.frequency[k])) for k in tops]
+    determined = [p for p in fitted if p is not None and _is_well_determined(p)]
+    # Of fits that ended at one resonance the most accurate is kept.
     kept: list[Peak] = []
-    for peak in sorted(sure, key=lambda p: p.frequency.standard_error):
+    for peak in sorted(determined, key=lambda p: p.frequency.standard_error):
         if all(abs(peak.frequency.value - k.frequency.value) > 4 * SMOOTHING for k in kept):
             kept.append(peak)
     return tuple(sorted(kept, key=lambda p: p.frequency.value))
 
 
-def _is_sure(peak: Peak) -> bool:
+def _is_well_determined(peak: Peak) -> bool:
+    """Whether the frequency is accurate and the damping ratio exceeds two standard errors."""
     f, zeta = peak.frequency, peak.damping_ratio
-    return f.standard_error < _SURE * f.value and zeta.value > 2 * zeta.standard_error
+    return f.standard_error < _MAX_FREQUENCY_ERROR * f.value and zeta.value > 2 * zeta.standard_error
 
 
-def _fit_peak(found: Response, guess: float) -> Peak | None:
-    """Fits R/(w0^2 - w^2 + 2 i z w0 w) + a + b w, R, a, b complex, about a peak [Hz]; None where it is no mode."""
-    near = np.abs(found.frequency / guess - 1) < _SPAN
-    near &= found.known
-    omega, h = 2 * math.pi * found.frequency[near], found.h1[near]
-    if len(omega) < 12:
-        return None
-    # Where the coherence is poor, noise is large: var(H)/|H|^2 is about (1 - c)/c.
-    c = np.clip(found.coherence[near], 0.01, 0.9999)
-    weight = np.sqrt(c / (1 - c)) / np.abs(h)
-    centre = 2 * math.pi * guess
+@dataclass(frozen=True)
+class _PeakModel:
+    """Model of a response near a resonance: R w0^2/(w0^2 - w^2 + 2 i zeta w0 w) + a + b w, R, a, b complex.
 
-    # The response was averaged over a narrow band: so is the mode.
-    offsets, window = _window(found.frequency[1] - found.frequency[0])
-    w = omega[:, None] + 2 * math.pi * offsets
+    The mode is averaged over frequency with the window of the spectra. R, a and b are linear and eliminated.
 
-    def parts(z: np.ndarray) -> np.ndarray:
-        w0 = centre * z[0]
-        mode = w0**2 / (w0**2 - w**2 + 2j * z[1] * w0 * w) @ window
-        return np.column_stack([mode, np.ones(len(omega)), omega / centre - 1])
+    Attributes:
+      omega: (n) angular frequencies [rad/s].
+      response: (n) complex.
+      weight: (n) one over the standard deviation of the response, up to a common factor.
+      centre: angular frequency to start from [rad/s].
+      offsets, window: of the smoothing [Hz], [1].
+    """
 
-    def off(z: np.ndarray) -> np.ndarray:
-        X = parts(z) * weight[:, None]
-        r = X @ np.linalg.lstsq(X, h * weight, rcond=None)[0] - h * weight
+    omega: np.ndarray
+    response: np.ndarray
+    weight: np.ndarray
+    centre: float
+    offsets: np.ndarray
+    window: np.ndarray
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """Weighted residual (2 n), real and imaginary, at z = (w0/centre, zeta)."""
+        X = self._columns(z) * self.weight[:, None]
+        r = X @ np.linalg.lstsq(X, self.response * self.weight, rcond=None)[0] - self.response * self.weight
         return np.concatenate([r.real, r.imag])
 
-    low, high = [1 - _SPAN, _LIGHT[0] / 2], [1 + _SPAN, 2 * _LIGHT[1]]
-    best = min(
-        (least_squares(off, [1.0, zeta], bounds=(low, high)) for zeta in (0.01, 0.05)), key=lambda r: r.cost
-    )
-    ratio = float(best.x[1])
-    inside = abs(float(best.x[0]) - 1) < 0.9 * _SPAN
-    if not (inside and _LIGHT[0] < ratio < _LIGHT[1]):
+    def _columns(self, z: np.ndarray) -> np.ndarray:
+        """Mode, constant and line (n x 3)."""
+        w = self.omega[:, None] + 2 * math.pi * self.offsets
+        w0 = self.centre * z[0]
+        mode = w0**2 / (w0**2 - w**2 + 2j * z[1] * w0 * w) @ self.window
+        return np.column_stack([mode, np.ones(len(self.omega)), self.omega / self.centre - 1])
+
+
+def _fit_peak(response: Response, guess: float) -> Peak | None:
+    """Fits one mode about a peak [Hz]; None where the fit ends outside the band or is no lightly damped mode."""
+    model = _peak_model(response, guess)
+    if len(model.omega) < _MIN_POINTS:
         return None
-    # Neighbours within the smoothing are one piece of evidence.
-    alike = max(1.0, found.resolution / (found.frequency[1] - found.frequency[0]))
-    J = np.asarray(best.jac)
-    free = max(len(best.fun) / alike - 8, 1.0)
-    covariance = np.linalg.pinv(J.T @ J / alike) * (2 * best.cost / alike / free)
-    errors = np.sqrt(np.diag(covariance))
+    low, high = [1 - _FIT_BAND, _DAMPING_RANGE[0] / 2], [1 + _FIT_BAND, 2 * _DAMPING_RANGE[1]]
+    fits = (least_squares(model.residual, [1.0, zeta], bounds=(low, high)) for zeta in (0.01, 0.05))
+    best = min(fits, key=lambda fit: fit.cost)
+    ratio = float(best.x[1])
+    inside = abs(float(best.x[0]) - 1) < 0.9 * _FIT_BAND
+    if not (inside and _DAMPING_RANGE[0] < ratio < _DAMPING_RANGE[1]):
+        return None
+    errors = _standard_errors(best, response)
     frequency = Estimate(guess * float(best.x[0]), guess * float(errors[0]))
-    height = float(np.abs(h).max())
-    return Peak(frequency, Estimate(ratio, float(errors[1])), height)
+    return Peak(frequency, Estimate(ratio, float(errors[1])), float(np.abs(model.response).max()))
+
+
+def _peak_model(response: Response, guess: float) -> _PeakModel:
+    """The response in the fit band about a peak [Hz], weighted by its coherence."""
+    near = np.abs(response.frequency / guess - 1) < _FIT_BAND
+    near &= response.known
+    h = response.h1[near]
+    # var(H)/|H|^2 is about (1 - c)/c (Bendat and Piersol).
+    c = np.clip(response.coherence[near], 0.01, 0.9999)
+    weight = np.sqrt(c / (1 - c)) / np.abs(h)
+    offsets, window = _smoothing_kernel(response.frequency[1] - response.frequency[0])
+    return _PeakModel(2 * math.pi * response.frequency[near], h, weight, 2 * math.pi * guess, offsets, window)
+
+
+def _standard_errors(fit: OptimizeResult, response: Response) -> np.ndarray:
+    """Standard errors of (w0/centre, zeta); frequencies within the resolution count as one."""
+    correlated = max(1.0, response.resolution / (response.frequency[1] - response.frequency[0]))
+    J = np.asarray(fit.jac)
+    free = max(len(fit.fun) / correlated - 8, 1.0)
+    covariance = np.linalg.pinv(J.T @ J / correlated) * (2 * fit.cost / correlated / free)
+    return np.sqrt(np.diag(covariance))

@@ -1,7 +1,7 @@
-"""The stiffness of the link from a static test: a straight line through loads and displacements, errors in both.
+"""Bending stiffness from a static test, by a straight line through loads and displacements with errors in both.
 
-The clamped link bends under a force F at its tip by y = F l^3/(3 EI). A line with an intercept needs no tare, and
-takes the zero of the ruler out; the reading divided by the load, row by row, has both in it.
+A force F at the tip bends the clamped link by y = F l^3/(3 EI). The intercept of the line absorbs the tare of the load
+and the zero of the ruler, which a ratio y/F of each row contains.
 """
 
 from __future__ import annotations
@@ -13,36 +13,37 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from twin.errors import InputError
-from twin.identification.estimates import Estimate, student
+from twin.identification.estimates import Estimate, student_t_estimate
 
-LEAST_ROWS = 3
-_DOUBTFUL = 0.05  # probability below which a straight line is doubted
+MIN_ROWS = 3
+"""Rows that a line with one degree of freedom needs."""
+_SIGNIFICANCE = 0.05  # of the F test of a parabola against a straight line [1]
 
 
 @dataclass(frozen=True)
 class LoadLine:
-    """A line y = intercept + slope x, with errors in x and y.
+    """A line y = intercept + slope x, fitted with errors in x and y.
 
     Attributes:
-      x, y: (n) what was measured.
-      slope, intercept: with standard errors.
-      free: rows beyond those that the line takes.
-      scatter: standard deviation of y about the line, in units of y.
-      curvature_probability: that a straight line scatters this much less under a parabola [1]; NaN below four rows.
+      x, y: (n) measured values.
+      slope, intercept: with standard errors and Student's t intervals.
+      degrees_of_freedom: rows less unknowns.
+      scatter: standard deviation of y about the line.
+      curvature_probability: p-value of the F test of a parabola against the line [1]; NaN below four rows.
     """
 
     x: np.ndarray
     y: np.ndarray
     slope: Estimate
     intercept: Estimate
-    free: int
+    degrees_of_freedom: int
     scatter: float
     curvature_probability: float
 
     @property
-    def straight(self) -> bool:
-        """Whether a parabola explains the rows no better than chance would."""
-        return not self.curvature_probability < _DOUBTFUL
+    def is_straight(self) -> bool:
+        """Whether the F test does not prefer a parabola."""
+        return not self.curvature_probability < _SIGNIFICANCE
 
 
 def fit_line(
@@ -52,7 +53,7 @@ def fit_line(
     through_origin: bool = False,
     steps: tuple[float, float] = (0.0, 0.0),
 ) -> LoadLine:
-    """Fits a line with errors in both variables, their sizes known as a ratio (W. E. Deming, 1943).
+    """Fits a line with errors in both variables of a known ratio (Deming regression; W. E. Deming, 1943).
 
     Minimises sum (y - a - b x)^2/(1 + ratio^2 b^2).
 
@@ -60,34 +61,38 @@ def fit_line(
       x, y: (n) values; rows with a missing one are left out.
       ratio: standard deviation of x over that of y [x/y]; 0 for a least-squares line.
       through_origin: without an intercept.
-      steps: to which x and y were rounded: few readings may lie on a line by luck.
+      steps: rounding of x and y, the lower limit of the scatter: few readings may lie on a line by chance.
 
     Raises:
-      InputError: fewer than `LEAST_ROWS` rows, or all x alike.
+      InputError: fewer than `MIN_ROWS` rows, or all x equal.
     """
     known = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x, dtype=float)[known], np.asarray(y, dtype=float)[known]
-    if len(x) < LEAST_ROWS:
-        raise InputError(f"static.csv has {len(x)} complete rows; expected at least {LEAST_ROWS}")
+    if len(x) < MIN_ROWS:
+        raise InputError(f"static.csv has {len(x)} complete rows; expected at least {MIN_ROWS}")
     if np.ptp(x) == 0:
         raise InputError(f"static.csv: all loads are {x[0]:g}; expected different ones")
     x0, y0 = (0.0, 0.0) if through_origin else (x.mean(), y.mean())
     u, v = x - x0, y - y0
-    slope = _slope(float(u @ u), float(v @ v), float(u @ v), ratio)
+    slope = _deming_slope(float(u @ u), float(v @ v), float(u @ v), ratio)
     intercept = y0 - slope * x0
     r = y - intercept - slope * x
     free = len(x) - (1 if through_origin else 2)
     rounded = math.hypot(steps[1], slope * steps[0]) / math.sqrt(12)
     scatter = max(math.sqrt(r @ r / free), rounded)
-    # The noise of x shows in the scatter about the line too: scatter^2 = sigma_y^2 (1 + ratio^2 slope^2).
-    spread = scatter / math.sqrt(u @ u)
-    at_zero = 0.0 if through_origin else math.hypot(scatter / math.sqrt(len(x)), spread * x0)
-    bent = math.nan if through_origin else _curvature_probability(x, y, float(r @ r))
-    told = student(slope, spread, free), student(intercept, at_zero, free)
-    return LoadLine(x, y, *told, free, scatter, bent)
+    # The scatter about the line contains the noise of x: scatter^2 = sigma_y^2 (1 + ratio^2 slope^2).
+    slope_error = scatter / math.sqrt(u @ u)
+    intercept_error = 0.0 if through_origin else math.hypot(scatter / math.sqrt(len(x)), slope_error * x0)
+    curvature = math.nan if through_origin else _curvature_probability(x, y, float(r @ r))
+    estimates = (
+        student_t_estimate(slope, slope_error, free),
+        student_t_estimate(intercept, intercept_error, free),
+    )
+    return LoadLine(x, y, *estimates, free, scatter, curvature)
 
 
-def _slope(xx: float, yy: float, xy: float, ratio: float) -> float:
+def _deming_slope(xx: float, yy: float, xy: float, ratio: float) -> float:
+    """Slope b that minimises the sum of squares, from the centred second moments of x and y."""
     if ratio == 0 or xy == 0:
         return xy / xx
     # The root of ratio^2 xy b^2 + (xx - ratio^2 yy) b - xy = 0 that has the sign of xy.
@@ -96,7 +101,7 @@ def _slope(xx: float, yy: float, xy: float, ratio: float) -> float:
 
 
 def _curvature_probability(x: np.ndarray, y: np.ndarray, straight: float) -> float:
-    """Probability that chance alone makes a parabola this much better than a line (F test)."""
+    """p-value of the F test of a parabola against a line whose sum of squared residuals is `straight`."""
     free = len(x) - 3
     if free < 1:
         return math.nan
@@ -108,25 +113,24 @@ def _curvature_probability(x: np.ndarray, y: np.ndarray, straight: float) -> flo
     return float(f_distribution.sf((straight - bent) / (bent / free), 1, free))
 
 
-def odd_row(line: LoadLine) -> tuple[int, float] | None:
-    """The row (from 0) that lies off the line through the others, and by how much (units of y); None where none does.
-
-    Off is three times their scatter, and at least the last decimal to which y was read.
+def outlier(line: LoadLine) -> tuple[int, float] | None:
+    """The row (from 0) farthest off the line through the others, with its residual; None without an outlier.
+    An outlier is off by more than three times their scatter and by the last decimal to which y was read.
     """
-    found = []
+    candidates = []
     for k in range(len(line.x)):
         x, y = np.delete(line.x, k), np.delete(line.y, k)
-        if len(x) > LEAST_ROWS and np.ptp(x) > 0:
+        if len(x) > MIN_ROWS and np.ptp(x) > 0:
             slope, intercept = np.polyfit(x, y, 1)
             scatter = float(np.std(y - intercept - slope * x, ddof=2))
-            away = float(line.y[k] - intercept - slope * line.x[k])
-            found.append((abs(away) / max(3 * scatter, 0.99 * resolution(line.y)), k, away))
-    ratio, row, away = max(found, default=(0.0, 0, 0.0))
-    return (row, away) if ratio > 1 else None
+            residual = float(line.y[k] - intercept - slope * line.x[k])
+            candidates.append((abs(residual) / max(3 * scatter, 0.99 * resolution(line.y)), k, residual))
+    ratio, row, residual = max(candidates, default=(0.0, 0, 0.0))
+    return (row, residual) if ratio > 1 else None
 
 
 def resolution(values: np.ndarray) -> float:
-    """The decimal step to which some readings were rounded; 0 where none is seen."""
+    """The power of ten to which all readings were rounded; 0 where they were not rounded to nine digits or fewer."""
     values = values[np.isfinite(values)]
     size = float(np.abs(values).max(initial=0.0)) or 1.0
     steps = (10.0**e for e in range(math.ceil(math.log10(size)), math.floor(math.log10(size)) - 9, -1))
@@ -134,10 +138,10 @@ def resolution(values: np.ndarray) -> float:
 
 
 def stiffness(line: LoadLine, length: Estimate) -> Estimate:
-    """EI = l^3/(3 slope) [N m^2] of a line of tip displacement [m] over force [N].
+    """Returns EI = l^3/(3 slope) [N m^2] of a line of tip displacement [m] over force [N].
 
     Raises:
-      InputError: the tip does not move with the force.
+      InputError: the slope is not positive.
     """
     slope = line.slope.value
     if slope <= 0:
@@ -147,4 +151,6 @@ def stiffness(line: LoadLine, length: Estimate) -> Estimate:
         )
     value = length.value**3 / (3 * slope)
     of_length = 3 * value * length.standard_error / length.value
-    return student(value, value * line.slope.standard_error / slope, line.free, of_length)
+    return student_t_estimate(
+        value, value * line.slope.standard_error / slope, line.degrees_of_freedom, of_length
+    )

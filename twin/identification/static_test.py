@@ -1,4 +1,4 @@
-"""The static test of a campaign: `static.csv`, loads beside the displacements or strains that they cause."""
+"""Evaluation of the static test of a campaign: `static.csv`, tip displacements beside loads or gauge readings."""
 
 from __future__ import annotations
 
@@ -9,45 +9,45 @@ import numpy as np
 from scipy.constants import g
 
 from twin.campaigns.campaign import Campaign
-from twin.identification.estimates import Estimate, student
+from twin.identification.estimates import Estimate, student_t_estimate
 from twin.identification.joint import prior_deviation
-from twin.identification.static_line import LoadLine, fit_line, odd_row, resolution, stiffness
+from twin.identification.static_line import LoadLine, fit_line, outlier, resolution, stiffness
 
 DISPLACEMENT = "tip_deflection"
 LOADS = {"tip_force": 1.0, "tip_load_mass": g}
-"""Columns that tell the load, with the force [N] of one unit of them."""
+"""Columns of a load -> force of one unit [N]."""
 
 
 @dataclass(frozen=True)
-class OddRow:
-    """A row off the line through the others.
+class Outlier:
+    """A row that lies off the line through the others.
 
     Attributes:
-      row: from 0.
-      away: by which it lies off [m].
-      others: what the others say.
-      alone: EI [N m^2] of the row by itself, with the tare of the others; None without loads.
+      row: its index, from 0.
+      residual: its distance from that line [m].
+      without: the evaluation of the other rows.
+      own_stiffness: EI by this row alone, with the tare of the others [N m^2]; None without loads.
     """
 
     row: int
-    away: float
-    others: StaticTest
-    alone: float | None
+    residual: float
+    without: StaticTest
+    own_stiffness: float | None
 
 
 @dataclass(frozen=True)
 class StaticTest:
-    """What a static test says.
+    """Result of a static test.
 
     Attributes:
-      line: the line through it: displacement [m] over load [N], or over a reading of the gauge.
-      column: the column on its x axis.
-      errors: standard deviations of x and y, of which their ratio counts, units of the line; those of loads and
-        displacements are as their last decimals, those of a gauge and displacements as their ranges.
+      line: displacement [m] over load [N], or over a reading of the gauge.
+      column: name of the column on the x axis.
+      errors: standard deviations of x and y, only their ratio counts: for loads the rounding of both columns, for a
+        gauge the standard deviations of both columns.
       stiffness: EI [N m^2]; None without loads.
-      modulus: E [Pa]; None where I is not given.
-      curvature: w'' at the hub [1/m] for one unit of the gauge's column; None where loads are given.
-      odd: the row that lies off the line through the others, if one does.
+      modulus: E [Pa]; None where the second moment of area is not given.
+      curvature: w'' at the hub for one unit of the gauge's column [1/m]; None where loads are given.
+      outlier: the row that lies off the line through the others; None without one.
     """
 
     line: LoadLine
@@ -56,16 +56,16 @@ class StaticTest:
     stiffness: Estimate | None = None
     modulus: Estimate | None = None
     curvature: Estimate | None = None
-    odd: OddRow | None = None
+    outlier: Outlier | None = None
 
     @property
     def tare(self) -> float:
-        """Load below none at which the line crosses zero displacement, units of x."""
+        """Load that was not recorded, by the intercept of the line, units of x."""
         return self.line.intercept.value / self.line.slope.value
 
 
-def read(campaign: Campaign) -> StaticTest | None:
-    """Reads the static test; None where there is none, or without the displacement of the tip.
+def evaluate(campaign: Campaign) -> StaticTest | None:
+    """Evaluates the static test of a campaign; None without one, or without tip displacements.
 
     Raises:
       InputError: there are too few rows, or the tip moves against its load.
@@ -82,34 +82,36 @@ def read(campaign: Campaign) -> StaticTest | None:
     steps = LOADS.get(column, 1.0) * resolution(table[column]), resolution(y)
     errors = steps if column in LOADS else (float(np.nanstd(x)), float(np.nanstd(y)))
 
-    def said(x: np.ndarray, y: np.ndarray) -> StaticTest:
+    def through(x: np.ndarray, y: np.ndarray) -> StaticTest:
         ratio = errors[0] / errors[1] if errors[1] > 0 else 0.0
         line = fit_line(x, y, ratio, steps=steps)
         if column not in LOADS:
             return StaticTest(line, column, errors, curvature=_curvature(line, length))
-        found = stiffness(line, length)
-        return StaticTest(line, column, errors, found, _modulus(found, table.second_moment))
+        EI = stiffness(line, length)
+        return StaticTest(line, column, errors, EI, _modulus(EI, table.second_moment))
 
     known = np.isfinite(x) & np.isfinite(y)
-    return _with_odd_row(said(x[known], y[known]), said, length)
+    return _with_outlier(through(x[known], y[known]), through, length)
 
 
-def _with_odd_row(
-    found: StaticTest, said: Callable[[np.ndarray, np.ndarray], StaticTest], length: Estimate
+def _with_outlier(
+    whole: StaticTest, through: Callable[[np.ndarray, np.ndarray], StaticTest], length: Estimate
 ) -> StaticTest:
-    odd = odd_row(found.line)
-    if odd is None:
-        return found
-    row, away = odd
-    x, y = found.line.x, found.line.y
-    others = said(np.delete(x, row), np.delete(y, row))
-    alone = None
-    if found.stiffness is not None and y[row] != 0:
-        alone = float((x[row] + others.tare) * length.value**3 / (3 * y[row]))
-    return replace(found, odd=OddRow(row, away, others, alone))
+    """The test with its outlier, if there is one; `through` evaluates a set of rows."""
+    found = outlier(whole.line)
+    if found is None:
+        return whole
+    row, residual = found
+    x, y = whole.line.x, whole.line.y
+    without = through(np.delete(x, row), np.delete(y, row))
+    own_stiffness = None
+    if whole.stiffness is not None and y[row] != 0:
+        own_stiffness = float((x[row] + without.tare) * length.value**3 / (3 * y[row]))
+    return replace(whole, outlier=Outlier(row, residual, without, own_stiffness))
 
 
 def _modulus(stiffness: Estimate, second_moment: float | None) -> Estimate | None:
+    """Young's modulus E = EI/I [Pa]; None without the second moment of area [m^4]."""
     if second_moment is None:
         return None
     return stiffness.scaled(1 / second_moment)
@@ -120,4 +122,4 @@ def _curvature(line: LoadLine, length: Estimate) -> Estimate:
     bend = 3 / length.value**2
     value = bend * line.slope.value
     of_length = 2 * abs(value) * length.standard_error / length.value
-    return student(value, bend * line.slope.standard_error, line.free, of_length)
+    return student_t_estimate(value, bend * line.slope.standard_error, line.degrees_of_freedom, of_length)

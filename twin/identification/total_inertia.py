@@ -1,12 +1,13 @@
-"""The total inertia by the angular momentum of the whole rig, whose change is the impulse of drive and friction.
+"""Total inertia by the balance of the rig's angular momentum, whose change is the impulse of drive and friction.
 
-Integrated once more, so that nothing measured is differentiated,
+Integrated once more, so that no measurement has to be differentiated,
 
     J theta + sum_k K_k w''(x_k) + int N dt = iint (tau - f) dt dt + a + b t
 
-with a and b of each run in which the hub slides. The link moves in as many shapes as there are gauges, at x_k: what
-the drive bends it to, and its first free mode. The second one is averaged out by a window whose spectrum is zero there.
-N is what a link that bends far lacks of momentum: it is foreshortened, its mass is nearer to the hub's axis.
+with constants a and b for each run in which the hub slides without a stop. The link is described by as many shapes as
+there are gauges, at x_k: the quasi-static one under the drive's torque, and its first free mode. The second mode is
+suppressed by a moving average whose frequency response has a zero there. N is the difference in angular momentum
+between the bent link and its linearisation: a bent link is foreshortened, its mass is nearer to the hub's axis.
 """
 
 from __future__ import annotations
@@ -20,8 +21,13 @@ from scipy.integrate import cumulative_simpson, simpson
 from scipy.ndimage import binary_dilation, label
 
 from twin.effects import REGISTRY
-from twin.identification.balance import by_laws, clustered, gauges, shares
-from twin.identification.estimates import EXPLAINED, Estimate, grown, student
+from twin.identification.balance import (
+    available_gauges,
+    clustered_least_squares,
+    direction_shares,
+    effect_torque,
+)
+from twin.identification.estimates import MIN_DETERMINATION, Estimate, student_t_estimate, with_nuisance_error
 from twin.mechanics import beam
 from twin.residuals import resample
 from twin.residuals.cell_means import mean_torque
@@ -31,86 +37,88 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.view import View, hub_motion
 from twin.rigs.model import Model
 
-_SHAPES = 2  # gauges that tell what the drive bends the link to from its first free mode
-_MORE = 2  # runs beyond the number of unknowns: Student's interval of fewer says nothing
-_ROWS = 41  # instants along the link at which its shape is known
+_GAUGES_NEEDED = 2  # one for the quasi-static shape and one for the first free mode
+_MIN_DEGREES_OF_FREEDOM = 2  # runs less unknowns: with fewer, Student's t interval is too wide to be of use
+_LINK_POINTS = 41  # points along the link at which its shape is computed
 
 
 @dataclass(frozen=True)
-class Momentum:
-    """The balance of the whole rig's angular momentum.
+class MomentumBalance:
+    """Balance of the angular momentum of the whole rig by linear regression.
 
     Attributes:
-      inertia: J [kg m^2], with an interval of Student's distribution: each run is one piece of evidence.
-      determination: share of the hub angle's variance that the balance explains, a line in each run left out [1].
+      inertia: J [kg m^2], with Student's t interval: residuals are clustered by run.
+      determination: R^2 of the hub angle, without the line of each run [1].
     """
 
     inertia: Estimate
     determination: float
 
     @property
-    def believed(self) -> bool:
-        """Whether it explains enough for its number to be an estimate."""
-        return self.determination >= EXPLAINED
+    def accepted(self) -> bool:
+        """Whether R^2 is high enough to use the inertia."""
+        return self.determination >= MIN_DETERMINATION
 
 
-def of_rig(data: DrivenData, model: Model) -> Momentum | None:
-    """The balance over all recordings with a free hub and two gauges; None where they say too little.
+def momentum_balance(data: DrivenData, model: Model) -> MomentumBalance | None:
+    """Returns the balance over all recordings with a free hub and two gauges.
 
-    None, too, where effects are known that come between motor and hub, or between motion and readings.
-
-    The hub's angle is what is regressed, since its noise is white: J is one over the factor of drive's impulse.
+    None where the recordings do not determine it, or where a backlash or an effect on the sensors is declared. The hub
+    angle is the dependent variable, since its noise is white: J is the inverse of the coefficient of the impulse.
 
     Args:
       data: recordings, and where in them the hub slides.
-      model: its sensors and torque limit count, and its rig for the length of the window and for the momentum that a
-        bent link lacks, some parts in a thousand.
+      model: its sensors, effects and torque limit are used; its rig for the averaging window and for N, a correction of
+        some parts in a thousand.
     """
     if model.plant.motor.gap > 0 or any(REGISTRY[name].misreads for name in model.effects):
         return None
     pairs = zip(data.prepared, data.views, strict=True)
     runs = [run for p, v in pairs if _usable(p, model) for run in _runs(p, v, model)]
-    unknowns = _SHAPES + 3
-    if len(runs) < unknowns + _MORE:
+    unknowns = _GAUGES_NEEDED + 3
+    if len(runs) < unknowns + _MIN_DEGREES_OF_FREEDOM:
         return None
     rows = np.vstack(runs)
     y, X = rows[:, 0], rows[:, 1:]
     size = np.sqrt((X**2).mean(axis=0))
     if not size.all() or np.linalg.cond(X / size) > 1e4:
         return None
-    x, covariance = clustered(X / size, y, np.repeat(np.arange(len(runs)), [len(r) for r in runs]))
+    x, covariance = clustered_least_squares(
+        X / size, y, np.repeat(np.arange(len(runs)), [len(r) for r in runs])
+    )
     if x[0] <= 0:
         return None
     inertia = float(size[0] / x[0])
-    left = y - X / size @ x
-    return Momentum(
-        student(inertia, inertia * math.sqrt(covariance[0, 0]) / float(x[0]), len(runs) - unknowns),
-        1 - float(left @ left) / float(y @ y),
+    residual = y - X / size @ x
+    return MomentumBalance(
+        student_t_estimate(
+            inertia, inertia * math.sqrt(covariance[0, 0]) / float(x[0]), len(runs) - unknowns
+        ),
+        1 - float(residual @ residual) / float(y @ y),
     )
 
 
-def with_error_of(found: Momentum, other: Momentum) -> Momentum:
-    """The balance, its error grown by that of something else that it takes as known.
+def with_momentum_nuisance_error(balance: MomentumBalance, perturbed: MomentumBalance) -> MomentumBalance:
+    """Returns the balance, its error increased by that of a nuisance parameter.
 
     Args:
-      found: the balance.
-      other: the same with that one standard error larger.
+      balance: with the nuisance parameter at its estimate.
+      perturbed: with the nuisance parameter one standard error larger.
     """
-    return replace(found, inertia=grown(found.inertia, other.inertia))
+    return replace(balance, inertia=with_nuisance_error(balance.inertia, perturbed.inertia))
 
 
-def lacking(
+def foreshortening_momentum(
     bends: Sequence[np.ndarray],
     positions: Sequence[float],
     time: np.ndarray,
     rate: np.ndarray,
     rig: Mapping[str, float],
 ) -> np.ndarray:
-    """Angular momentum (m) of an inextensible link bent as its gauges show, less that of small bends [N m s].
-
+    """Angular momentum (m) of the bent inextensible link less that of its linearisation, N [N m s].
     N = sum of dm (theta_t (x^2 + y^2 - s^2) + x y_t - y x_t - s z_t) over link and payload, in the hub's axes, with
-    x_s = cos psi, y_s = sin psi, z_s = psi and psi_s the polynomial through the curvatures at the gauges and
-    none at the tip, as of a load there.
+    x_s = cos psi, y_s = sin psi, z_s = psi, and psi_s the polynomial through the curvatures at the gauges and zero at
+    the tip, as under a load there.
 
     Args:
       bends: (k) curvatures (m) at the gauges [1/m].
@@ -119,21 +127,26 @@ def lacking(
       rate: (m) of the hub [rad/s].
       rig: `length`, `linear_density` and `tip_mass`.
     """
-    s = np.linspace(0.0, rig["length"], _ROWS)
-    curvature = np.array(bends).T @ _through(s, positions)
-    psi = _along(curvature, s)
-    x, y, z = _along(np.cos(psi), s), _along(np.sin(psi), s), _along(psi, s)
+    s = np.linspace(0.0, rig["length"], _LINK_POINTS)
+    curvature = np.array(bends).T @ _lagrange_polynomials(s, positions)
+    psi = _integral_along_link(curvature, s)
+    x, y, z = (
+        _integral_along_link(np.cos(psi), s),
+        _integral_along_link(np.sin(psi), s),
+        _integral_along_link(psi, s),
+    )
     x_t, y_t, z_t = (np.gradient(v, time, axis=0) for v in (x, y, z))
     share = rate[:, None] * (x**2 + y**2 - s**2) + x * y_t - y * x_t - s * z_t
     return rig["linear_density"] * simpson(share, x=s) + rig["tip_mass"] * share[:, -1]
 
 
-def _along(values: np.ndarray, s: np.ndarray) -> np.ndarray:
+def _integral_along_link(values: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Integral of (m x rows) values along the link, from 0 to each point s (rows) [m]."""
     return cumulative_simpson(values, x=s, initial=0.0)
 
 
-def _through(s: np.ndarray, positions: Sequence[float]) -> np.ndarray:
-    """Polynomials (k x rows) that are one at a gauge, zero at the others and at the link's end (J. L. Lagrange)."""
+def _lagrange_polynomials(s: np.ndarray, positions: Sequence[float]) -> np.ndarray:
+    """Lagrange polynomials (k x rows): one at a gauge, zero at the others and at the end of the link."""
     zeros = [np.array([*(o for o in positions if o != x), s[-1]]) for x in positions]
     return np.array(
         [np.prod((s[:, None] - z) / (x - z), axis=1) for x, z in zip(positions, zeros, strict=True)]
@@ -141,62 +154,64 @@ def _through(s: np.ndarray, positions: Sequence[float]) -> np.ndarray:
 
 
 def _usable(prepared: Prepared, model: Model) -> bool:
-    return prepared.hub is not None and len(gauges(prepared, model)) == _SHAPES
+    return prepared.hub is not None and len(available_gauges(prepared, model)) == _GAUGES_NEEDED
 
 
 def _runs(prepared: Prepared, view: View, model: Model) -> list[np.ndarray]:
-    """Runs of a recording, of (n x 6) each: hub angle, impulse's integral, two curvatures, friction's by direction."""
+    """Runs of uninterrupted sliding in a recording, as columns of the regression (n x 6) each, see `_signals`."""
     window = _window(model, float(view.time[1] - view.time[0]))
     signals = _signals(prepared, view, model)
-    runs, count = label(_sliding(view) & _read(view, gauges(prepared, model)))
-    found = [signals[runs == k] for k in range(1, count + 1)]
-    return [_without_line(_averaged(run, window)) for run in found if len(run) > 2 * len(window)]
+    runs, count = label(_sliding(view) & _gauges_valid(view, available_gauges(prepared, model)))
+    segments = [signals[runs == k] for k in range(1, count + 1)]
+    return [_detrended(_moving_average(run, window)) for run in segments if len(run) > 2 * len(window)]
 
 
 def _signals(prepared: Prepared, view: View, model: Model) -> np.ndarray:
-    """What is balanced (m x 6), up to factors that are asked for."""
-    t, names = view.time, gauges(prepared, model)
+    """Columns (m x 6): hub angle, integral of impulse less N, two curvatures, double integral of friction forwards and
+    backwards."""
+    t, names = view.time, available_gauges(prepared, model)
     half = [model.sensors[g].half_thickness for g in names]
     positions = [model.sensors[g].position for g in names]
     filtered = [view.measured[g] / h for g, h in zip(names, half, strict=True)]
     bends = [resample.resampled(prepared.recording, g, t)[0] / h for g, h in zip(names, half, strict=True)]
-    drive = mean_torque(model, prepared.recording, t) + by_laws(model, t, hub_motion(view, model))
+    drive = mean_torque(model, prepared.recording, t) + effect_torque(model, t, hub_motion(view, model))
     impulse = _integral(drive, t)
-    impulse -= lacking(filtered, positions, t, view.rate, model.declared)
-    friction = [_integral(_integral(share, t), t) for share in shares(view)]
+    impulse -= foreshortening_momentum(filtered, positions, t, view.rate, model.declared)
+    friction = [_integral(_integral(share, t), t) for share in direction_shares(view)]
     return np.column_stack([view.reading, _integral(impulse, t), *bends, *friction])
 
 
 def _integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Integral (m) from the first instant by the trapezoidal rule."""
     return float(time[1] - time[0]) * (np.cumsum(values) - (values + values[0]) / 2)
 
 
 def _sliding(view: View) -> np.ndarray:
-    """Where (m) the hub surely slides: its angle has passed a wider filter, of shorter reach, than its torque."""
-    spared = int(REACH * (1 - BAND / view.band) / (view.time[1] - view.time[0]))
-    return binary_dilation(view.sliding, iterations=spared) if spared > 0 else view.sliding
+    """Where (m) the hub slides; the margin to rests is that of the angle's low-pass, shorter than the torque's."""
+    difference = int(REACH * (1 - BAND / view.band) / (view.time[1] - view.time[0]))
+    return binary_dilation(view.sliding, iterations=difference) if difference > 0 else view.sliding
 
 
-def _read(view: View, names: Sequence[str]) -> np.ndarray:
-    """Where (m) all these gauges were read, with the reach of the filter on what bridges a gap."""
+def _gauges_valid(view: View, names: Sequence[str]) -> np.ndarray:
+    """Where (m) all these gauges have readings, with the reach of the low-pass as margin to every gap."""
     missing = np.any([~view.known[name] for name in names], axis=0)
     return ~binary_dilation(missing, iterations=round(REACH / (view.time[1] - view.time[0])))
 
 
 def _window(model: Model, period: float) -> np.ndarray:
-    """Weights of a mean (J. von Hann) whose spectrum has its first zero at the second free mode."""
+    """Hann window of a moving average whose frequency response has its first zero at the second free mode."""
     second = float(beam.modes(model.declared, 2).frequencies[1]) / (2 * math.pi)
     count = max(1, round(2 / second / period))
     weights = np.sin(math.pi * (np.arange(count) + 0.5) / count) ** 2
     return weights / weights.sum()
 
 
-def _averaged(run: np.ndarray, window: np.ndarray) -> np.ndarray:
-    """Moving means of the columns of a run, within it."""
+def _moving_average(run: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """Moving averages of the columns of a run, without its ends."""
     return np.column_stack([np.convolve(column, window, "valid") for column in run.T])
 
 
-def _without_line(run: np.ndarray) -> np.ndarray:
-    """A run less a line in each column: angle and rate before it are not known."""
+def _detrended(run: np.ndarray) -> np.ndarray:
+    """A run less a fitted line in each column: the constants a and b."""
     line = np.vander(np.linspace(-1.0, 1.0, len(run)), 2)
     return run - line @ np.linalg.lstsq(line, run, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""What a person reads of a diagnosis: a page (`html`) and a summary for the terminal (`text`)."""
+"""Reports: HTML page and terminal summary of a diagnosis, recordings for the rerun viewer, runs as CSV."""
 
 from twin.report.html import write_report
 from twin.report.text import print_summary, summary

@@ -1,4 +1,4 @@
-"""The augmented rig: a parameter file of what was declared, what was fitted, what the model lacked."""
+"""The augmented rig of a diagnosis: declared and fitted parameters and adopted effects, as parameter file and MJCF."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ FILE = "augmented-rig.toml"
 
 
 def write_augmented(diagnosis: Diagnosis, folder: str | PathLike[str]) -> Path:
-    """Writes the rig that a diagnosis arrived at.
+    """Writes the final rig of a diagnosis as `augmented-rig.toml`.
 
     Args:
-      diagnosis: its fitted rig, known and adopted effects.
-      folder: where `augmented-rig.toml` goes; made if it is not there.
+      diagnosis: its fitted rig, declared and adopted effects are written.
+      folder: where to; created if necessary.
 
     Returns:
-      The file.
+      Path of the file.
     """
     Path(folder).mkdir(parents=True, exist_ok=True)
     path = Path(folder) / FILE
@@ -57,8 +57,8 @@ def to_mjcf(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> AugmentedMjc
     """Returns the augmented rig as MJCF.
 
     Args:
-      diagnosis: its fitted rig, known and adopted effects.
-      sensors: channel -> sensor; strain gauges are written where there are any.
+      diagnosis: its fitted rig, declared and adopted effects are written.
+      sensors: channel -> sensor; strain gauges become MuJoCo sensors.
     """
     from twin.rigs import mjcf_export  # compiles equations of motion: only where it is needed
 

@@ -1,4 +1,4 @@
-"""Runs and recordings laid over one another: what sets each apart from the first."""
+"""Differences of runs and recordings from a first one, channel by channel."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from twin.errors import InputError
 from twin.report.run_csv import read_track
 from twin.report.run_rerun import Track, differences
 
+_TOLERANCE = 0.01
+"""Relative difference of durations, or of references over the largest reference, that is not remarked on [1]."""
+
 
 @dataclass(frozen=True)
 class Difference:
-    """One channel of two tracks.
+    """Difference of one channel between two tracks.
 
     Attributes:
       name: of the other track.
       channel: name of the channel.
       rms: root mean square of other minus first over the time that both cover, SI.
-      largest: largest magnitude of it, SI.
-      spread: root mean square of the first track's channel about its mean, SI: what the difference is small against.
+      largest: largest magnitude of the difference, SI.
+      spread: standard deviation of the first track's channel, for comparison, SI.
     """
 
     name: str
@@ -34,12 +37,12 @@ class Difference:
 
     @property
     def relative(self) -> float:
-        """The difference as a share of the spread; nan where the first does not move."""
+        """RMS difference over the spread [1]; NaN where the first track is constant."""
         return self.rms / self.spread if self.spread > 0 else float("nan")
 
 
 def read_tracks(paths: Sequence[Path], rig: Mapping[str, float] | None = None) -> list[Track]:
-    """Reads files, each of a run or of a campaign; files of one name are told apart by their path.
+    """Reads files of runs or of campaigns; files of the same name are named by their path.
 
     Args:
       paths: the files.
@@ -64,7 +67,7 @@ def compare(tracks: Sequence[Track]) -> list[Difference]:
     Raises:
       InputError: two tracks have no time or no channel in common.
     """
-    first, found = tracks[0], []
+    first, rows = tracks[0], []
     for other in tracks[1:]:
         shared = differences(first, other)
         if not shared:
@@ -78,7 +81,7 @@ def compare(tracks: Sequence[Track]) -> list[Difference]:
             if not len(there):
                 continue
             within = first.channels[channel][np.isin(first.time, time)]
-            found.append(
+            rows.append(
                 Difference(
                     other.name,
                     channel,
@@ -87,20 +90,17 @@ def compare(tracks: Sequence[Track]) -> list[Difference]:
                     float(np.nanstd(within)),
                 )
             )
-    return found
-
-
-_SAME = 0.01  # of a duration, or of the range of a reference
+    return rows
 
 
 def remarks(tracks: Sequence[Track]) -> Iterator[str]:
-    """Yields a sentence for each track that lasts longer or shorter than the first, or follows another reference."""
+    """Yields a sentence for each track whose duration or reference differs from that of the first."""
     first = tracks[0]
     for other in tracks[1:]:
-        lasts, wanted = (float(track.time[-1] - track.time[0]) for track in (other, first))
-        if abs(lasts - wanted) > _SAME * wanted:
+        duration, first_duration = (float(track.time[-1] - track.time[0]) for track in (other, first))
+        if abs(duration - first_duration) > _TOLERANCE * first_duration:
             yield (
-                f"{other.name} lasts {lasts:.4g} s, {first.name} {wanted:.4g} s: "
+                f"{other.name} lasts {duration:.4g} s, {first.name} {first_duration:.4g} s: "
                 "they are compared over the time that both cover."
             )
         if _references_differ(first, other):
@@ -110,7 +110,8 @@ def remarks(tracks: Sequence[Track]) -> Iterator[str]:
 def _references_differ(first: Track, other: Track) -> bool:
     if not all("hub_reference" in track.channels for track in (first, other)):
         return False
-    wanted = first.channels["hub_reference"]
-    there = np.interp(first.time, other.time, other.channels["hub_reference"])
+    reference = first.channels["hub_reference"]
+    other_reference = np.interp(first.time, other.time, other.channels["hub_reference"])
     shared = (first.time >= other.time[0]) & (first.time <= other.time[-1])
-    return float(np.mean(np.abs(there - wanted)[shared])) > _SAME * float(np.abs(wanted).max())
+    difference = float(np.mean(np.abs(other_reference - reference)[shared]))
+    return difference > _TOLERANCE * float(np.abs(reference).max())

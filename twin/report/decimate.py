@@ -1,4 +1,4 @@
-"""Long series as few points, with every peak still there."""
+"""Decimation of long series for plots, keeping every peak."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 def decimate(values: np.ndarray, points: int = 2000) -> np.ndarray:
     """Returns the indices of about `points` samples that look the same when plotted as a line.
 
-    Of each stretch of samples its smallest and its largest are kept, in their order; the first and last
-    sample stay. A stretch without a number keeps one NaN, so that the line breaks there.
+    Of each interval its smallest and largest sample are kept, in order, and the first and last sample of all. An
+    interval without a number keeps one NaN, so that the line breaks there.
 
     Args:
       values: (n) samples, NaN where one is missing.
@@ -23,7 +23,7 @@ def decimate(values: np.ndarray, points: int = 2000) -> np.ndarray:
     padded[:n] = values
     stretches = padded.reshape(-1, size)
     start = size * np.arange(len(stretches))
-    # NaN is neither the smallest nor the largest; where all are NaN both are the first sample.
+    # NaN is neither smallest nor largest; where all are NaN, both are the first sample.
     low = start + np.argmin(np.where(np.isnan(stretches), np.inf, stretches), axis=1)
     high = start + np.argmax(np.where(np.isnan(stretches), -np.inf, stretches), axis=1)
     kept = np.unique(np.concatenate([low, high, [0, n - 1]]))
@@ -31,5 +31,5 @@ def decimate(values: np.ndarray, points: int = 2000) -> np.ndarray:
 
 
 def thin(count: int, points: int) -> np.ndarray:
-    """Returns about `points` indices evenly spread over `count` samples, for clouds of points."""
+    """Returns at most `points` evenly spaced indices of `count` samples, for scatter plots."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(points, count)).astype(int))

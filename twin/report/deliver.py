@@ -1,4 +1,4 @@
-"""What a diagnosis leaves behind: a folder with the report, the rerun recording and the augmented rig."""
+"""Writes the results of a diagnosis: a folder with the report, the rerun recording and the augmented rig."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ FILES: Mapping[str, str] = {
     "MJCF": "augmented.xml",
     "patch": "patch.csv",
 }
-"""What each file is -> its name in the folder. A patch is written where something is outside the library."""
+"""Kind of file -> its name in the folder. A patch is written only where something is outside the library."""
 
 FOLDER = ResultsFolder("diagnosis", FILES, ANSWER, frozenset({"verdict", "ranking", "errors"}))
 
 
 @dataclass(frozen=True)
 class Delivery:
-    """What was written.
+    """The files that were written.
 
     Attributes:
-      paths: what it is -> the file.
+      paths: kind of file -> path.
       left_out: mechanisms that the MJCF file leaves out.
     """
 
@@ -42,12 +42,12 @@ class Delivery:
 
 
 def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -> Delivery:
-    """Writes everything that a diagnosis came to.
+    """Writes all results of a diagnosis.
 
     Args:
       diagnosis: the answer.
       sensors: channel -> sensor, of the campaign.
-      folder: where to; made if it is not there.
+      folder: where to; created if necessary.
 
     Raises:
       InputError: the folder cannot be written.
@@ -59,9 +59,9 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     mjcf = augmented_rig.to_mjcf(diagnosis, sensors)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        # First, because by it the folder is known as ours.
+        # First: by this file the folder is recognised as one of ours.
         write_json(paths["answer"], diagnosis.to_json())
-        write_report(diagnosis, paths["report"], _beside(paths, mjcf.left_out))
+        write_report(diagnosis, paths["report"], _file_descriptions(paths, mjcf.left_out))
         write_rrd(diagnosis, paths["rerun"], sensors)
         augmented_rig.write_augmented(diagnosis, folder)
         paths["MJCF"].write_text(mjcf.xml, encoding="utf-8")
@@ -72,15 +72,15 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     return Delivery(paths, mjcf.left_out)
 
 
-def _beside(paths: Mapping[str, Path], left_out: tuple[str, ...]) -> dict[str, str]:
-    """Name of each file beside the report -> what it is, and how to open it."""
-    said = {
+def _file_descriptions(paths: Mapping[str, Path], left_out: tuple[str, ...]) -> dict[str, str]:
+    """Name of each file in the folder -> what it is, and how to open it."""
+    texts = {
         "rerun": f"The measured arm, that of the declared model and that of the final one, moving together. "
         f"Open it with: rerun {FILES['rerun']}",
         "answer": "The answer, for programs.",
         "rig": f"The final model, with standard errors. Use it with: twin run SCENARIO --rig {FILES['rig']}",
         "MJCF": f"The final model for any MuJoCo viewer. It leaves out: {', '.join(left_out) or 'nothing'}.",
-        "patch": "A lookup of what no effect explains, a correction without a cause. Add it to a run with: "
+        "patch": "A lookup table of what no effect explains: a correction, no physical law. Add it to a run with: "
         f"twin run SCENARIO --rig {FILES['rig']} --patch {FILES['patch']}",
     }
-    return {paths[what].name: text for what, text in said.items() if what in paths}
+    return {paths[what].name: text for what, text in texts.items() if what in paths}

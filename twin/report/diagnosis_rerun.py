@@ -1,7 +1,7 @@
-"""A diagnosis as a rerun recording: measured, before and after as three arms that move together.
+"""A diagnosis as a rerun recording: the measured arm and those of the declared and the final model, animated together.
 
-Every file of the campaign is a tab with a time of its own, the held-out ones first. The link's line is drawn
-from what the sensors say alone.
+Every file of the campaign has a tab with a time axis of its own, the held-out ones first. The shape of the link follows
+from hub angle and strains alone.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-# On dark ground as on light; measured is a neutral grey, the models differ for every kind of colour vision.
+# Visible on dark and light backgrounds; measured is a neutral grey, the models differ for all kinds of colour vision.
 COLOURS: Mapping[str, tuple[int, int, int]] = {
     "measured": (165, 172, 180),
     "before": (230, 112, 30),
@@ -33,52 +33,52 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
     "command": (130, 140, 150),
 }
 
-# Plots draw entities by their names, one over the other: what is simulated over what is measured.
-_PLACES = {"measured": "measured", "before": "simulated/before", "after": "simulated/after"}
-_LEVER = 0.35  # of the length: where the arrow of a torque on the hub pushes
-_ARROW = 0.5  # of the length: the arrow of the largest unmodelled torque
+# Plots draw entities in the order of their names: simulated over measured.
+_ENTITY_NAMES = {"measured": "measured", "before": "simulated/before", "after": "simulated/after"}
+_LEVER = 0.35  # distance of the torque arrow from the hub, over the length of the link [1]
+_ARROW = 0.5  # length of the arrow of the largest unmodelled torque, over the length of the link [1]
 
 
 def write_rrd(diagnosis: Diagnosis, path: Path, sensors: Mapping[str, Sensor] | None = None) -> None:
-    """Writes a diagnosis for the rerun viewer (`rerun FILE`), laid out.
+    """Writes a diagnosis for the rerun viewer (`rerun FILE`), with its layout.
 
     Args:
-      diagnosis: what to show.
+      diagnosis: what is shown.
       path: the file; it is overwritten.
-      sensors: channel -> sensor; gauges tell where the link bends. Without any the links are drawn straight.
+      sensors: channel -> sensor, with the positions of the gauges; without any the links are drawn straight.
     """
     import rerun as rr  # 0.4 s
 
-    shown = [_Shown(diagnosis, file, root, sensors or {}) for file, root in _roots(diagnosis)]
+    shown = [_RecordingView(diagnosis, file, root, sensors or {}) for file, root in _entities(diagnosis)]
     stream = rr.RecordingStream("flexlink-twin")
     stream.save(path, default_blueprint=_blueprint(diagnosis, shown))
     stream.send_recording_name(diagnosis.campaign)
-    stream.log("summary", rr.TextDocument(_story(diagnosis), media_type="text/markdown"), static=True)
+    stream.log("summary", rr.TextDocument(_summary(diagnosis), media_type="text/markdown"), static=True)
     for entry in shown:
-        _send(stream, entry)
+        _send_recording(stream, entry)
     stream.flush()
     stream.disconnect()
 
 
-def _roots(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
-    """Yields file and entity of each recording: held-out ones first, names made safe for a path."""
+def _entities(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
+    """Yields file and entity path of each recording, held-out ones first."""
     numbers = count(1)
     for role in ("holdout", "fit"):
         for file in display.by_role(diagnosis, role):
             yield file, f"/{role}/{next(numbers):02}_{parts.entity_name(Path(file).stem)}"
 
 
-# What is shown of one recording
+# One recording
 
 
 @dataclass(frozen=True)
-class _Shown:
-    """One recording of a diagnosis and where it goes.
+class _RecordingView:
+    """One recording of a diagnosis in the viewer.
 
     Attributes:
-      diagnosis: all of it.
+      diagnosis: the whole diagnosis.
       file: of the recording.
-      root: its entity.
+      root: its entity path.
       sensors: channel -> sensor.
     """
 
@@ -96,25 +96,25 @@ class _Shown:
         return self.diagnosis.declared["length"]
 
     def models(self) -> dict[str, Recording]:
-        """The three arms."""
+        """The three arms by name."""
         p = self.prediction
         return {"measured": p.measured, "before": p.before, "after": p.after}
 
     def channels(self) -> list[str]:
-        """Measured channels that the models predict too."""
+        """Measured channels that the models predict."""
         return [name for name in self.prediction.measured.measured() if name in self.prediction.after]
 
     def torque(self) -> tuple[Trace, np.ndarray, np.ndarray] | None:
-        """The trace of an unmodelled torque with its samples and instants here, if there is one."""
+        """The trace of the unmodelled hub torque with its samples here and their times [s]; None without one."""
         for trace in self.diagnosis.traces:
             if trace.channel == HUB_TORQUE:
-                samples, time = _samples(self.diagnosis, trace, self.file)
+                samples, time = _trace_samples(self.diagnosis, trace, self.file)
                 return (trace, samples, time) if len(samples) else None
         return None
 
 
-def _samples(diagnosis: Diagnosis, trace: Trace, file: str) -> tuple[np.ndarray, np.ndarray]:
-    """Returns which samples of a trace belong to a file, and their time on its clock [s].
+def _trace_samples(diagnosis: Diagnosis, trace: Trace, file: str) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the indices of a trace's samples in a file, and their times on the clock of the file [s].
 
     A trace numbers the fit recordings in their order.
     """
@@ -126,20 +126,22 @@ def _samples(diagnosis: Diagnosis, trace: Trace, file: str) -> tuple[np.ndarray,
     return samples, diagnosis.predictions[file].measured.time[0] + np.asarray(trace.since_start)[samples]
 
 
-def _send(stream: rr.RecordingStream, entry: _Shown) -> None:
+def _send_recording(stream: rr.RecordingStream, entry: _RecordingView) -> None:
     parts.send_scenery(stream, entry.root, entry.length)
     measured = entry.prediction.measured
     frames = np.arange(measured.time[0], measured.time[-1] + 0.5 / parts.FRAME_RATE, 1 / parts.FRAME_RATE)
     for level, (model, recording) in enumerate(entry.models().items()):
         line = parts.centre_line(recording, frames, entry.length, entry.sensors)
         thick = (0.016 if model == "measured" else 0.009) * entry.length
-        place = f"{entry.root}/arms/{_PLACES[model]}"
-        whole = parts.lifted(line, level, entry.length)
+        place = f"{entry.root}/arms/{_ENTITY_NAMES[model]}"
+        whole = parts.raised(line, level, entry.length)
         parts.send_arm(stream, place, frames, whole, COLOURS[model], thick)
         for name in entry.channels():
             if name in recording:
                 values = labels.channel(name).factor * recording[name]
-                _send_scalars(stream, f"{entry.root}/{name}/{_PLACES[model]}", recording.time, values, model)
+                _send_scalars(
+                    stream, f"{entry.root}/{name}/{_ENTITY_NAMES[model]}", recording.time, values, model
+                )
     if "torque_command" in measured:
         command = measured["torque_command"]
         _send_scalars(stream, f"{entry.root}/torque/command", measured.time, command, "command")
@@ -153,14 +155,14 @@ def _send_scalars(
     parts.send_scalars(stream, entity, time, values, COLOURS[model], name or model, width)
 
 
-def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) -> None:
-    """Sends the torque that the model lacks: a line over time, and an arrow that pushes the measured arm."""
+def _send_torque(stream: rr.RecordingStream, entry: _RecordingView, frames: np.ndarray) -> None:
+    """Sends the torque that the model lacks, as a line over time and as an arrow at the measured arm."""
     import rerun as rr
 
-    found = entry.torque()
-    if found is None:
+    torque_trace = entry.torque()
+    if torque_trace is None:
         return
-    trace, samples, time = found
+    trace, samples, time = torque_trace
     values = np.asarray(trace.values)[samples]
     _send_scalars(stream, f"{entry.root}/unmodelled/estimated", time, values, "unmodelled", "estimated")
     pushing = values
@@ -170,7 +172,9 @@ def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) 
     there = np.isfinite(pushing)
     if not _has_arrow(entry.diagnosis) or not there.any():
         return
-    torque = np.where(_seen(frames, time[there]), np.interp(frames, time[there], pushing[there]), 0.0)
+    torque = np.where(
+        _between_close_samples(frames, time[there]), np.interp(frames, time[there], pushing[there]), 0.0
+    )
     origins, vectors = _arrows(entry, frames, torque / max(np.abs(pushing[there]).max(), 1e-12))
     entity = f"{entry.root}/arms/unmodelled_torque"
     style = rr.Arrows3D.from_fields(colors=COLOURS["unmodelled"], radii=0.012 * entry.length)
@@ -180,30 +184,30 @@ def _send_torque(stream: rr.RecordingStream, entry: _Shown, frames: np.ndarray) 
 
 
 def _has_arrow(diagnosis: Diagnosis) -> bool:
-    """Whether the model lacks a torque: what is left where nothing is missing is noise."""
+    """Whether the unmodelled torque is shown as an arrow: where nothing is missing it is noise."""
     return bool(diagnosis.traces) and diagnosis.verdict != "no-missing-effect"
 
 
-def _seen(instants: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Whether instants (k) [s] lie between two samples, at times (n) [s], that are close to each other."""
+def _between_close_samples(instants: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Whether instants (k) [s] lie between two samples, at times (n) [s], that are at most `UNSEEN` apart."""
     behind = np.searchsorted(time, instants, side="right")
     last, next_one = time[np.clip(behind - 1, 0, None)], time[np.clip(behind, None, len(time) - 1)]
     return (last <= instants) & (instants <= next_one) & (next_one - last <= UNSEEN)
 
 
-def _arrows(entry: _Shown, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns origins and vectors (k x 3) of the arrow, for torques as a share (k) of the largest one."""
-    theta = parts.sampled(entry.prediction.measured, "hub_angle", frames)
+def _arrows(entry: _RecordingView, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns origins and vectors (k x 3) of the arrow [m], for torques as a share (k) of the largest one."""
+    theta = parts.interpolated(entry.prediction.measured, "hub_angle", frames)
     along = np.stack([np.cos(theta), np.sin(theta), 0 * theta], axis=1)
     across = np.stack([-np.sin(theta), np.cos(theta), 0 * theta], axis=1)
     origins = _LEVER * entry.length * along + [0, 0, 0.06 * entry.length]
     return origins, _ARROW * entry.length * share[:, None] * across
 
 
-# Layout and words
+# Layout and text
 
 
-def _blueprint(diagnosis: Diagnosis, shown: Sequence[_Shown]) -> rrb.Blueprint:
+def _blueprint(diagnosis: Diagnosis, shown: Sequence[_RecordingView]) -> rrb.Blueprint:
     import rerun.blueprint as rrb
 
     tabs: list[Any] = []
@@ -215,7 +219,7 @@ def _blueprint(diagnosis: Diagnosis, shown: Sequence[_Shown]) -> rrb.Blueprint:
     return parts.blueprint(rrb.Tabs(*tabs, active_tab=0))
 
 
-def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
+def _tab(diagnosis: Diagnosis, entry: _RecordingView) -> rrb.Horizontal:
     import rerun.blueprint as rrb
 
     arms = parts.arms_view(entry.root, entry.length)
@@ -228,8 +232,8 @@ def _tab(diagnosis: Diagnosis, entry: _Shown) -> rrb.Horizontal:
     return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)
 
 
-def _story(diagnosis: Diagnosis) -> str:
-    """Returns the verdict as markdown."""
+def _summary(diagnosis: Diagnosis) -> str:
+    """Returns verdict, effects and next experiment as markdown."""
     arrow = (
         " The **pink** arrow, on fit recordings, is the torque that the model lacks."
         if _has_arrow(diagnosis)

@@ -1,4 +1,4 @@
-"""Quantities as people read them: degrees, microstrain, digits that are known, effects in plain words."""
+"""Formatted quantities and key sentences of a diagnosis, shared by page, terminal and rerun recording."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Predic
 from twin.labels import angle_in_degrees, join_with_and, over_noise, ratio, unit, with_error, words
 
 MODELS = ("before", "calibrated", "after")
-"""Names of the models in the order in which a diagnosis comes to them."""
+"""The declared, the calibrated and the final model, in the order of a diagnosis."""
 
 NOISE_LIKE = 2.0
-"""Up to this many noise levels a residual is called indistinguishable from noise (table, headline)."""
+"""RMS residual over sensor noise up to which it counts as noise in tables and sentences [1]."""
 
 
 def parameter_rows(effect: AdoptedEffect) -> list[tuple[str, str, str, str]]:
@@ -31,32 +31,32 @@ def by_role(diagnosis: Diagnosis, role: str) -> dict[str, Prediction]:
     return {file: p for file, p in diagnosis.predictions.items() if p.role == role}
 
 
-def judged(diagnosis: Diagnosis) -> dict[str, Prediction]:
-    """Returns the recordings that the answer is judged on: the held-out ones, or all if none was held out."""
+def evaluated_predictions(diagnosis: Diagnosis) -> dict[str, Prediction]:
+    """Returns the recordings on which the final model is evaluated: the held-out ones, or all if there are none."""
     return by_role(diagnosis, "holdout") or dict(diagnosis.predictions)
 
 
-def worst(predictions: Iterable[Prediction], model: str) -> tuple[Prediction, str, float] | None:
-    """Returns (recording, channel, error over noise) where `model` is furthest off.
+def worst_error(predictions: Iterable[Prediction], model: str) -> tuple[Prediction, str, float] | None:
+    """Returns (recording, channel, error over noise) where `model` has the largest error; None without an error.
 
     Args:
       predictions: the recordings.
       model: "before", "calibrated" or "after".
     """
-    found = [
+    errors = [
         (prediction, name, over_noise(getattr(error, model), error.noise))
         for prediction in predictions
         for name, error in prediction.errors.items()
     ]
-    found = [entry for entry in found if math.isfinite(entry[2])]
-    return max(found, key=lambda entry: entry[2], default=None)
+    errors = [entry for entry in errors if math.isfinite(entry[2])]
+    return max(errors, key=lambda entry: entry[2], default=None)
 
 
-def remaining(diagnosis: Diagnosis) -> list[tuple[str, str, ChannelError, float]]:
-    """Returns (file, channel, error, error over noise) of what the final model still misses, worst first."""
+def remaining_errors(diagnosis: Diagnosis) -> list[tuple[str, str, ChannelError, float]]:
+    """Returns (file, channel, error, error over noise) where the final error exceeds the noise, largest first."""
     rows = [
         (file, name, error, over_noise(error.after, error.noise))
-        for file, prediction in judged(diagnosis).items()
+        for file, prediction in evaluated_predictions(diagnosis).items()
         for name, error in prediction.errors.items()
     ]
     return sorted((row for row in rows if row[3] > NOISE_LIKE), key=lambda row: -row[3])
@@ -79,9 +79,9 @@ def headline(diagnosis: Diagnosis) -> str:
 
 
 def improvement(diagnosis: Diagnosis) -> str:
-    """Returns a sentence on the worst error over noise before and after, where anything was simulated."""
-    shown = judged(diagnosis)
-    before, after = worst(shown.values(), "before"), worst(shown.values(), "after")
+    """Returns a sentence on the largest error over noise before and after; "" where nothing was simulated."""
+    shown = evaluated_predictions(diagnosis)
+    before, after = worst_error(shown.values(), "before"), worst_error(shown.values(), "after")
     if before is None or after is None:
         return ""
     what = "held-out recordings" if by_role(diagnosis, "holdout") else "fitted recordings (none was held out)"

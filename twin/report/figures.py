@@ -1,4 +1,4 @@
-"""Plotly figures of a diagnosis: recordings beside the models, and what the model lacked."""
+"""Plotly figures of a diagnosis: measured and simulated channels, residuals, and unmodelled quantities."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _GRID, _AXIS = "#e9ecef", pages.GREY
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure for the page.
+    """A figure of the page.
 
     Attributes:
       json: data and layout for plotly.js.
-      height: height on the page [px].
+      height: on the page [px].
     """
 
     json: str
@@ -44,20 +44,21 @@ class Figure:
 
 
 def recording_figure(prediction: Prediction, points: int = 2000) -> Figure | None:
-    """Returns measured, before and after of every channel, each beside its residual; None if there is none.
+    """Returns measured and simulated channels beside their residuals; None if no channel was simulated.
 
-    Left the channels, right measured minus model in noise levels, linear up to two and logarithmic beyond,
-    so that an error of hundreds and one of the noise are both seen; below, the command. All share the time.
+    Left are the channels, right measured minus simulated in noise levels, on a scale that is linear up to two and
+    logarithmic beyond, so that errors of the noise and of hundreds of noise levels are both visible; below is the
+    command. All panels share the time axis.
 
     Args:
-      prediction: one recording beside what the models make of it.
-      points: how many points a line keeps.
+      prediction: one recording with its simulations.
+      points: about how many points a line keeps.
     """
     names = [name for name in prediction.measured.measured() if name in prediction.after]
     if not names:
         return None
     commanded = "torque_command" in prediction.measured and not prediction.measured.clamped
-    page = _Page([1.0] * len(names) + [0.45] * commanded, row=175)
+    page = _Panels([1.0] * len(names) + [0.45] * commanded, row=175)
     for row, name in enumerate(names):
         _signal_panel(page, row, prediction, name, points)
         _residual_panel(page, row, prediction, name, points)
@@ -72,11 +73,11 @@ def recording_figure(prediction: Prediction, points: int = 2000) -> Figure | Non
 
 @dataclass(frozen=True)
 class JoinedTime:
-    """The time axis that traces share: the fit recordings one after the other.
+    """Time axis that traces share, with the fit recordings one after the other.
 
     Attributes:
-      end: of what is shown [s].
-      starts: of recordings [s].
+      end: of the axis [s].
+      starts: of the recordings on it [s].
     """
 
     end: float
@@ -84,7 +85,7 @@ class JoinedTime:
 
     @classmethod
     def of(cls, traces: Sequence[Trace]) -> JoinedTime:
-        """The axis on which all of these can be seen."""
+        """Returns the axis that covers all of these traces."""
         starts = {round(float(t), 6) for trace in traces for t in np.unique(trace.time - trace.since_start)}
         return cls(
             max((float(t) for trace in traces for t in trace.time), default=0.0), tuple(sorted(starts))
@@ -92,43 +93,43 @@ class JoinedTime:
 
 
 def trace_figure(trace: Trace, against: str | None, axis: JoinedTime) -> Figure | None:
-    """Returns an unexplained quantity against what explains it, and over time; None if it is empty.
+    """Returns an unmodelled quantity over the variable that explains it, and over time; None if it is empty.
 
     Args:
-      trace: the unexplained quantity.
-      against: the variable; None for the time alone.
-      axis: of the time.
+      trace: the unmodelled quantity.
+      against: name of the variable; None for a plot over time alone.
+      axis: time axis.
     """
     kept = np.flatnonzero(np.isfinite(trace.values))
     if not len(kept):
         return None
-    page = _Page([1.0], row=340, columns=(0.46, 0.43) if against else (1.0,), linked=False)
+    page = _Panels([1.0], row=340, columns=(0.46, 0.43) if against else (1.0,), linked=False)
     if against:
-        _cloud_panel(page, 0, trace, against, kept)
-    _history_panel(page, 1 if against else 0, trace, axis)
+        _scatter_panel(page, 0, trace, against, kept)
+    _time_panel(page, 1 if against else 0, trace, axis)
     return page.figure()
 
 
 def other_variables_figure(trace: Trace, against: str | None) -> Figure | None:
-    """Returns the unexplained quantity against variables that explain less of it; None without any."""
+    """Returns an unmodelled quantity over up to four variables other than `against` and time; None without any."""
     kept = np.flatnonzero(np.isfinite(trace.values))
     names = [name for name in trace.variables if name not in (against, "time")][:4]
     if not len(kept) or not names:
         return None
     gap = 0.06
     width = (1.0 - gap * (len(names) - 1)) / len(names)
-    page = _Page([1.0], row=230, columns=(width,) * len(names), linked=False, gap=gap)
+    page = _Panels([1.0], row=230, columns=(width,) * len(names), linked=False, gap=gap)
     for column, name in enumerate(names):
-        _cloud_panel(page, column, trace, name, kept, points=800, legend=False)
+        _scatter_panel(page, column, trace, name, kept, points=800, legend=False)
     return page.figure()
 
 
 def patch_figure(patched: Patched) -> Figure:
-    """Returns a lookup over the range in which it was seen, its points as large as the samples behind them are many."""
+    """Returns a lookup table over the range in which it was observed; marker sizes grow with the number of samples."""
     patch = patched.patch
     shown = variable(patch.variable)
     adds = channel(patch.channel) if patch.channel in CHANNEL_UNITS else channel("motor_torque")
-    page = _Page([1.0], row=280, columns=(1.0,), linked=False)
+    page = _Panels([1.0], row=280, columns=(1.0,), linked=False)
     x, y = shown.factor * patch.x, adds.factor * patch.y
     size = 3 + 7 * np.sqrt(patch.count / patch.count.max())
     hover = f"%{{y:.4g}} {adds.unit} at %{{x:.4g}} {shown.unit}<extra></extra>"
@@ -142,8 +143,16 @@ def patch_figure(patched: Patched) -> Figure:
     return page.figure()
 
 
-class _Page:
-    """Panels in rows and columns, as plotly axes."""
+class _Panels:
+    """Panels in rows and columns, as plotly axes.
+
+    Args:
+      rows: relative height of each row.
+      row: height of a row of relative height 1 [px].
+      columns: width of each column, over that of the figure [1].
+      linked: whether all panels share the x axis of the first.
+      gap: between columns, over the width of the figure [1]; None to fill the width.
+    """
 
     def __init__(
         self,
@@ -164,7 +173,7 @@ class _Page:
         self.gap = gap if gap is not None else spare / max(len(columns) - 1, 1)
 
     def axes(self, row: int, column: int) -> tuple[str, str]:
-        """Returns the names of the axes of a panel, which are made when first asked for."""
+        """Returns the names of the axes of a panel; they are created on first use."""
         number = row * len(self.columns) + column + 1
         suffix = "" if number == 1 else str(number)
         if f"xaxis{suffix}" not in self.layout:
@@ -194,7 +203,7 @@ class _Page:
         self.data.append({"type": "scatter", "xaxis": x, "yaxis": y, **trace})
 
     def time_below(self, column: int, rows: int) -> None:
-        """Labels the time below the last of the panels of a column only."""
+        """Labels the time axis below the last panel of a column only."""
         for row in range(rows):
             last = row == rows - 1
             self.set(self.axes(row, column)[0], showticklabels=last)
@@ -202,7 +211,7 @@ class _Page:
                 self.set(self.axes(row, column)[0], title=_title("time", "s"))
 
     def caption(self, column: int, text: str) -> None:
-        """Writes above a column of panels."""
+        """Adds a caption above a column of panels."""
         left = sum(self.columns[:column]) + self.gap * column
         place = {
             "x": left,
@@ -218,7 +227,7 @@ class _Page:
         )
 
     def figure(self) -> Figure:
-        """Returns the page as JSON that is safe inside a script element."""
+        """Returns the panels as JSON that is safe inside a script element."""
         import plotly.graph_objects as go
 
         height = self.inner + self.top + self.bottom
@@ -237,22 +246,22 @@ class _Page:
             "legend": legend,
         }
         text = go.Figure(self.data, layout).to_json()
-        # "</script>" or "<!--" inside would end or break the element around it.
+        # "</script>" or "<!--" inside would end or break the enclosing element.
         return Figure(text.replace("<", "\\u003c").replace("\u2028", "\\u2028"), height)
 
 
-def _line(time: np.ndarray, values: np.ndarray, points: int) -> dict[str, np.ndarray]:
+def _decimated_line(time: np.ndarray, values: np.ndarray, points: int) -> dict[str, np.ndarray]:
     kept = decimate(values, points)
     return {"x": time[kept].astype("f4"), "y": values[kept].astype("f4")}
 
 
-def _signal_panel(page: _Page, row: int, prediction: Prediction, name: str, points: int) -> None:
+def _signal_panel(page: _Panels, row: int, prediction: Prediction, name: str, points: int) -> None:
     shown = channel(name)
     series = {"measured": prediction.measured, **{model: getattr(prediction, model) for model in MODELS}}
     for model, recording in series.items():
         if name not in recording:
             continue
-        line = _line(recording.time, shown.factor * recording[name], points)
+        line = _decimated_line(recording.time, shown.factor * recording[name], points)
         page.add(
             row, 0, **line, **_style(model), showlegend=row == 0, hovertemplate=_hover(model, shown.unit)
         )
@@ -264,7 +273,7 @@ def _style(model: str) -> dict[str, Any]:
     dash = {"measured": "solid", "before": "solid", "calibrated": "dot", "after": "5px,3px"}[model]
     colour = "#a9b0b7" if model == "measured" else COLOURS[model]
     style: dict[str, Any] = {"mode": "lines", "name": model, "legendgroup": model}
-    # Three lines are enough to look at; a click on its name in the legend brings the fourth.
+    # The calibrated model is hidden at first; a click on its name in the legend shows it.
     visible = {"visible": "legendonly"} if model == "calibrated" else {}
     return style | visible | {"line": {"color": colour, "width": width, "dash": dash}}
 
@@ -281,12 +290,12 @@ def _title(label: str, unit: str) -> dict[str, Any]:
 # Residuals: linear within the noise, logarithmic beyond it
 
 
-def compress(x: np.ndarray | float) -> np.ndarray:
-    """Returns x, linear up to about NOISE_LIKE and logarithmic beyond: a decade is one unit."""
+def symmetric_log(x: np.ndarray | float) -> np.ndarray:
+    """Returns asinh(x/NOISE_LIKE)/ln 10: linear up to about NOISE_LIKE, logarithmic beyond, a decade per unit."""
     return np.arcsinh(np.asarray(x, dtype=float) / NOISE_LIKE) / math.log(10)
 
 
-def _residual_panel(page: _Page, row: int, prediction: Prediction, name: str, points: int) -> None:
+def _residual_panel(page: _Panels, row: int, prediction: Prediction, name: str, points: int) -> None:
     shown, error = channel(name), prediction.errors.get(name)
     sigma = error.noise if error is not None and over_noise(error.noise, error.noise) == 1.0 else None
     axis = page.axes(row, 1)[1]
@@ -296,7 +305,7 @@ def _residual_panel(page: _Page, row: int, prediction: Prediction, name: str, po
         if name not in recording:
             continue
         residual = prediction.measured[name] - recording[name]
-        drawn = compress(residual / sigma) if sigma else shown.factor * residual
+        drawn = symmetric_log(residual / sigma) if sigma else shown.factor * residual
         kept = decimate(drawn, points)
         real = (shown.factor * residual[kept]).astype("f4")
         line = {"x": recording.time[kept].astype("f4"), "y": drawn[kept].astype("f4"), "customdata": real}
@@ -307,13 +316,13 @@ def _residual_panel(page: _Page, row: int, prediction: Prediction, name: str, po
             largest = max(largest, float(np.nanmax(np.abs(drawn))))
     if sigma:
         _noise_band(page, row, axis)
-        page.set(axis, **_compressed_ticks(largest))
+        page.set(axis, **_symmetric_log_ticks(largest))
     else:
         page.set(axis, title=_title("residual", shown.unit))
 
 
-def _noise_band(page: _Page, row: int, axis: str) -> None:
-    half = float(compress(2.0))
+def _noise_band(page: _Panels, row: int, axis: str) -> None:
+    half = float(symmetric_log(2.0))
     x = page.axes(row, 1)[0]
     band = {"type": "rect", "xref": f"{x} domain", "x0": 0, "x1": 1, "yref": axis, "y0": -half, "y1": half}
     page.layout["shapes"].append(
@@ -321,31 +330,35 @@ def _noise_band(page: _Page, row: int, axis: str) -> None:
     )
 
 
-def _compressed_ticks(largest: float) -> dict[str, Any]:
-    decades = [10**k for k in range(1, 7) if compress(10**k) < 1.05 * largest]
-    # The panel is low: labels that would touch are left out.
+def _symmetric_log_ticks(largest: float) -> dict[str, Any]:
+    decades = [10**k for k in range(1, 7) if symmetric_log(10**k) < 1.05 * largest]
+    # The panel is small: labels that would overlap are left out.
     decades = decades[-1::-2][::-1] if len(decades) > 3 else decades
-    if largest < compress(80):
+    if largest < symmetric_log(80):
         decades = [2, *decades]
     ticks = [-d for d in reversed(decades)] + [0] + decades
-    reach = max(1.08 * largest, float(compress(3.5)))
+    reach = max(1.08 * largest, float(symmetric_log(3.5)))
     labels = [f"{t:+d}".replace("-", "−") if t else "0" for t in ticks]
-    return {"tickvals": [float(compress(t)) for t in ticks], "ticktext": labels, "range": [-reach, reach]}
+    return {
+        "tickvals": [float(symmetric_log(t)) for t in ticks],
+        "ticktext": labels,
+        "range": [-reach, reach],
+    }
 
 
-def _command_panel(page: _Page, row: int, measured: Recording, points: int) -> None:
+def _command_panel(page: _Panels, row: int, measured: Recording, points: int) -> None:
     shown = channel("torque_command")
-    line = _line(measured.time, shown.factor * measured["torque_command"], points)
+    line = _decimated_line(measured.time, shown.factor * measured["torque_command"], points)
     style = {"mode": "lines", "line": {"color": "#6b747c", "width": 1.2, "shape": "hv"}, "name": "command"}
     page.add(row, 0, **line, **style, showlegend=False, hovertemplate=_hover("command", shown.unit))
     page.set(page.axes(row, 0)[1], title=_title("command", shown.unit), nticks=4)
 
 
-# What the model lacked
+# Unmodelled quantities
 
 
-def _cloud_panel(
-    page: _Page,
+def _scatter_panel(
+    page: _Panels,
     column: int,
     trace: Trace,
     against: str,
@@ -373,13 +386,13 @@ def _cloud_panel(
         page.set(page.axes(0, column)[0], nticks=5)
 
 
-def _history_panel(page: _Page, column: int, trace: Trace, axis: JoinedTime) -> None:
+def _time_panel(page: _Panels, column: int, trace: Trace, axis: JoinedTime) -> None:
     left = unmodelled(trace.channel)
     x, y = page.axes(0, column)
     for at in axis.starts[1:]:
         border = {"type": "line", "xref": x, "x0": at, "x1": at, "yref": f"{y} domain", "y0": 0, "y1": 1}
         page.layout["shapes"].append({**border, "line": {"color": _AXIS, "width": 1, "dash": "dot"}})
-    # What is measured stays visible behind a thin line that follows it.
+    # A wide line behind a thin one stays visible.
     behind = 1.0 if trace.fitted is None else 3.0
     lines = (
         ("unexplained", trace.values, "#b9c0c7", behind),
@@ -405,7 +418,7 @@ def _history_panel(page: _Page, column: int, trace: Trace, axis: JoinedTime) -> 
 
 
 def _broken_line(trace: Trace, values: np.ndarray, points: int) -> dict[str, np.ndarray]:
-    """Returns values (n) of a trace over its time as a line that breaks between recordings and where it has a gap."""
+    """Returns values (n) of a trace over time as a line that breaks between recordings and at gaps."""
     order = np.argsort(trace.time, kind="stable")
     time, values = np.asarray(trace.time)[order], values[order]
     anew = (np.diff(time) > UNSEEN) | (np.diff(np.asarray(trace.recording)[order]) != 0)

@@ -1,4 +1,4 @@
-"""The report: one page that tells the story of a diagnosis, readable without a network, printable."""
+"""The report of a diagnosis as one HTML page that needs no network and can be printed."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures, pages
 from twin.report.figures import Figure
 
-_CLEARLY = 1.05  # times the error of the declared model from which another one is worse
-_POINTS = {"holdout": 2000, "fit": 1000}  # per line: the fit recordings are many and looked at less
+_WORSE_FACTOR = 1.05  # error over that of the declared model from which another model counts as worse [1]
+_LINE_POINTS = {"holdout": 2000, "fit": 1000}  # of a line; fewer for the fit recordings, which are many
 
 
 def write_report(diagnosis: Diagnosis, path: Path, files: Mapping[str, str] | None = None) -> None:
     """Writes a diagnosis as one HTML file that needs nothing else.
 
     Args:
-      diagnosis: what to tell.
+      diagnosis: what is reported.
       path: the file; it is overwritten.
-      files: name of each file of the same folder -> what it is, in plain words.
+      files: name of each file of the same folder -> what it is.
     """
     Path(path).write_text(render(diagnosis, files), encoding="utf-8")
 
 
 def render(diagnosis: Diagnosis, files: Mapping[str, str] | None = None) -> str:
-    """Returns the page."""
+    """Returns the page; arguments as `write_report`."""
     return pages.render(
         "report/report.html.j2",
         filters={"words": labels.words, "ratio": labels.ratio, "probability": labels.probability},
@@ -46,15 +46,15 @@ def render(diagnosis: Diagnosis, files: Mapping[str, str] | None = None) -> str:
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """One line of the error table.
+    """One row of the error table.
 
     Attributes:
-      file, channel: which.
-      first: it opens the lines of its recording.
-      span: how many lines the recording has.
-      models: "before", "calibrated", "after" -> (error over noise, error as people read it).
-      noise: as people read it.
-      places: model -> place on the bar, from 0 to 100.
+      file, channel: of the error.
+      first: whether it is the first row of its recording.
+      span: number of rows of the recording.
+      models: "before", "calibrated", "after" -> (error over noise, formatted error).
+      noise: formatted.
+      places: model -> position on the bar, from 0 to 100.
     """
 
     file: str
@@ -67,6 +67,7 @@ class ErrorRow:
 
 
 def _content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Values of the template, by name."""
     held_out, fit = display.by_role(diagnosis, "holdout"), display.by_role(diagnosis, "fit")
     scale = _Scale(diagnosis)
     return {
@@ -74,9 +75,9 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "improvement": display.improvement(diagnosis),
         "facts": _facts(diagnosis),
         "recordings": [_recording(file, p) for file, p in diagnosis.predictions.items()],
-        "first_miss": _first_miss(diagnosis),
+        "first_miss": _largest_initial_error(diagnosis),
         "held_out_errors": list(_error_rows(held_out, scale)),
-        "worse": _worse(held_out),
+        "worse": _degradations(held_out),
         "fit_errors": list(_error_rows(fit, scale)),
         "scale": scale,
         "effects": [_effect(effect) for effect in diagnosis.effects],
@@ -98,11 +99,11 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     held_out, fit = display.by_role(diagnosis, "holdout"), display.by_role(diagnosis, "fit")
     facts = [("recordings", f"{len(fit)} fitted, {len(held_out)} held out")]
     for model, label in (("before", "worst error before"), ("after", "worst error after")):
-        found = display.worst(display.judged(diagnosis).values(), model)
-        if found:
-            facts.append((label, f"{labels.ratio(found[2])} × noise"))
+        largest = display.worst_error(display.evaluated_predictions(diagnosis).values(), model)
+        if largest:
+            facts.append((label, f"{labels.ratio(largest[2])} × noise"))
     if diagnosis.wall_s > 0:
-        facts.append(("found in", f"{diagnosis.wall_s:.0f} s"))
+        facts.append(("computed in", f"{diagnosis.wall_s:.0f} s"))
     return facts
 
 
@@ -133,12 +134,12 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
-def _first_miss(diagnosis: Diagnosis) -> dict[str, str] | None:
-    """Returns where the declared model was furthest off."""
-    found = display.worst(display.judged(diagnosis).values(), "before")
-    if found is None:
+def _largest_initial_error(diagnosis: Diagnosis) -> dict[str, str] | None:
+    """Returns the largest error over noise of the declared model; None without an error."""
+    largest = display.worst_error(display.evaluated_predictions(diagnosis).values(), "before")
+    if largest is None:
         return None
-    prediction, name, over = found
+    prediction, name, over = largest
     file = next(file for file, p in diagnosis.predictions.items() if p is prediction)
     error = _shown_error(name, prediction.errors[name].before)
     return {"file": file, "channel": labels.channel(name).label, "over": labels.ratio(over), "error": error}
@@ -154,12 +155,18 @@ def _shown_error(name: str, error: float) -> str:
 
 
 class _Scale:
-    """The logarithmic axis of the bars of the error table: error over noise, from noise to the worst."""
+    """Logarithmic axis of error over noise, for the bars of the error table.
+
+    Attributes:
+      low, high: decadic logarithms of its ends.
+      ticks: (value, position) of each decade.
+      noise: position up to which an error counts as noise.
+    """
 
     def __init__(self, diagnosis: Diagnosis):
         errors = [e for p in diagnosis.predictions.values() for e in p.errors.values()]
-        found = [labels.over_noise(getattr(e, m), e.noise) for e in errors for m in display.MODELS]
-        finite = [value for value in found if math.isfinite(value) and value > 0]
+        ratios = [labels.over_noise(getattr(e, m), e.noise) for e in errors for m in display.MODELS]
+        finite = [value for value in ratios if math.isfinite(value) and value > 0]
         self.low = math.log10(min(0.5, *finite)) if finite else 0.0
         self.high = math.log10(max(20.0, *finite)) + 0.05 if finite else 1.0
         self.ticks = [
@@ -168,7 +175,7 @@ class _Scale:
         self.noise = self.place(display.NOISE_LIKE)
 
     def place(self, value: float) -> float:
-        """Returns where a value stands, from 0 to 100."""
+        """Returns the position of a value, from 0 to 100; NaN for one that is not positive."""
         if not (math.isfinite(value) and value > 0):
             return math.nan
         return 100 * (math.log10(value) - self.low) / (self.high - self.low)
@@ -177,19 +184,19 @@ class _Scale:
 def _error_rows(predictions: Mapping[str, Prediction], scale: _Scale) -> Iterator[ErrorRow]:
     for file, prediction in predictions.items():
         for i, (name, error) in enumerate(prediction.errors.items()):
-            models = {m: _over_and_shown(name, error, m) for m in display.MODELS}
+            models = {m: _error_cell(name, error, m) for m in display.MODELS}
             places = {m: scale.place(over) for m, (over, _) in models.items() if scale.place(over) >= 0}
             label, noise = labels.channel(name).label, _shown_error(name, error.noise)
             yield ErrorRow(file, label, i == 0, len(prediction.errors), models, noise, places)
 
 
-def _over_and_shown(name: str, error: ChannelError, model: str) -> tuple[float, str]:
+def _error_cell(name: str, error: ChannelError, model: str) -> tuple[float, str]:
     value = getattr(error, model)
     return labels.over_noise(value, error.noise), _shown_error(name, value)
 
 
-def _worse(held_out: Mapping[str, Prediction]) -> str:
-    """Returns where a later model is clearly worse than the declared one, and why that can be; "" if nowhere."""
+def _degradations(held_out: Mapping[str, Prediction]) -> str:
+    """Returns a sentence on held-out errors that grew from the declared model on, and why that can be; "" for none."""
     places: list[str] = []
     reach = 0.0
     for model in ("calibrated", "after"):
@@ -201,18 +208,18 @@ def _worse(held_out: Mapping[str, Prediction]) -> str:
                 reach = max([reach, *(labels.over_noise(e.reach, e.noise) for e in errors.values())])
     if not places:
         return ""
-    hangs = f": one that is off by 0.1 % changes these by up to {labels.ratio(reach)} times the noise"
+    sensitivity = f": one that is off by 0.1 % changes these by up to {labels.ratio(reach)} times the noise"
     return (
-        f"Worse than before: {'; '.join(places)}. That can be: parameters are fitted to the balance of torques at each "
-        "instant, those of a model that still lacks something stand in for it, and in a run that is simulated freely "
-        "one stick or slip more, which a tiny change of the break-away torque decides, shifts all that follows"
-        f"{hangs if reach > display.NOISE_LIKE else ''}."
+        f"Worse than before: {'; '.join(places)}. That can happen: parameters are fitted to the torque balance at each "
+        "instant, those of a model that still lacks something compensate for it, and in a free-running simulation one "
+        "more stick or slip, which depends on small changes of the break-away torque, shifts everything after it"
+        f"{sensitivity if reach > display.NOISE_LIKE else ''}."
     )
 
 
 def _clearly_worse(error: ChannelError, model: str) -> bool:
     value = getattr(error, model)
-    return labels.over_noise(value, error.noise) > display.NOISE_LIKE and value > _CLEARLY * error.before
+    return labels.over_noise(value, error.noise) > display.NOISE_LIKE and value > _WORSE_FACTOR * error.before
 
 
 # What explains it
@@ -231,7 +238,7 @@ def _effect(effect: AdoptedEffect) -> dict[str, Any]:
 
 
 def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
-    """Returns the candidates that were fitted, with bars, the others by name, and where the threshold is."""
+    """Returns the rows of the fitted candidates, the names of the others, and the position of the threshold."""
     idle = set(diagnosis.not_fitted)
     fitted = [(n, score) for n, score in diagnosis.ranking if math.isfinite(score) and n not in idle]
     least = diagnosis.threshold or 0.0
@@ -243,7 +250,7 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
             "score": _score(score),
             "width": 100 * max(score, 0.0) / top if top > 0 else 0.0,
             "adopted": name in adopted,
-            "rule": _turned_down(diagnosis, name),
+            "rule": _rejection(diagnosis, name),
         }
         for name, score in fitted[:most]
     ]
@@ -255,19 +262,19 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
     }
 
 
-def _turned_down(diagnosis: Diagnosis, name: str) -> dict[str, str] | None:
-    """Returns the rule by which a candidate was turned down, its question, statistic and limit."""
-    found = diagnosis.turned_down(name)
-    if found is None:
+def _rejection(diagnosis: Diagnosis, name: str) -> dict[str, str] | None:
+    """Returns the rule by which a candidate was rejected, with its question, statistic and limit; None without one."""
+    rejected = diagnosis.turned_down(name)
+    if rejected is None:
         return None
-    rule = RULES[found.judgement.rule]
+    rule = RULES[rejected.judgement.rule]
     sign = "<" if rule.at_least else ">"
-    value, limit = (labels.number(v) for v in (found.judgement.value, found.judgement.limit))
+    value, limit = (labels.number(v) for v in (rejected.judgement.value, rejected.judgement.limit))
     return {"name": rule.name, "asks": rule.asks, "said": f"{value} {sign} {limit}"}
 
 
 def _decision(d: Diagnosis) -> dict[str, str | bool] | None:
-    """Returns the best score of the first round and what is held against it, where that is known."""
+    """Returns the best score of the first round and the thresholds that it is compared with; None if unknown."""
     scores = [score for _, score in d.ranking if math.isfinite(score)]
     if not scores or d.by_chance is None or d.false_alarm_rate is None or d.least_score is None:
         return None
@@ -292,7 +299,7 @@ def _traces(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
 
 
 def _trace(diagnosis: Diagnosis, trace: Trace, axis: figures.JoinedTime) -> dict[str, Any]:
-    against = _against(diagnosis, trace)
+    against = _explaining_variable(diagnosis, trace)
     return {
         "label": labels.unmodelled(trace.channel).label,
         "against": labels.variable(against).label if against else None,
@@ -303,7 +310,7 @@ def _trace(diagnosis: Diagnosis, trace: Trace, axis: figures.JoinedTime) -> dict
     }
 
 
-def _against(diagnosis: Diagnosis, trace: Trace) -> str | None:
+def _explaining_variable(diagnosis: Diagnosis, trace: Trace) -> str | None:
     candidates = (trace.explained_by, *diagnosis.depends_on)
     return next((name for name in candidates if name and name in trace.variables and name != "time"), None)
 
@@ -336,14 +343,14 @@ def _patch(patched: Patched | None) -> dict[str, Any] | None:
 
 def _recordings(predictions: Mapping[str, Prediction]) -> Iterator[tuple[str, Prediction, Figure | None]]:
     for file, prediction in predictions.items():
-        yield file, prediction, figures.recording_figure(prediction, _POINTS[prediction.role])
+        yield file, prediction, figures.recording_figure(prediction, _LINE_POINTS[prediction.role])
 
 
 # What remains
 
 
 def _remaining(diagnosis: Diagnosis) -> list[dict[str, str]]:
-    rows = display.remaining(diagnosis)
+    rows = display.remaining_errors(diagnosis)
     return [
         {
             "file": file,
@@ -357,7 +364,7 @@ def _remaining(diagnosis: Diagnosis) -> list[dict[str, str]]:
 
 
 def _share(error: ChannelError) -> str:
-    """Returns how much of the squared error before is left."""
+    """Returns the squared error of the final model over that of the declared one."""
     if not error.before > 0:
         return "–"
     return _percent((error.after / error.before) ** 2)

@@ -1,4 +1,4 @@
-"""HTML pages that need no network: plotly.js is in the page, and figures share palette and lettering."""
+"""HTML pages that need no network: plotly.js is in the page. Palette and fonts that all figures share."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-# Okabe and Ito's palette: apart for every common kind of colour vision, and in grey.
 INK, BLUE, VERMILION, GREY = "#2b2b2b", "#0072b2", "#d55e00", "#9aa3ab"
+"""Palette of Okabe and Ito, distinguishable with every common kind of colour vision, and in grey."""
 
 _FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif'
-_PLOTLY = "/*plotly.js*/"  # where a template wants it
+_PLOTLY = "/*plotly.js*/"  # placeholder in a template for the library
 
 
 def render(template: str, filters: Mapping[str, Callable[..., Any]] | None = None, **content: Any) -> str:
     """Returns a page.
 
     Args:
-      template: its file below this package.
+      template: its file, relative to the package `twin`.
       filters: name -> filter of the template.
       content: name -> value of the template.
     """
-    # jinja2 and plotly cost 0.1 s: `twin --help` does not wait for them.
+    # Imported here, because jinja2 and plotly take 0.1 s, which `twin --help` does not need.
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
     from plotly.offline import get_plotlyjs
 
@@ -36,19 +36,19 @@ def render(template: str, filters: Mapping[str, Callable[..., Any]] | None = Non
     )
     environment.filters |= filters or {}
     page = environment.get_template(template).render(content)
-    # A page with a lone surrogate, from a file name that is not UTF-8, cannot be written.
+    # A lone surrogate, from a file name that is not UTF-8, could not be written.
     page = page.encode("utf-8", "replace").decode("utf-8")
     return page.replace(_PLOTLY, get_plotlyjs(), 1)
 
 
 def figure_html(figure: Figure, name: str) -> str:
-    """Returns a figure as the part of a page that is called `name`."""
+    """Returns a figure as an HTML element with the id `name`."""
     options = {"displaylogo": False, "responsive": True}
     return figure.to_html(full_html=False, include_plotlyjs=False, config=options, div_id=name)
 
 
 def styled(figure: Figure, height: int, margin: Mapping[str, int]) -> Figure:
-    """Gives a figure its height and margins [px] and the look that all have; returns it."""
+    """Sets height and margins [px] and the common style of a figure; returns the figure."""
     legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
     return figure.update_layout(
         template="plotly_white",

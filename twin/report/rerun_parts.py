@@ -1,4 +1,4 @@
-"""What all rerun recordings of the rig are made of: an arm in 3D, lines over time, and the views of both."""
+"""Parts of all rerun recordings of the rig: an arm in 3D, lines over time, and their views."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 TIMELINE = "sim_time"
-FRAME_RATE = 60.0  # Hz, of the arms; scalars keep every sample
+"""Name of the time axis in the viewer."""
+FRAME_RATE = 60.0
+"""Frame rate of the arms [Hz]; scalars keep every sample."""
 Colour = tuple[int, int, int]
 
-_POINTS = 24  # of an arm's line
+_LINE_POINTS = 24  # of the line of a link
 _GREY = (110, 116, 124)
 
 
 def centre_line(
     recording: Recording, times: np.ndarray, length: float, sensors: Mapping[str, Sensor]
 ) -> np.ndarray:
-    """Returns where the link is, from hub angle and strains alone.
+    """Returns the centre line of the link from hub angle and strains.
 
-    The curvature strain / half_thickness at the gauges, linear between them and to zero at the tip, is integrated
-    twice along the arc:
+    The curvature kappa = strain / half_thickness at the gauges, interpolated linearly between them and to zero at the
+    tip, is integrated twice along the arc:
 
         phi(s) = theta + int_0^s kappa ds,   x(s) = int_0^s cos(phi) ds,   y(s) = int_0^s sin(phi) ds
 
@@ -41,9 +43,9 @@ def centre_line(
     Returns:
       (k x p x 2) x and y of p points from hub to tip [m].
     """
-    s = np.linspace(0.0, length, _POINTS)
+    s = np.linspace(0.0, length, _LINE_POINTS)
     curvature = _curvature(recording, times, s, sensors)
-    theta = sampled(recording, "hub_angle", times)
+    theta = interpolated(recording, "hub_angle", times)
     heading = theta[:, None] + _integral(curvature, s)
     return np.stack([_integral(np.cos(heading), s), _integral(np.sin(heading), s)], axis=-1)
 
@@ -51,7 +53,7 @@ def centre_line(
 def _curvature(
     recording: Recording, times: np.ndarray, s: np.ndarray, sensors: Mapping[str, Sensor]
 ) -> np.ndarray:
-    """Returns w'' (k x p) [1/m]: linear through the gauges, on to the hub, and to zero at the tip."""
+    """Returns the curvature (k x p) [1/m]: linear between gauges, extrapolated to the hub, zero at the tip."""
     gauges = sorted(
         (sensor for name, sensor in sensors.items() if name in recording and sensor.half_thickness > 0),
         key=lambda sensor: sensor.position,
@@ -60,16 +62,16 @@ def _curvature(
     if not gauges:
         return np.zeros((len(times), len(s)))
     at = np.array([*(sensor.position for sensor in gauges), s[-1]])
-    values = [sampled(recording, sensor.channel, times) / sensor.half_thickness for sensor in gauges]
+    values = [interpolated(recording, sensor.channel, times) / sensor.half_thickness for sensor in gauges]
     known = np.stack([*values, np.zeros(len(times))], axis=1)
-    # Which two neighbours each point lies between; before the first gauge its line goes on.
+    # Interval of each point; before the first gauge the line is extrapolated.
     left = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)
     weight = (s - at[left]) / (at[left + 1] - at[left])
     return known[:, left] * (1 - weight) + known[:, left + 1] * weight
 
 
-def sampled(recording: Recording, channel: str, times: np.ndarray) -> np.ndarray:
-    """Returns a channel at other instants, missing samples bridged; zero where there is none at all."""
+def interpolated(recording: Recording, channel: str, times: np.ndarray) -> np.ndarray:
+    """Returns a channel at other times [s], interpolated over missing samples; zero without any sample."""
     if channel not in recording:
         return np.zeros(len(times))
     there = np.isfinite(recording[channel])
@@ -84,11 +86,8 @@ def _integral(values: np.ndarray, s: np.ndarray) -> np.ndarray:
     return np.concatenate([np.zeros((len(values), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def lifted(line: np.ndarray, level: int, length: float) -> np.ndarray:
-    """Returns a link's line (k x p x 2) as (k x p x 3) [m], a little above the one of the level below.
-
-    Where arms coincide all can still be seen.
-    """
+def raised(line: np.ndarray, level: int, length: float) -> np.ndarray:
+    """Returns a link's line (k x p x 2) as (k x p x 3) [m], raised by its level, so that no arm hides another."""
     height = np.full((*line.shape[:2], 1), 0.012 * length * level)
     return np.concatenate([line, height], axis=2)
 
@@ -99,7 +98,7 @@ def entity_name(name: str) -> str:
 
 
 def send_scenery(stream: rr.RecordingStream, root: str, length: float) -> None:
-    """Logs the hub, and a circle that the tip of a straight link draws."""
+    """Logs the hub, and the circle of the tip of a straight link."""
     import rerun as rr
 
     stream.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -133,7 +132,7 @@ def send_arm(
 def send_fork(
     stream: rr.RecordingStream, entity: str, frames: np.ndarray, heading: np.ndarray, length: float
 ) -> None:
-    """Sends the two cheeks of the fork that holds the link, turned by `heading` (k) [rad]."""
+    """Sends the two cheeks of the fork that holds the link, rotated by `heading` (k) [rad]."""
     import rerun as rr
 
     half = (0.06 * length, 0.008 * length, 0.05 * length)
@@ -186,13 +185,13 @@ def series_view(origin: str, title: str) -> rrb.TimeSeriesView:
 
 
 def channel_view(origin: str, channel: str, what: str = "") -> rrb.TimeSeriesView:
-    """Returns the view of a channel, or of what `what` says of it."""
+    """Returns the view of a channel; `what` is put before its label."""
     shown = labels.channel(channel)
     return series_view(origin, f"{what}{shown.label} [{shown.unit}]")
 
 
 def blueprint(contents: rrb.Container) -> rrb.Blueprint:
-    """Returns a layout with its time bar, without the panels that a reader does not need."""
+    """Returns a layout with a time bar and without the viewer's other panels."""
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(

@@ -1,4 +1,4 @@
-"""Runs as CSV files in the recording format, so that every reader of recordings reads them back."""
+"""Runs as CSV files in the recording format, written and read."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from twin.recording import CHANNEL_UNITS, GAUGES, Recording, Sensor
 from twin.report.run_rerun import Track, of_recording
 from twin.rigs import preset
 
-_OTHER = (".json", ".rrd", ".toml", ".html")  # what else the twin writes
+_OTHER_SUFFIXES = (".json", ".rrd", ".toml", ".html")  # of other files that the twin writes
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
-    """Returns the columns of a run by name (m each): the recording's, then `mode` and the controller's states."""
+    """Returns the columns (m each) of a run by name: time, channels, friction mode and controller states."""
     channels = run.recording("run").channels
     states = {f"state_{name}": values for name, values in run.states.items()}
     return {"time": run.time, **channels, "mode": run.modes, **states}
@@ -42,18 +42,18 @@ def write_csv(run: Run, path: Path) -> None:
 
 
 def _rows(table: Mapping[str, np.ndarray]) -> Iterator[list[str]]:
-    # 9 digits: 1e-8 rad of a turn, far below any sensor.
+    # 9 digits resolve 1e-8 rad of a turn, far below any sensor.
     for row in zip(*table.values(), strict=True):
         yield [f"{value:.9g}" for value in row]
 
 
 def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
-    """Reads what there is to see of a CSV file: of a campaign, if its folder has a campaign.toml, else of a run.
+    """Reads a CSV file as a track: of a campaign, if its folder has a campaign.toml, else of a run.
 
     Args:
       path: the file.
-      rig: of a run, whose length [m] and torque limit [N m] the file does not say; None for `bossi2009`. A campaign
-        says its own.
+      rig: length [m] and torque limit [N m] of a run, which its file does not contain; None for `bossi2009`. A campaign
+        declares its own.
 
     Raises:
       InputError: the file, or its campaign, cannot be used.
@@ -63,11 +63,13 @@ def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
         recordings = {r.name: r for r in (*campaign.fit, *campaign.holdout())}
         if path.name not in recordings:
             raise InputError(f"{path}: its campaign has no such recording; it has {', '.join(recordings)}")
-        return _of_rig(recordings[path.name], campaign.rig, campaign.sensors)
-    return _run_track(path, preset("bossi2009") if rig is None else rig)
+        return _track_of_recording(recordings[path.name], campaign.rig, campaign.sensors)
+    return _track_of_run(path, preset("bossi2009") if rig is None else rig)
 
 
-def _of_rig(recording: Recording, rig: Mapping[str, float], sensors: Mapping[str, Sensor]) -> Track:
+def _track_of_recording(
+    recording: Recording, rig: Mapping[str, float], sensors: Mapping[str, Sensor]
+) -> Track:
     return replace(of_recording(recording, rig["length"], sensors), torque_limit=rig["torque_limit"])
 
 
@@ -80,9 +82,9 @@ def files_read(path: Path) -> tuple[Path, ...]:
     return (path, *campaign_files(path.parent)) if (path.parent / "campaign.toml").is_file() else (path,)
 
 
-def _run_track(path: Path, rig: Mapping[str, float]) -> Track:
-    """A file with a column for each channel, in SI units, as `write_csv` writes it."""
-    if path.suffix.lower() in _OTHER and path.is_file():
+def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:
+    """The track of a file with a column for each channel, in SI units, as `write_csv` writes it."""
+    if path.suffix.lower() in _OTHER_SUFFIXES and path.is_file():
         raise InputError(
             f"{path} is not a CSV file; expected a run as `twin run --csv` writes it, or a recording of a campaign"
         )
@@ -94,6 +96,6 @@ def _run_track(path: Path, rig: Mapping[str, float]) -> Track:
         )
     channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
     recording = Recording(path.name, table.columns["time"], channels)
-    track = _of_rig(recording, rig, {g.channel: g for g in GAUGES})
+    track = _track_of_recording(recording, rig, {g.channel: g for g in GAUGES})
     states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
     return replace(track, modes=table.columns.get("mode"), states=states)

@@ -1,6 +1,6 @@
 """Runs as a rerun recording: arms in 3D, references, readings, torques, friction and controller states over time.
 
-What is shown is a track: a run, or a recording of the rig. A run can be sent piece by piece while it goes on.
+A track is a run of a simulation, or a recording of the rig. A run can be sent in pieces while it is computed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 COLOURS: tuple[parts.Colour, ...] = ((60, 150, 220), (230, 112, 30), (165, 172, 180), (214, 90, 160))
-"""Of the tracks in their order: blue, orange, grey, pink differ for every kind of colour vision."""
+"""Colours of the tracks in their order: blue, orange, grey, pink, which differ for all kinds of colour vision."""
 
 _GREY, _LIMIT = (150, 156, 164), (200, 60, 60)
 _ROOT = "/run"
@@ -35,16 +35,16 @@ _DIFFERENCES = ("hub_angle", "tip_deflection")
 
 @dataclass(frozen=True)
 class Track:
-    """One arm over time; m instants.
+    """One arm at m instants.
 
     Attributes:
-      name: for people.
+      name: shown in the viewer.
       time: (m) [s].
-      line: (m, k, 2) where the link is [m].
+      line: (m, k, 2) centre line of the link [m].
       channels: name -> (m), SI: readings, hub_reference, torque_command.
-      modes: (m) 0 while the hub sticks, else its direction; None where nobody knows.
+      modes: (m) 0 while the hub sticks, else its direction; None if unknown.
       states: name -> (m) of the controller.
-      torque_limit: of the amplifier [N m]; None where nobody knows.
+      torque_limit: of the amplifier [N m]; None if unknown.
     """
 
     name: str
@@ -62,29 +62,29 @@ class Track:
 
 
 def of_run(run: Run, name: str) -> Track:
-    """Returns what there is to see of a run."""
+    """Returns the track of a run."""
     channels = {**run.true, "hub_reference": run.reference, "torque_command": run.torque_command}
     return Track(name, run.time, run.outline, channels, run.modes, run.states, run.torque_limit)
 
 
 def of_recording(recording: Recording, length: float, sensors: Mapping[str, Sensor]) -> Track:
-    """Returns what there is to see of a recording; the link is drawn from what its sensors say."""
+    """Returns the track of a recording; the shape of the link follows from its sensors."""
     line = parts.centre_line(recording, recording.time, length, sensors)
     return Track(recording.name, recording.time, line, recording.channels)
 
 
 class RunStream:
-    """A rerun stream of tracks; pieces of a track may follow one another.
+    """A rerun stream of tracks, which may be sent in pieces.
 
-    The first track is the one that is looked at; others are its ghosts, drawn thinner and a little above.
+    The first track is the main one; the others are ghosts, drawn thinner and a little above.
     """
 
     def __init__(self, stream: rr.RecordingStream, tracks: Sequence[Track], length: float) -> None:
-        """Lays the views out for tracks of which the first pieces are given.
+        """Sends the layout.
 
         Args:
-          stream: where it goes.
-          tracks: they say which views there are.
+          stream: where to.
+          tracks: first pieces; their channels determine the views.
           length: of the link [m].
         """
         self._stream, self._length = stream, length
@@ -93,7 +93,7 @@ class RunStream:
         self._drawn = [-np.inf] * len(tracks)
 
     def send(self, index: int, piece: Track) -> None:
-        """Sends a piece of the track `index`."""
+        """Sends a piece of the track with this index."""
         safe = f"{index}_{parts.entity_name(piece.name)}"
         self._send_arm(index, safe, piece)
         width = 2.5 if index == 0 else 1.5
@@ -108,7 +108,7 @@ class RunStream:
             self._send_loop(piece)
 
     def send_differences(self, first: Track, others: Sequence[Track]) -> None:
-        """Sends what sets each other track apart from the first, where both have samples."""
+        """Sends the difference of each other track from the first, where both have samples."""
         for index, other in enumerate(others, start=1):
             for channel, (time, values) in differences(first, other).items():
                 if channel in _DIFFERENCES:
@@ -125,7 +125,7 @@ class RunStream:
                     )
 
     def _send_arm(self, index: int, name: str, piece: Track) -> None:
-        # One frame for each 1/60 s, whatever the sample rate.
+        # One frame for each 1/60 s, at any sample rate.
         frames = np.floor(piece.time * parts.FRAME_RATE + 1e-9)
         new = np.flatnonzero(np.diff(frames, prepend=self._drawn[index]) > 0)
         if not len(new):
@@ -134,14 +134,14 @@ class RunStream:
         line = piece.line[new]
         thick = (0.016 if index == 0 else 0.008) * self._length
         place, times = f"{_ROOT}/arms/{name}", piece.time[new]
-        whole = parts.lifted(line, index, self._length)
+        whole = parts.raised(line, index, self._length)
         parts.send_arm(self._stream, place, times, whole, COLOURS[index % 4], thick)
         if index == 0:
             heading = np.unwrap(np.arctan2(line[:, 1, 1], line[:, 1, 0]))
             parts.send_fork(self._stream, f"{_ROOT}/arms/fork", times, heading, self._length)
 
     def _send_loop(self, piece: Track) -> None:
-        """What only the first track has: reference, command and its limits, friction, controller states."""
+        """Sends what only the first track shows: reference, command and limits, friction mode, controller states."""
         if "hub_reference" in piece.channels:
             reference = labels.channel("hub_angle").factor * piece.channels["hub_reference"]
             self._line("hub_angle/reference", piece, reference, _GREY, "reference", 1.0)
@@ -163,26 +163,26 @@ class RunStream:
 
 
 def differences(first: Track, other: Track) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Returns channel -> instants (k) [s] and other minus first there (k), SI; the other is interpolated linearly."""
+    """Returns channel -> times (k) [s] of the first track and other minus first (k), SI, interpolated linearly."""
     start, end = max(first.time[0], other.time[0]), min(first.time[-1], other.time[-1])
-    there = (first.time >= start) & (first.time <= end)
-    time = first.time[there]
-    found = {}
+    shared = (first.time >= start) & (first.time <= end)
+    time = first.time[shared]
+    result = {}
     for channel in first.channels:
         if channel not in other.channels or channel in ("hub_reference", "torque_command"):
             continue
         known = np.isfinite(other.channels[channel])
         if known.any() and len(time):
-            there_now = np.interp(time, other.time[known], other.channels[channel][known])
-            found[channel] = (time, there_now - first.channels[channel][there])
-    return found
+            values = np.interp(time, other.time[known], other.channels[channel][known])
+            result[channel] = (time, values - first.channels[channel][shared])
+    return result
 
 
 def write_rrd(tracks: Sequence[Track], length: float, path: Path, name: str) -> None:
-    """Writes tracks for the rerun viewer (`rerun FILE`), laid out.
+    """Writes tracks for the rerun viewer (`rerun FILE`), with their layout.
 
     Args:
-      tracks: the first is looked at, the others are laid over it, with their difference.
+      tracks: the first is the main one, the others are laid over it, with their difference.
       length: of the link [m].
       path: the file; it is overwritten.
       name: of the recording.
@@ -206,7 +206,7 @@ def open_file(path: Path, name: str) -> rr.RecordingStream:
 
 
 def open_viewer(name: str) -> rr.RecordingStream:
-    """Returns a stream into the viewer, which is started where none runs.
+    """Returns a stream into the viewer, which is started if none runs.
 
     Raises:
       InputError: it cannot be started.
@@ -214,7 +214,7 @@ def open_viewer(name: str) -> rr.RecordingStream:
     import rerun as rr
 
     stream = rr.RecordingStream("flexlink-twin")
-    # The viewer stands beside the interpreter, where no activated environment says so.
+    # The viewer is installed beside the interpreter, which is not on PATH unless its environment is activated.
     viewer = shutil.which("rerun", path=Path(sys.executable).parent)
     try:
         rr.spawn(executable_path=viewer, recording=stream)
@@ -226,7 +226,7 @@ def open_viewer(name: str) -> rr.RecordingStream:
 
 
 def close(stream: rr.RecordingStream) -> None:
-    """Sends what is left."""
+    """Flushes and closes a stream."""
     stream.flush()
     stream.disconnect()
 

@@ -1,4 +1,4 @@
-"""A run shown: in a file, or in the viewer piece by piece while it goes on."""
+"""Runs an experiment and shows it with rerun: in a file, or in the viewer while it is computed."""
 
 from __future__ import annotations
 
@@ -14,11 +14,15 @@ from twin.report.run_csv import read_track
 from twin.report.run_rerun import Track
 
 
-def beside(experiment: Experiment, what: str) -> Track | None:
-    """Returns what is shown beside an experiment: "other" plant, "none", or a CSV file of a run or of a campaign.
+def ghost_track(experiment: Experiment, what: str) -> Track | None:
+    """Returns the track that is shown beside an experiment; None for none.
+
+    Args:
+      experiment: what is run.
+      what: "other" for the other plant, "none", or a CSV file of a run or of a campaign.
 
     Raises:
-      InputError: it is none of these, the other plant has no such effect, or the file cannot be read.
+      InputError: it is none of these, the other plant does not model an effect, or the file cannot be read.
     """
     if what == "none":
         return None
@@ -30,27 +34,27 @@ def beside(experiment: Experiment, what: str) -> Track | None:
     return read_track(Path(what), experiment.rig)
 
 
-def run_shown(
+def run_and_show(
     experiment: Experiment,
     rrd: Path | None,
     view: bool,
     ghost: str,
     remark: Callable[[str], None] = lambda text: None,
 ) -> Run:
-    """Runs an experiment and shows it: in a file, or in the viewer piece by piece while it goes on.
+    """Runs an experiment and shows it in a file, or in the viewer while it is computed.
 
     Args:
       experiment: what is run.
       rrd: file for the viewer; None for none.
-      view: show it in the viewer, which is started.
-      ghost: what is shown beside it, see `beside`.
-      remark: told why the other plant is not shown, where it has no such effect.
+      view: whether to start the viewer and show the run there.
+      ghost: what is shown beside it, see `ghost_track`.
+      remark: called with the reason where the other plant cannot be shown, because it does not model an effect.
     """
     if rrd is None and not view:
         return experiment.run()
     name, length = f"{experiment.scenario}, {experiment.plant}", experiment.rig["length"]
     try:
-        other = beside(experiment, ghost)
+        other = ghost_track(experiment, ghost)
     except InputError as error:
         if ghost != "other":
             raise
@@ -64,6 +68,7 @@ def run_shown(
 
 
 def _run_in_viewer(experiment: Experiment, ghost: Track | None, name: str) -> Run:
+    """Runs an experiment while its pieces are sent to the viewer."""
     stream = run_rerun.open_viewer(name)
     sender: run_rerun.RunStream | None = None
 

@@ -1,4 +1,4 @@
-"""The summary that a command prints: verdict, effects, errors before and after, paths."""
+"""The summary of a diagnosis for the terminal: verdict, effects, errors, next experiment, written files."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def summary(diagnosis: Diagnosis, paths: Mapping[str, str | PathLike[str]] | Non
     """Returns the summary as plain text.
 
     Args:
-      diagnosis: what to tell.
-      paths: what was written: label -> path, say "report" -> "out/report.html".
+      diagnosis: what is reported.
+      paths: written files: label -> path, say "report" -> "out/report.html".
     """
     from rich.console import Console
 
@@ -34,12 +34,12 @@ def summary(diagnosis: Diagnosis, paths: Mapping[str, str | PathLike[str]] | Non
 def print_summary(
     diagnosis: Diagnosis, console: Console, paths: Mapping[str, str | PathLike[str]] | None = None
 ) -> None:
-    """Prints verdict, effects, errors on held-out recordings, what next, and where the files are.
+    """Prints verdict, effects, errors on held-out recordings, the next experiment, and where the files are.
 
     Args:
-      diagnosis: what to tell.
+      diagnosis: what is reported.
       console: where to print; colours are used only where it has them.
-      paths: what was written: label -> path.
+      paths: written files: label -> path.
     """
     from rich.text import Text
 
@@ -49,8 +49,8 @@ def print_summary(
         console.print()
     width = max((len(label) for label in paths or ()), default=0)
     for label, path in (paths or {}).items():
-        # Unwrapped: a path is there to be copied.
-        line = Text.assemble((f"{label:<{width}}  ", "dim"), _readable(str(path), plain))
+        # Not wrapped, so that the path can be copied.
+        line = Text.assemble((f"{label:<{width}}  ", "dim"), _printable(str(path), plain))
         console.print(line, soft_wrap=True, highlight=False)
 
 
@@ -58,14 +58,14 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     """Returns the summary for a rich console.
 
     Args:
-      diagnosis: what to tell.
-      plain: use ASCII only.
+      diagnosis: what is reported.
+      plain: whether to use ASCII only.
     """
     from rich.console import Group
     from rich.text import Text
 
     def line(text: str, style: str = "") -> Text:
-        return Text(_readable(text, plain), style=style)
+        return Text(_printable(text, plain), style=style)
 
     parts: list[RenderableType] = [line(f"{diagnosis.campaign}: {diagnosis.verdict}", "dim")]
     parts.append(line(display.headline(diagnosis), "bold"))
@@ -75,12 +75,12 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     if diagnosis.predictions:
         what = "held-out recordings" if display.by_role(diagnosis, "holdout") else "fit recordings"
         parts += [line(""), line(f"Error on {what}, in multiples of the sensor noise", "dim")]
-        parts.append(_errors_table(display.judged(diagnosis), diagnosis.patched, plain))
-    parts += [line(text) for text in _afterwards(diagnosis)]
+        parts.append(_errors_table(display.evaluated_predictions(diagnosis), diagnosis.patched, plain))
+    parts += [line(text) for text in _closing_lines(diagnosis)]
     return Group(*parts)
 
 
-def _afterwards(diagnosis: Diagnosis) -> list[str]:
+def _closing_lines(diagnosis: Diagnosis) -> list[str]:
     lines = []
     if diagnosis.depends_on and diagnosis.verdict == "outside-library":
         names = ", ".join(labels.variable(name).label for name in diagnosis.depends_on)
@@ -102,7 +102,7 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
         for i, (name, value, unit, degrees) in enumerate(rows):
             beside = f"{unit} ({degrees})" if degrees else unit
             first = i == 0
-            _row(
+            _add_row(
                 table,
                 plain,
                 effect.name if first else "",
@@ -125,16 +125,16 @@ def _errors_table(predictions: Mapping[str, Prediction], patched: Patched | None
             errors = [getattr(error, model) for model in display.MODELS]
             if corrected:
                 errors.append(corrected.error(file, name))
-            cells = (_cell(value, error.noise, shown) for value in errors)
-            _row(table, plain, file if i == 0 else "", shown.label, *cells, noise)
+            cells = (_error_cell(value, error.noise, shown) for value in errors)
+            _add_row(table, plain, file if i == 0 else "", shown.label, *cells, noise)
     return table
 
 
-def _cell(value: float, noise: float, shown: labels.Display) -> str:
+def _error_cell(value: float, noise: float, shown: labels.Display) -> str:
     if value != value:
         return ""
     over = labels.over_noise(value, noise)
-    # Without a noise level the error itself, in its unit.
+    # Without a noise level the error itself is shown, in its unit.
     known = over == over
     return labels.ratio(over) if known else f"{labels.number(shown.factor * value, 2)} {shown.unit}"
 
@@ -145,20 +145,20 @@ def _table(plain: bool, *columns: str) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for column in columns:
         right = column.startswith(">")
-        label = _readable(column.removeprefix(">"), plain)
+        label = _printable(column.removeprefix(">"), plain)
         table.add_column(label, justify="right" if right else "left", no_wrap=right, overflow="fold")
     return table
 
 
-def _row(table: Table, plain: bool, *cells: str) -> None:
+def _add_row(table: Table, plain: bool, *cells: str) -> None:
     from rich.text import Text
 
-    # Text, not str: a file called "[bold].csv" is not markup.
-    table.add_row(*(Text(_readable(cell, plain)) for cell in cells))
+    # Text, not str: a file name such as "[bold].csv" is no markup.
+    table.add_row(*(Text(_printable(cell, plain)) for cell in cells))
 
 
-def _readable(text: str, plain: bool) -> str:
-    """Returns a text that the terminal can print: no control characters, ASCII where it knows no more."""
+def _printable(text: str, plain: bool) -> str:
+    """Returns a text without control characters, and in ASCII where `plain`."""
     text = "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
     if not plain:
         return text

@@ -1,1 +1,1 @@
-"""Validation before hardware: one controller on many rigs drawn from the parameters' uncertainty."""
+"""Validation of a controller before it goes to hardware, by simulation on rigs drawn from the parameter uncertainty."""

@@ -1,7 +1,7 @@
-"""One controller on a fleet of rigs, in two processes.
+"""One controller on many rigs, in parallel processes.
 
-The controller is synthesised for the rig as believed, because that is the one that goes to the hardware; every
-process makes the same one again, since not every controller can be sent to another process.
+The controller is synthesised once, for the nominal rig, because that one goes to the hardware. Every process
+synthesises it again, since not every controller can be pickled.
 """
 
 from __future__ import annotations
@@ -21,26 +21,28 @@ from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
 from twin.parameters import Rig
-from twin.validation.figures import figures
-from twin.validation.linear_form import LinearForm, NoLinearFormError, identify
+from twin.validation.linear_form import LinearForm, NoLinearFormError, linear_form_of
 from twin.validation.linear_rig import sampled_chain, sampled_modes
-from twin.validation.loop import Margins, margins
+from twin.validation.margins import Margins, margins
+from twin.validation.metrics import performance_metrics
 from twin.validation.rigs import DrawnRig, Effects
 
 PROCESSES = 2
-_CHUNK = 5  # rigs that a process takes at a time
-_MODE_COUNTS = range(1, 5)
-_POINTS = 250  # of a trace
+"""Processes by default."""
+_CHUNK_SIZE = 5  # rigs that a process takes at a time
+_MODE_COUNTS = range(1, 5)  # bending modes of the modal models whose margins are compared
+_TRACE_POINTS = 250  # samples of a run that are kept for plots
 TRACED = ("hub_angle", "tip_deflection", "motor_torque")
+"""Channels of a run that are kept for plots."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What every process has to know.
+    """What every process needs.
 
     Attributes:
       controller: name or FILE.py:NAME.
-      rig: as believed, for which the controller is synthesised.
+      rig: nominal rig, for which the controller is synthesised.
       scenario: name of the scenario.
     """
 
@@ -55,25 +57,25 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One rig under the controller.
+    """Result of the controller on one rig.
 
     Attributes:
       drawn: the rig.
-      figures: by name of the requirement.
-      time: (k) [s].
-      traces: channel -> (k) true values, SI, a few of the samples.
-      left_out: effects that the linear loop does not know.
+      metrics: by name of the requirement, in its unit.
+      time: (k) instants of the traces [s].
+      traces: channel -> (k) true values, SI.
+      left_out: effects that the linear loop does not contain.
     """
 
     drawn: DrawnRig
-    figures: Mapping[str, float]
+    metrics: Mapping[str, float]
     time: np.ndarray = field(repr=False)
     traces: Mapping[str, np.ndarray] = field(repr=False)
     left_out: tuple[str, ...] = ()
 
 
-class _ReadOnce(CompiledPlant):
-    """The compiled chain, its channels worked out once a sample, however often a run asks: a fifth of its time."""
+class _CachedPlant(CompiledPlant):
+    """The compiled chain with its channels computed once per sample, however often a run reads them: saves a fifth."""
 
     _known: dict[str, float] | None = None
 
@@ -91,35 +93,40 @@ class _ReadOnce(CompiledPlant):
         return self._known
 
 
-class Bench:
-    """A controller and its linear form, ready to be put on one rig after another."""
+class Evaluator:
+    """Evaluates one controller on one rig after another.
+
+    Attributes:
+      form: linear form of the controller; None where it has none.
+      no_form: why it has none; "" where it has one.
+    """
 
     def __init__(self, job: Job, period: float = plants.PERIOD) -> None:
-        """Makes the controller and looks for its linear form.
+        """Synthesises the controller and identifies its linear form.
 
         Raises:
           InputError: there is no such scenario or controller, or it fails.
         """
         self._period = period
-        # Its proportions serve all rigs: finding them takes longer than a run, and the stiffness is of each rig.
-        self._believed = plants.make_model(job.rig)
+        # The proportions of its segments serve all rigs: fitting them takes longer than a run.
+        self._nominal = plants.make_model(job.rig)
         self._scenario = scenarios.scenario(job.scenario)
         self._law = job.law(period)
         self.no_form = ""
         self.form: LinearForm | None = None
         try:
-            self.form = identify(self._law, period)
+            self.form = linear_form_of(self._law, period)
         except NoLinearFormError as reason:
             self.no_form = str(reason)
 
     def outcome(self, drawn: DrawnRig) -> Outcome:
-        """Runs the scenario on a rig and looks at its linear loop.
+        """Simulates the scenario on a rig and computes the margins of its linear loop.
 
         Raises:
           InputError: the controller fails.
         """
-        model = self._believed.replace(declared=drawn.rig, effects=drawn.effects)
-        plant = _ReadOnce(model, self._period)
+        model = self._nominal.replace(declared=drawn.rig, effects=drawn.effects)
+        plant = _CachedPlant(model, self._period)
         try:
             sensors = Sensors(effects=SensorEffects(model, plant))
             run = closed_loop.run(
@@ -127,26 +134,26 @@ class Bench:
             )
         except InputError as error:
             raise InputError(f"on rig {drawn.number}: {error}") from None
-        found = figures(run, drawn.rig["length"])
+        metrics = performance_metrics(run, drawn.rig["length"])
         left_out: tuple[str, ...] = ()
         if self.form is not None:
             linear, left_out = sampled_chain(model, self._period)
             m = margins(self.form, linear, self._period)
-            found |= {
+            metrics |= {
                 "growth_rate": m.growth,
                 "gain_margin": m.gain,
                 "phase_margin": m.phase,
                 "disk_margin": m.disk,
             }
-        kept = np.linspace(0, len(run.time) - 1, _POINTS).round().astype(int)
+        kept = np.linspace(0, len(run.time) - 1, _TRACE_POINTS).round().astype(int)
         traces = {name: run.true[name][kept] for name in TRACED}
-        return Outcome(drawn, found, run.time[kept], traces, left_out)
+        return Outcome(drawn, metrics, run.time[kept], traces, left_out)
 
     def by_modes(self, rig: Rig, effects: Effects) -> dict[int, Margins]:
-        """Returns the margins on a rig by the number of bending modes; none without a linear form."""
+        """Returns number of bending modes of a modal model -> margins on it; empty without a linear form."""
         if self.form is None:
             return {}
-        model = self._believed.replace(declared=rig, effects=effects)
+        model = self._nominal.replace(declared=rig, effects=effects)
         linear = {modes: sampled_modes(model, self._period, modes) for modes in _MODE_COUNTS}
         return {modes: margins(self.form, rig, self._period) for modes, rig in linear.items()}
 
@@ -158,9 +165,9 @@ def run_fleet(
 
     Args:
       job: controller and scenario.
-      rigs: the fleet.
-      report: told how far it is.
-      processes: how many work at a time; 1 for none beside this one.
+      rigs: the rigs.
+      report: called with a text on the progress.
+      processes: number of processes; 1 for this one alone.
 
     Raises:
       InputError: the controller fails on a rig.
@@ -173,28 +180,28 @@ def run_fleet(
 
 
 def _outcomes(job: Job, rigs: Sequence[DrawnRig], processes: int) -> Iterator[Outcome]:
-    if processes == 1 or len(rigs) <= _CHUNK:
-        yield from map(Bench(job).outcome, rigs)
+    if processes == 1 or len(rigs) <= _CHUNK_SIZE:
+        yield from map(Evaluator(job).outcome, rigs)
         return
-    # Fresh processes: a fork of one with threads, as numerical libraries have, may hang.
+    # "spawn": a forked process may deadlock, because numerical libraries have started threads.
     fresh = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(processes, fresh, _prepare, (job,))
+    pool = ProcessPoolExecutor(processes, fresh, _start_process, (job,))
     try:
-        yield from pool.map(_work, rigs, chunksize=_CHUNK)
+        yield from pool.map(_evaluate_in_process, rigs, chunksize=_CHUNK_SIZE)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-_bench: Bench
+_bench: Evaluator
 
 
-def _prepare(job: Job) -> None:
+def _start_process(job: Job) -> None:
     global _bench
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)  # the processes share the cores; matrices are small
-    _bench = Bench(job)
+    _bench = Evaluator(job)
 
 
-def _work(drawn: DrawnRig) -> Outcome:
+def _evaluate_in_process(drawn: DrawnRig) -> Outcome:
     return _bench.outcome(drawn)

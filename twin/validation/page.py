@@ -1,4 +1,4 @@
-"""A validation on one HTML page that needs no network."""
+"""A validation as one HTML page that needs no network."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from twin.report import pages
 from twin.validation import pictures, text
 from twin.validation.validation import Validation
 
-_LISTED = 30  # rigs that miss a limit
+_MAX_LISTED = 30  # rigs that miss a limit, in the table of the page
 
 
 def write_page(result: Validation, path: Path) -> None:
@@ -30,8 +30,8 @@ def render(result: Validation) -> str:
         "validation/page.html.j2",
         v=result,
         text=text,
-        missing=[(o, result.missed(o), text.farthest(result, o)) for o in missing[:_LISTED]],
-        more=max(len(missing) - _LISTED, 0),
+        missing=[(o, result.missed(o), text.farthest(result, o)) for o in missing[:_MAX_LISTED]],
+        more=max(len(missing) - _MAX_LISTED, 0),
         runs=pages.figure_html(pictures.runs(result), "runs"),
         spreads="" if spreads is None else pages.figure_html(spreads, "spreads"),
     )

@@ -1,4 +1,4 @@
-"""Plotly figures of a validation: the runs of the fleet, and how its figures lie to their limits."""
+"""Plotly figures of a validation: the runs of all rigs, and histograms of the metrics with their limits."""
 
 from __future__ import annotations
 
@@ -15,46 +15,46 @@ from twin.validation.validation import Validation, Verdict
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-KEPT, MISSED, BELIEVED = pages.GREY, pages.VERMILION, pages.BLUE
-_SHOWN: Mapping[str, tuple[str, float]] = {
+MEETS_ALL, VIOLATES, NOMINAL = pages.GREY, pages.VERMILION, pages.BLUE
+_CHANNELS: Mapping[str, tuple[str, float]] = {
     "hub_angle": ("hub angle [°]", float(np.degrees(1))),
     "tip_deflection": ("tip deflection [mm]", 1e3),
     "motor_torque": ("motor torque [N m]", 1.0),
 }
-_COLUMNS = 4
+_COLUMNS = 4  # of histograms
 
 
 def runs(result: Validation) -> Figure:
     """Returns hub angle, deflection and torque of every rig over time."""
     from plotly.subplots import make_subplots
 
-    figure = make_subplots(rows=len(_SHOWN), shared_xaxes=True, vertical_spacing=0.05)
+    figure = make_subplots(rows=len(_CHANNELS), shared_xaxes=True, vertical_spacing=0.05)
     kept = [o for o in result.outcomes if result.keeps(o)]
     missed = [o for o in result.outcomes if not result.keeps(o)]
     groups = (
-        ("keeps every limit", KEPT, 0.8, kept),
-        ("misses a limit", MISSED, 1.2, missed),
-        ("as believed", BELIEVED, 2.2, [result.nominal]),
+        ("keeps every limit", MEETS_ALL, 0.8, kept),
+        ("misses a limit", VIOLATES, 1.2, missed),
+        ("nominal", NOMINAL, 2.2, [result.nominal]),
     )
-    for row, (channel, (label, scale)) in enumerate(_SHOWN.items(), 1):
+    for row, (channel, (label, scale)) in enumerate(_CHANNELS.items(), 1):
         for name, colour, width, outcomes in groups:
             if outcomes:
-                x, y = _joined(outcomes, channel, scale)
+                x, y = _joined_lines(outcomes, channel, scale)
                 line = {"color": colour, "width": width}
                 group = {"name": name, "legendgroup": name, "showlegend": row == 1}
                 figure.add_scatter(
                     x=x, y=y, mode="lines", line=line, hoverinfo="skip", row=row, col=1, **group
                 )
         figure.update_yaxes(title_text=label, row=row, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(_SHOWN), col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(_CHANNELS), col=1)
     return _styled(figure, 640)
 
 
 def spreads(result: Validation) -> Figure | None:
-    """Returns a histogram of each figure that differs between rigs, with its limit; None where none does."""
+    """Returns a histogram of each metric that differs between rigs, with its limit; None where none does."""
     from plotly.subplots import make_subplots
 
-    shown = [v for v in result.verdicts if _spread(v)]
+    shown = [v for v in result.verdicts if _varies(v)]
     if not shown:
         return None
     rows = -(-len(shown) // _COLUMNS)
@@ -63,23 +63,24 @@ def spreads(result: Validation) -> Figure | None:
     for index, v in enumerate(shown):
         place = {"row": index // _COLUMNS + 1, "col": index % _COLUMNS + 1}
         values = v.values[np.isfinite(v.values)].round(6)
-        bar = {"color": KEPT, "line": {"width": 0}}
+        bar = {"color": MEETS_ALL, "line": {"width": 0}}
         figure.add_histogram(x=values, nbinsx=30, marker=bar, showlegend=False, **place)
-        figure.add_vline(x=v.nominal, line={"color": BELIEVED, "width": 2}, **place)
+        figure.add_vline(x=v.nominal, line={"color": NOMINAL, "width": 2}, **place)
         limit = v.requirement.limit
-        # A limit far away would squeeze the histogram: it is named below the title instead.
+        # A distant limit would compress the histogram: it is left out.
         if min(values) - np.ptp(values) <= limit <= max(values) + np.ptp(values):
-            figure.add_vline(x=limit, line={"color": MISSED, "width": 2, "dash": "dash"}, **place)
+            figure.add_vline(x=limit, line={"color": VIOLATES, "width": 2, "dash": "dash"}, **place)
     return _styled(figure, 60 + 190 * rows)
 
 
-def _spread(verdict: Verdict) -> bool:
+def _varies(verdict: Verdict) -> bool:
+    """Whether the metric differs between rigs in the digits that are printed."""
     finite = verdict.values[np.isfinite(verdict.values)]
     return len(finite) > 1 and text.number(finite.min()) != text.number(finite.max())
 
 
-def _joined(outcomes: Iterable[Outcome], channel: str, scale: float) -> tuple[list, list]:
-    """One line through all outcomes, with a gap after each."""
+def _joined_lines(outcomes: Iterable[Outcome], channel: str, scale: float) -> tuple[list, list]:
+    """x and y of one line through a channel of all outcomes, with a gap after each; `scale` from SI."""
     x, y = [], []
     for outcome in outcomes:
         x += [*outcome.time.round(4).tolist(), None]

@@ -1,8 +1,8 @@
-"""What a controller has to achieve on every rig: figures with limits.
+"""Requirements on a controller: limits on performance metrics and stability margins.
 
-The defaults are assumed: no source states requirements for this rig. They ask for a slew that arrives within a
-second of the paper's (Bossi et al. 2009, Fig. 9), a torque that the motor can give, a link that stays where a beam
-is linear, and the margins that textbooks ask for.
+The defaults are assumed: no source states requirements for this rig. They demand a slew that settles within a second of
+the paper's (Bossi et al. 2009, Fig. 9), a torque that the motor can give, deflections for which the beam is linear, and
+textbook values of the margins.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from twin.files.toml import read_toml
 
 @dataclass(frozen=True)
 class Requirement:
-    """A limit on one figure.
+    """A limit on one metric.
 
     Attributes:
-      name: of the figure, its key in files.
-      words: what it is.
-      unit: of figure and limit.
+      name: of the metric, its key in files.
+      description: what it measures.
+      unit: of metric and limit.
       limit: the limit.
-      at_least: whether the figure must not be below the limit; otherwise not above.
+      at_least: whether the limit is a lower one; otherwise it is an upper one.
     """
 
     name: str
-    words: str
+    description: str
     unit: str
     limit: float
     at_least: bool = False
 
     def met(self, value: float) -> bool:
-        """Whether a figure meets it; one that is not a number does not."""
+        """Whether a value of the metric meets the limit; NaN does not."""
         return value >= self.limit if self.at_least else value <= self.limit
 
-    def worse(self, value: float) -> float:
-        """A figure such that larger is worse."""
+    def badness(self, value: float) -> float:
+        """The value with the sign by which larger is worse."""
         return -value if self.at_least else value
 
 
@@ -59,11 +59,11 @@ DEFAULTS = (
     Requirement("disk_margin", "disk margin of the linear loop", "1", 0.4, at_least=True),
 )
 
-LINEAR = ("growth_rate", "gain_margin", "phase_margin", "disk_margin")
-"""Figures that only a controller with a linear form has."""
+LINEAR_METRICS = ("growth_rate", "gain_margin", "phase_margin", "disk_margin")
+"""Metrics that need a linear form of the controller."""
 
-BAND = 0.02
-"""Half of the band in which the hub has settled [1 of the step]."""
+SETTLING_BAND = 0.02
+"""Half width of the band in which the hub has settled, over the step [1]."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Requirements:
     """Limits, and the share of the rigs that have to keep all of them.
 
     Attributes:
-      limits: figure -> requirement.
+      limits: name of a metric -> requirement.
       share: of the drawn rigs [1].
     """
 
@@ -85,8 +85,7 @@ def defaults() -> Requirements:
 
 
 def read_requirements(path: Path) -> Requirements:
-    """Reads limits from a TOML file: `figure = limit`, `figure = false` for none, and `share`; the rest is default.
-
+    """Reads limits from a TOML file: `metric = limit`, `metric = false` for none, and `share`; the rest is default.
     Raises:
       InputError: the file cannot be used; the message names file and key.
     """

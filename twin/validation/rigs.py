@@ -1,4 +1,4 @@
-"""Rigs that the uncertainty of the parameters allows."""
+"""Rigs drawn at random from the uncertainty of the parameters."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from twin.errors import InputError
 from twin.parameters import Rig, relative_uncertainty
 
 Effects = Mapping[str, Mapping[str, float]]
+"""Name of an effect -> parameter -> value, SI."""
 INDEPENDENT = Correlations()
+"""No correlations."""
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """One uncertain number.
+class UncertainParameter:
+    """One uncertain parameter.
 
     Attributes:
       name: of a rig parameter, or effect.parameter.
-      value: believed value, SI.
+      value: nominal value, SI.
       deviation: standard deviation, SI.
       bounds: range that is physically possible, SI.
       unit: SI unit.
@@ -40,10 +42,10 @@ class DrawnRig:
     """One rig of a fleet.
 
     Attributes:
-      number: 0 is the rig as believed, drawn ones count from 1.
+      number: 0 for the nominal rig; drawn ones count from 1.
       rig: parameters.
-      effects: effects that act.
-      deviations: name of an unknown -> distance from its believed value in standard deviations.
+      effects: effects with their parameters.
+      deviations: name of an uncertain parameter -> distance from its nominal value in standard deviations.
     """
 
     number: int
@@ -53,94 +55,105 @@ class DrawnRig:
 
 
 @dataclass(frozen=True)
-class Believed:
-    """What is known of a rig, and how well.
+class NominalRig:
+    """Nominal rig with its uncertainty.
 
     Attributes:
       rig: parameters, with their relative uncertainty.
-      effects: effects that act.
-      errors: standard errors of the effects' parameters, SI; those without one are certain.
-      together: how the parameters were fitted together.
+      effects: effects with their parameters.
+      errors: standard errors of the effects' parameters, SI; those without one are exact.
+      correlations: of the errors of all parameters.
     """
 
     rig: Rig
     effects: Effects = field(default_factory=dict)
     errors: Effects = field(default_factory=dict)
-    together: Correlations = INDEPENDENT
+    correlations: Correlations = INDEPENDENT
 
 
-def declared_by(campaign: Campaign) -> Believed:
-    """Returns the rig that a campaign declares; where it leaves an uncertainty unsaid, that of a careful lab."""
+def nominal_rig_of(campaign: Campaign) -> NominalRig:
+    """Returns the rig that a campaign declares, with assumed values where it leaves an uncertainty out."""
     parameters = {
         name: replace(p, uncertainty=relative_uncertainty(p)) for name, p in campaign.rig.parameters.items()
     }
-    return Believed(Rig(campaign.name, parameters))
+    return NominalRig(Rig(campaign.name, parameters))
 
 
-def unknowns(rig: Rig, effects: Effects, errors: Effects | None = None) -> tuple[Unknown, ...]:
-    """Returns what is uncertain about a rig.
+def uncertain_parameters(
+    rig: Rig, effects: Effects, errors: Effects | None = None
+) -> tuple[UncertainParameter, ...]:
+    """Returns the uncertain parameters of a rig and its effects.
 
     Args:
       rig: with the relative uncertainty of its parameters.
-      effects: effects that act on it.
-      errors: standard errors of the effects' parameters, SI; those without one are certain.
+      effects: effects with their parameters.
+      errors: standard errors of the effects' parameters, SI; those without one are exact.
 
     Raises:
       InputError: an uncertainty is infinite.
     """
-    found = []
+    parameters = []
     for p in rig.parameters.values():
         if p.uncertainty:
-            found.append(Unknown(p.name, p.value, p.uncertainty * abs(p.value), p.bounds, p.unit))
+            parameters.append(
+                UncertainParameter(p.name, p.value, p.uncertainty * abs(p.value), p.bounds, p.unit)
+            )
     for effect, values in (errors or {}).items():
-        found += [_of_effect(effect, name, effects[effect][name], error) for name, error in values.items()]
-    endless = [u.name for u in found if not np.isfinite(u.deviation)]
-    if endless:
+        parameters += [
+            _effect_parameter(effect, name, effects[effect][name], error) for name, error in values.items()
+        ]
+    infinite = [u.name for u in parameters if not np.isfinite(u.deviation)]
+    if infinite:
         raise InputError(
-            f"the uncertainty of {endless[0]} is infinite; expected a finite one to draw rigs from"
+            f"the uncertainty of {infinite[0]} is infinite; expected a finite one to draw rigs from"
         )
-    return tuple(u for u in found if u.deviation > 0)
+    return tuple(u for u in parameters if u.deviation > 0)
 
 
-def draw(
+def draw_rigs(
     rig: Rig,
     effects: Effects,
-    uncertain: tuple[Unknown, ...],
+    uncertain: tuple[UncertainParameter, ...],
     count: int,
     seed: int,
     correlations: Correlations = INDEPENDENT,
 ) -> list[DrawnRig]:
-    """Returns the rig as believed and `count` drawn ones: normal, correlated, cut off at the bounds.
+    """Returns the nominal rig and `count` rigs drawn from correlated normal distributions truncated at the bounds.
 
-    The k-th rig of a seed is the same however many are drawn.
+    The k-th rig of a seed does not depend on `count`.
     """
     rigs = [DrawnRig(0, rig, effects, {u.name: 0.0 for u in uncertain})]
     root = correlations.root([u.name for u in uncertain])
     for number in range(1, count + 1):
         normal = root @ np.random.default_rng([seed, number]).standard_normal(len(uncertain))
-        values = {u.name: _within(u, z) for u, z in zip(uncertain, normal, strict=True)}
-        rigs.append(_changed(number, rig, effects, uncertain, values))
+        values = {u.name: _truncated_normal(u, z) for u, z in zip(uncertain, normal, strict=True)}
+        rigs.append(_drawn_rig(number, rig, effects, uncertain, values))
     return rigs
 
 
-def _of_effect(effect: str, name: str, value: float, error: float) -> Unknown:
+def _effect_parameter(effect: str, name: str, value: float, error: float) -> UncertainParameter:
     from twin.effects import REGISTRY
 
     parameter = next(p for p in REGISTRY[effect].parameters if p.name == name)
-    return Unknown(f"{effect}.{name}", value, error, parameter.bounds, parameter.unit)
+    return UncertainParameter(f"{effect}.{name}", value, error, parameter.bounds, parameter.unit)
 
 
-def _within(unknown: Unknown, normal: float) -> float:
-    """The value at a standard normal number: a normal distribution cut off at the bounds."""
+def _truncated_normal(unknown: UncertainParameter, normal: float) -> float:
+    """Maps a standard normal number to the parameter's normal distribution, truncated at its bounds."""
     from scipy.stats import norm, truncnorm
 
     low, high = ((bound - unknown.value) / unknown.deviation for bound in unknown.bounds)
     return unknown.value + unknown.deviation * float(truncnorm.ppf(norm.cdf(normal), low, high))
 
 
-def _changed(
-    number: int, rig: Rig, effects: Effects, uncertain: tuple[Unknown, ...], values: Mapping[str, float]
+def _drawn_rig(
+    number: int,
+    rig: Rig,
+    effects: Effects,
+    uncertain: tuple[UncertainParameter, ...],
+    values: Mapping[str, float],
 ) -> DrawnRig:
+    """The nominal rig with drawn values of its uncertain parameters (by name)."""
     own = {name: value for name, value in values.items() if name in rig}
     acting = {
         effect: {name: values.get(f"{effect}.{name}", value) for name, value in known.items()}

@@ -1,4 +1,4 @@
-"""A validation in words and numbers, for the screen and the page alike."""
+"""A validation in sentences and table rows, for terminal and page."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from twin.validation.validation import CONFIDENCE, Driver, Validation, Verdict
 
 
 def headline(result: Validation) -> str:
-    """Controller, rig, and how many rigs keep every limit."""
+    """Returns controller, rig, and how many rigs keep every limit."""
     count = len(result.outcomes)
     low, high = result.interval
-    believed = "keeps" if result.keeps(result.nominal) else "does not keep"
+    nominal = "keeps" if result.keeps(result.nominal) else "does not keep"
     return (
         f"{result.job.controller} on {result.job.rig.name}, {result.job.scenario}: {result.kept} of {count} rigs "
         f"keep every limit, {100 * result.required:g} % have to.\n"
         f"Of all such rigs {100 * low:.1f} to {100 * high:.1f} % do ({100 * CONFIDENCE:g} % confidence). "
-        f"The rig as believed {believed} them."
+        f"The nominal rig {nominal} them."
     )
 
 
 def rows(result: Validation) -> Iterator[tuple[str, ...]]:
-    """Requirement, limit, figure as believed, median, worst, number of rigs that miss it, what drives it."""
+    """Yields requirement, limit, nominal, median and worst value, number of rigs that miss it, and its drivers."""
     for v in result.verdicts:
         sign = "≥" if v.requirement.at_least else "≤"
         figures = (v.nominal, float(np.median(v.values)), v.worst_value)
@@ -39,7 +39,7 @@ def rows(result: Validation) -> Iterator[tuple[str, ...]]:
 
 
 def worst_cases(result: Validation) -> Iterator[str]:
-    """For each rig that is worst at a limit that rigs miss, its figures there and the parameters that make them so."""
+    """Yields a line for each rig that is worst in a missed requirement: its metrics there, and their drivers."""
     missed = [v for v in result.verdicts if v.failed]
     for rig in dict.fromkeys(v.worst.drawn.number for v in missed):
         here = [v for v in missed if v.worst.drawn.number == rig]
@@ -48,7 +48,7 @@ def worst_cases(result: Validation) -> Iterator[str]:
 
 
 def _reason(result: Validation, verdicts: list[Verdict]) -> str:
-    """The parameters of the worst rig that drive the figures; else what is odd about it."""
+    """The drivers of the metrics in the worst rig; without any, its parameters farthest from nominal."""
     worst = verdicts[0].worst
     names = dict.fromkeys(d.name for v in verdicts for d in v.drivers)
     if names:
@@ -57,14 +57,14 @@ def _reason(result: Validation, verdicts: list[Verdict]) -> str:
 
 
 def farthest(result: Validation, outcome: Outcome, count: int = 3) -> list[str]:
-    """The parameters of a rig that are farthest from what is believed."""
+    """Returns the parameters of a rig that are farthest from nominal, in standard deviations."""
     away = outcome.drawn.deviations
     names = sorted(away, key=lambda name: -abs(away[name]))[:count]
     return [f"{name} {value(result, outcome, name)}" for name in names]
 
 
 def value(result: Validation, outcome: Outcome, name: str) -> str:
-    """A drawn parameter and how far it is from what is believed."""
+    """Returns a drawn parameter and its distance from nominal in standard deviations."""
     unknown = next(u for u in result.uncertain if u.name == name)
     away = outcome.drawn.deviations[name]
     unit = "" if unknown.unit == "1" else f" {unknown.unit.replace('*', ' ')}"
@@ -72,30 +72,30 @@ def value(result: Validation, outcome: Outcome, name: str) -> str:
 
 
 def remarks(result: Validation) -> Iterator[str]:
-    """What the linear loop knows, or why there is none."""
+    """Yields what the margins refer to and leave out, or why there are none."""
     if result.no_margins:
         yield f"No margins can be given: the controller has no linear form; {result.no_margins}."
         return
-    yield "Margins: of the loop cut at the torque, the chain linearised, its hub sliding without dry friction."
+    yield "Margins: of the loop broken at the torque, with the linearised chain, its hub sliding without dry friction."
     disks = (f"{number(m.disk)} with {modes}" for modes, m in result.by_modes.items())
-    yield f"Disk margin of the rig as believed by bending modes of the modal model: {', '.join(disks)}."
+    yield f"Disk margin of the nominal rig by bending modes of the modal model: {', '.join(disks)}."
     if result.left_out:
-        yield f"They do not know: {', '.join(result.left_out)}."
+        yield f"Effects without linear form are left out: {', '.join(result.left_out)}."
 
 
-def driver(found: Driver) -> str:
-    """A parameter and its rank correlation."""
-    return f"{found.name} {found.correlation:+.2f}"
+def driver(dependence: Driver) -> str:
+    """Returns a parameter and its rank correlation."""
+    return f"{dependence.name} {dependence.correlation:+.2f}"
 
 
-def number(figure: float) -> str:
-    """A figure with three digits; what never happens is "never"."""
-    return "never" if math.isinf(figure) else f"{figure:.3g}"
+def number(metric: float) -> str:
+    """Returns a metric with three digits; an infinite one, a settling time or margin, is "never"."""
+    return "never" if math.isinf(metric) else f"{metric:.3g}"
 
 
-def with_unit(verdict: Verdict, figure: float) -> str:
-    """A figure of a requirement in its unit."""
-    return number(figure) if math.isinf(figure) else f"{number(figure)}{_unit(verdict)}"
+def with_unit(verdict: Verdict, metric: float) -> str:
+    """Returns a metric with the unit of its requirement."""
+    return number(metric) if math.isinf(metric) else f"{number(metric)}{_unit(verdict)}"
 
 
 def _unit(verdict: Verdict) -> str:

@@ -1,4 +1,4 @@
-"""The validation of a controller: its fleet, judged."""
+"""Validation of a controller: requirements checked on the nominal and on drawn rigs."""
 
 from __future__ import annotations
 
@@ -11,24 +11,26 @@ import numpy as np
 from twin.control import scenarios
 from twin.correlations import Correlations
 from twin.errors import InputError
-from twin.validation.fleet import Bench, Job, Outcome, run_fleet
-from twin.validation.loop import Margins
-from twin.validation.requirements import LINEAR, Requirement, Requirements
-from twin.validation.rigs import INDEPENDENT, Effects, Unknown, draw, unknowns
+from twin.validation.fleet import Evaluator, Job, Outcome, run_fleet
+from twin.validation.margins import Margins
+from twin.validation.requirements import LINEAR_METRICS, Requirement, Requirements
+from twin.validation.rigs import INDEPENDENT, Effects, UncertainParameter, draw_rigs, uncertain_parameters
 
 CONFIDENCE = 0.95
-_DRIVERS = 3
-_VISIBLE = 0.25  # rank correlation from which a parameter is said to drive a figure
-_CHANCE = 3.3  # standard deviations, 1/sqrt(N - 1), of a rank correlation that is chance: one in a thousand
+"""Confidence of the interval of the share of rigs that keep every limit."""
+_MAX_DRIVERS = 3  # parameters that are named for a metric
+_MIN_CORRELATION = 0.25  # rank correlation from which a parameter counts as a driver [1]
+_CHANCE_DEVIATIONS = 3.3
+"""Standard errors 1/sqrt(N - 1) of a rank correlation that chance exceeds once in a thousand."""
 
 
 @dataclass(frozen=True)
 class Driver:
-    """A parameter that a figure depends on.
+    """A parameter that a metric depends on.
 
     Attributes:
-      name: of the unknown.
-      correlation: rank correlation (Spearman) of the figure with it over the fleet.
+      name: of the uncertain parameter.
+      correlation: Spearman's rank correlation of the metric with it over the fleet [1].
     """
 
     name: str
@@ -37,14 +39,14 @@ class Driver:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One requirement over the fleet.
+    """One requirement over the fleet of N drawn rigs.
 
     Attributes:
       requirement: the limit.
-      nominal: figure of the rig as believed.
-      values: (N) figures of the drawn rigs.
-      worst: outcome of the drawn rig that is worst in it.
-      drivers: parameters that it depends on, strongest first.
+      nominal: metric of the nominal rig.
+      values: (N) metrics of the drawn rigs.
+      worst: outcome of the drawn rig with the worst metric.
+      drivers: parameters that the metric depends on, strongest first.
     """
 
     requirement: Requirement
@@ -60,31 +62,31 @@ class Verdict:
 
     @property
     def worst_value(self) -> float:
-        """Figure of the worst rig."""
-        return self.worst.figures[self.requirement.name]
+        """Metric of the worst rig."""
+        return self.worst.metrics[self.requirement.name]
 
 
 @dataclass(frozen=True)
 class Validation:
-    """A controller judged on its fleet.
+    """Result of a validation.
 
     Attributes:
-      job: controller, rig as believed, scenario.
-      seed: of the fleet.
-      effects: effects that act on the rig as believed.
-      uncertain: what is drawn.
-      required: share of the rigs that have to keep every limit.
-      verdicts: one per requirement that could be judged.
-      nominal: outcome of the rig as believed.
+      job: controller, nominal rig, scenario.
+      seed: of the random draw.
+      effects: effects of the nominal rig.
+      uncertain: parameters that are drawn.
+      required: share of the drawn rigs that have to keep every limit [1].
+      verdicts: one per requirement that could be checked.
+      nominal: outcome of the nominal rig.
       outcomes: of the drawn rigs.
       no_margins: why the controller has no linear form; "" where it has one.
-      by_modes: margins of the rig as believed by the number of bending modes; empty without a linear form.
+      by_modes: number of bending modes -> margins of the nominal rig; empty without a linear form.
     """
 
     job: Job
     seed: int
     effects: Effects
-    uncertain: tuple[Unknown, ...]
+    uncertain: tuple[UncertainParameter, ...]
     required: float
     verdicts: tuple[Verdict, ...]
     nominal: Outcome
@@ -99,7 +101,7 @@ class Validation:
     def missed(self, outcome: Outcome) -> list[str]:
         """Names of the limits that a rig misses."""
         limits = [v.requirement for v in self.verdicts]
-        return [r.name for r in limits if not r.met(outcome.figures[r.name])]
+        return [r.name for r in limits if not r.met(outcome.metrics[r.name])]
 
     @property
     def kept(self) -> int:
@@ -108,20 +110,20 @@ class Validation:
 
     @property
     def passed(self) -> bool:
-        """Whether the rig as believed and the required share of the drawn ones keep every limit."""
+        """Whether the nominal rig and the required share of the drawn ones keep every limit."""
         return self.keeps(self.nominal) and self.kept >= self.required * len(self.outcomes)
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Share of all such rigs that keep every limit, at `CONFIDENCE`: Clopper and Pearson, 1934."""
+        """Exact binomial confidence interval of the share of rigs that keep every limit (Clopper and Pearson, 1934)."""
         from scipy.stats import binomtest
 
-        found = binomtest(self.kept, len(self.outcomes)).proportion_ci(CONFIDENCE, "exact")
-        return float(found.low), float(found.high)
+        interval = binomtest(self.kept, len(self.outcomes)).proportion_ci(CONFIDENCE, "exact")
+        return float(interval.low), float(interval.high)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Effects that the linear loop does not know."""
+        """Effects that the linear loop does not contain."""
         return self.nominal.left_out
 
 
@@ -135,31 +137,31 @@ def validate(
     report: Callable[[str], None],
     correlations: Correlations = INDEPENDENT,
 ) -> Validation:
-    """Judges a controller on the rig as believed and on `count` drawn ones.
+    """Checks the requirements on the nominal rig and on `count` drawn ones.
 
     Args:
-      job: controller, rig as believed, scenario.
-      effects: effects that act on the rig.
-      errors: standard errors of their parameters.
+      job: controller, nominal rig, scenario.
+      effects: effects of the nominal rig.
+      errors: standard errors of their parameters, SI.
       requirements: limits.
       count: number of rigs to draw.
       seed: of the draw.
-      report: told how far it is.
-      correlations: of the errors of parameters, those of effects included.
+      report: called with a text on the progress.
+      correlations: of the errors of all parameters.
 
     Raises:
-      InputError: something of this cannot be used.
+      InputError: scenario or controller cannot be used, or no parameter is uncertain.
     """
     _check_scenario(job.scenario)
-    uncertain = unknowns(job.rig, effects, errors)
+    uncertain = uncertain_parameters(job.rig, effects, errors)
     if not uncertain:
         raise InputError(f"{job.rig.name}: no parameter has an uncertainty; expected one to draw rigs from")
     report("preparing the controller")
-    bench = Bench(job)
+    bench = Evaluator(job)
     no_margins, by_modes = bench.no_form, bench.by_modes(job.rig, effects)
-    drawn = draw(job.rig, effects, uncertain, count, seed, correlations)
+    drawn = draw_rigs(job.rig, effects, uncertain, count, seed, correlations)
     nominal, *outcomes = run_fleet(job, drawn, report)
-    limits = [r for r in requirements.limits.values() if not (no_margins and r.name in LINEAR)]
+    limits = [r for r in requirements.limits.values() if not (no_margins and r.name in LINEAR_METRICS)]
     verdicts = tuple(_verdict(r, nominal, outcomes) for r in limits)
     share = requirements.share
     return Validation(
@@ -168,6 +170,7 @@ def validate(
 
 
 def _check_scenario(name: str) -> None:
+    """Raises InputError if the reference of a scenario does not come to rest."""
     chosen = scenarios.scenario(name)
     end, before = chosen.reference(chosen.duration), chosen.reference(chosen.duration - 1.0)
     if abs(end - before) > 0.01 * abs(end):
@@ -177,33 +180,34 @@ def _check_scenario(name: str) -> None:
 
 
 def _verdict(requirement: Requirement, nominal: Outcome, outcomes: list[Outcome]) -> Verdict:
-    values = np.array([o.figures[requirement.name] for o in outcomes])
-    worst = max(outcomes, key=lambda o: requirement.worse(o.figures[requirement.name]))
-    found = drivers(values, [o.drawn.deviations for o in outcomes])
-    return Verdict(requirement, nominal.figures[requirement.name], values, worst, found)
+    values = np.array([o.metrics[requirement.name] for o in outcomes])
+    worst = max(outcomes, key=lambda o: requirement.badness(o.metrics[requirement.name]))
+    strongest = drivers(values, [o.drawn.deviations for o in outcomes])
+    return Verdict(requirement, nominal.metrics[requirement.name], values, worst, strongest)
 
 
 def drivers(values: np.ndarray, deviations: Sequence[Mapping[str, float]]) -> tuple[Driver, ...]:
-    """Returns the parameters that a figure depends on by more than chance, strongest first, at most three.
+    """Returns the parameters with a significant rank correlation with a metric, strongest first, at most three.
 
     Args:
-      values: (N) figure of each rig; infinite ones rank as such.
-      deviations: N times name of an unknown -> deviation.
+      values: (N) metric of each rig; infinite ones have the highest rank.
+      deviations: of each of the N rigs: name of an uncertain parameter -> deviation.
     """
     from scipy.stats import rankdata
 
-    # Below what rounding and the sample period make of it, a figure says nothing.
+    # A spread by rounding alone has no drivers.
     finite = values[np.isfinite(values)]
     if len(values) < 3 or len(finite) < 2 or np.ptp(finite) <= 1e-6 * np.abs(finite).max():
         return ()
     ranks = rankdata(values)
-    found = [
+    correlations = [
         Driver(name, float(np.corrcoef(ranks, rankdata([away[name] for away in deviations]))[0, 1]))
         for name in deviations[0]
     ]
-    visible = max(_VISIBLE, _CHANCE / np.sqrt(len(values) - 1))
-    strong = sorted((d for d in found if abs(d.correlation) >= visible), key=lambda d: -abs(d.correlation))
-    return tuple(strong[:_DRIVERS])
+    least = max(_MIN_CORRELATION, _CHANCE_DEVIATIONS / np.sqrt(len(values) - 1))
+    significant = [d for d in correlations if abs(d.correlation) >= least]
+    strong = sorted(significant, key=lambda d: -abs(d.correlation))
+    return tuple(strong[:_MAX_DRIVERS])
 
 
 def to_json(validation: Validation) -> dict[str, Any]:
@@ -234,7 +238,7 @@ def to_json(validation: Validation) -> dict[str, Any]:
         },
         "requirements": {v.requirement.name: _verdict_json(v) for v in validation.verdicts},
         "failed_rigs": [
-            {"rig": o.drawn.number, "missed": validation.missed(o), "figures": dict(o.figures)}
+            {"rig": o.drawn.number, "missed": validation.missed(o), "figures": dict(o.metrics)}
             | {"deviations": dict(o.drawn.deviations)}
             for o in validation.outcomes
             if not validation.keeps(o)

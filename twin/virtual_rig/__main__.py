@@ -1,4 +1,4 @@
-"""`python -m twin.virtual_rig OUT`: makes a campaign on the virtual rig."""
+"""`python -m twin.virtual_rig OUT`: generates a campaign of the virtual rig."""
 
 import argparse
 import sys
@@ -25,7 +25,7 @@ def parsed_effect(text: str) -> tuple[str, dict[str, float]]:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Returns the command line."""
+    """Returns the parser of the command line."""
     result = argparse.ArgumentParser(prog="python -m twin.virtual_rig", description=__doc__)
     result.add_argument("out", help="folder to write the campaign into")
     result.add_argument(
@@ -54,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Makes the campaign; returns the exit code."""
+    """Generates the campaign; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
         truth = make_campaign(

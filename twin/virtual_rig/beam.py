@@ -2,10 +2,10 @@
 
 The tangent angle relative to the hub is psi(xi) = sum_j q_j P_j(xi), xi = s/l, where P_j is the integral of
 the Legendre polynomial L_{j-1}: psi(0) = 0, and the curvature is expanded in orthogonal polynomials.
-The shape follows from x' = cos(psi), y' = sin(psi) without any small-angle assumption, integrals along the
-link by Gauss-Legendre quadrature. Seven functions give seven flexible modes, the first three to six digits.
+The shape follows from x' = cos(psi), y' = sin(psi) without any small-angle assumption; integrals along the
+link are by Gauss-Legendre quadrature. Seven functions give seven flexible modes, the first three to six digits.
 
-A clamp that gives adds one function P = 1, a rotation of the whole link at its root.
+A compliant clamp adds one function P = 1, a rotation of the whole link at its root.
 
 Source for the kinematics: J. C. Simo and L. Vu-Quoc, "On the dynamics of flexible beams under large overall
 motions - the plane case", J. Appl. Mech. 53 (1986), with extension and shear suppressed.
@@ -25,21 +25,23 @@ from twin.virtual_rig.rig import Rig
 Array = NDArray[np.float64]
 
 BASIS_FUNCTIONS = 7
+"""Ritz functions of the tangent angle."""
 NODES = 9
+"""Nodes of the Gauss-Legendre quadrature along the link."""
 
 
 class Link(NamedTuple):
-    """The discretised link; n coordinates, N quadrature nodes.
+    """The discretised link with n coordinates and N quadrature nodes.
 
-    The last column of `slope` is the rotation of the hub, so that hub and link coordinates are treated alike.
+    The last column of `slope` is the rotation of the hub, so that hub and link coordinates have the same form.
     """
 
     slope: Array  # (N + 1, n + 1): psi at nodes and tip per coordinate
     curvature: Array  # (N, n): curvature at the nodes per coordinate [1/m]
-    weight: Array  # (N,): length that each node stands for [m]
+    weight: Array  # (N,): quadrature weight of each node [m]
     to_tip: Array  # (N,): integrates from the root to the tip [m]
-    moment: Array  # (N,): first moment of all mass about each node, by its share of the length [kg m]
-    together: Array  # (N, N): second moment of the mass that two nodes move together [kg m^2]
+    moment: Array  # (N,): mass that each node moves, times the node's weight [kg m]
+    together: Array  # (N, N): mass that both nodes move, times the weights of both [kg m^2]
     stiffness: Array  # (n,): generalised stiffness, diagonal [N m]
     damping: Array  # (n, n): losses in the link's deformation [N m s]
 
@@ -59,7 +61,7 @@ def curvature_at(rig: Rig, position: Array, coordinates: int) -> Array:
 
 
 def build_link(rig: Rig, functions: int = BASIS_FUNCTIONS, nodes: int = NODES) -> Link:
-    """Returns the discretised link of this rig, damped so that every free mode has the declared ratio."""
+    """Returns the discretised link of this rig, with a damping that gives every free mode the declared ratio."""
     points, weights = legendre.leggauss(nodes)
     xi, weight = (points + 1) / 2, weights / 2 * rig.length
     rows = np.append(xi, 1.0)
@@ -113,9 +115,9 @@ def mass_matrix(rig: Rig, link: Link) -> Array:
 
 
 def deflected_shape(rig: Rig, link: Link, tip_deflection: float) -> Array:
-    """Returns the coordinates q (n,) at rest with the tip held at `tip_deflection` [m] by a force.
+    """Returns the static coordinates q (n,) with the tip held at `tip_deflection` [m] by a force.
 
-    The force is normal to the undeformed link; the deflection is measured along it.
+    Force and deflection are normal to the undeformed link.
     """
     n = len(link.stiffness)
 
@@ -131,7 +133,7 @@ def deflected_shape(rig: Rig, link: Link, tip_deflection: float) -> Array:
 
 
 def resting_shape(rig: Rig, link: Link, hub_angle: float, gravity: float) -> Array:
-    """Returns the coordinates q (n,) at rest under a constant field `gravity` [m/s^2] along the tilt."""
+    """Returns the static coordinates q (n,) in a constant field `gravity` [m/s^2] in the direction of the tilt."""
     n = len(link.stiffness)
     if gravity == 0.0:
         return np.zeros(n)
@@ -166,7 +168,11 @@ def elastic_moment(rig: Rig, link: Link, q: Array) -> Array:
 
 
 def _solved(residual, start: Array) -> Array:
-    """Returns the root of `residual` from `start`, or says that the statics did not converge."""
+    """Returns the root of `residual` from `start`.
+
+    Raises:
+        ValueError: the iteration did not converge.
+    """
     solution = root(residual, start, tol=1e-13)
     if np.abs(solution.fun).max() > 1e-9:
         raise ValueError(f"static shape of the link not found: {solution.message}")
@@ -181,16 +187,16 @@ def _integration_matrix(xi: Array, rows: Array) -> Array:
 
 
 def _bending_functions(rig: Rig, coordinates: int) -> int:
-    """Returns how many of the link's coordinates bend it; the last one may be the clamp's rotation."""
+    """Returns the number of bending coordinates; the last coordinate of the link may be the clamp's rotation."""
     return coordinates - 1 if math.isfinite(rig.root_stiffness) else coordinates
 
 
 def _modal_damping(rig: Rig, link: Link) -> Array:
     """Returns the damping matrix in q (n x n) that gives every free mode the declared ratio.
 
-    C = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the flexible free modes. Orthogonality to the rigid
-    rotation makes its row and column of theta vanish: it brakes deformation only. A clamp that gives is taken
-    to lose nothing, so that the link's own losses are those of the rig with a rigid clamp.
+    C = sum_i (M phi_i) 2 zeta omega_i (M phi_i)^T over the flexible free modes. By orthogonality to the rigid
+    rotation its row and column of theta vanish: it damps deformation only. A compliant clamp is lossless, so that
+    the damping of the link is that of the rig with a rigid clamp.
     """
     n = len(link.stiffness)
     bending = _bending_functions(rig, n)

@@ -1,4 +1,4 @@
-"""Campaigns on disk: a folder of CSV files and a campaign.toml that declares the rig, but not its effects."""
+"""Writes campaigns: a folder of CSV files and a campaign.toml that declares the rig, but not its effects."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,6 +15,7 @@ from twin.virtual_rig.plant import hub_angle
 from twin.virtual_rig.rig import UNCERTAINTY, Rig, declared_values, with_declared
 from twin.virtual_rig.sensors import Sensors, checked_dirt, measured, noise_of, sample_times, soiled
 
+# Decimals of each channel in the CSV files.
 DECIMALS = {
     "time": 5,
     "torque_command": 5,
@@ -28,13 +29,13 @@ DECIMALS = {
 
 @dataclass(frozen=True)
 class Truth:
-    """What a campaign does not say: the effects, the true parameters and the dirt."""
+    """What a campaign does not declare: the effects, the true parameters and the defects of its data."""
 
     name: str
     seed: int
     effects: dict[str, dict[str, float]]
     declared: dict[str, float]  # as in campaign.toml, SI units
-    true: dict[str, float]  # the same parameters as they really are, before the effects
+    true: dict[str, float]  # true values of the same parameters, without the effects
     defects: dict[str, dict[str, list[float]]]  # file -> kind -> times [s]
 
     def write(self, path: Path | str) -> None:
@@ -57,24 +58,24 @@ def make_campaign(
     truth_file: Path | str | None = None,
     force: bool = False,
 ) -> Truth:
-    """Makes a campaign on a rig with undeclared effects and returns what it does not declare.
+    """Generates a campaign of a rig with undeclared effects and returns what it does not declare.
 
     Args:
-        folder: Where to write; made if it does not exist.
+        folder: Where to write; created if necessary.
         effects: Effects by name with their parameters, see `effects`.
-        seed: The same seed gives the same files.
+        seed: Of all random numbers; the same seed gives the same files.
         name: Of the campaign; default, the folder's.
-        rig: The rig as declared; default, the neutral `Rig()`.
+        rig: The declared rig; default, the neutral `Rig()`.
         sensors: The data acquisition; default, 500 Hz.
-        experiments: What is done; default, a random plan of eight recordings.
-        perturb: The true parameters differ from the declared ones by this share of their uncertainty.
-        dirty: Kinds of dirt in the data, see `sensors.DIRT`.
-        motor_torque: Whether the drive's torque is measured.
+        experiments: The experiments; default, a random plan of eight recordings.
+        perturb: Standard deviation of the true parameters about the declared ones, over their uncertainty.
+        dirty: Kinds of defects in the data, see `sensors.DIRT`.
+        motor_torque: Whether the motor torque is measured.
         truth_file: Where to write the truth as JSON, outside `folder`.
         force: Whether to write into a folder that is not empty.
 
     Raises:
-        InputError: for unknown effects or dirt, a folder that is not empty, or a truth file inside it.
+        InputError: for unknown effects or defects, a folder that is not empty, or a truth file inside it.
     """
     folder = Path(folder)
     kinds = checked_dirt(dirty)
@@ -113,7 +114,7 @@ def make_campaign(
 
 
 def _check_places(folder: Path, truth_file: Path | str | None, force: bool) -> None:
-    """Refuses to overwrite a campaign, and to put the truth inside one."""
+    """Raises InputError if a campaign would be overwritten, or the truth written inside one."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; expected a folder to write a campaign into.")
     if folder.is_dir() and any(folder.iterdir()) and not force:
@@ -125,7 +126,7 @@ def _check_places(folder: Path, truth_file: Path | str | None, force: bool) -> N
 
 
 def _perturbed(rig: Rig, share: float, generator: np.random.Generator) -> Rig:
-    """Returns the rig with parameters off by `share` of their uncertainty, at most two deviations."""
+    """Returns the rig with normal errors of `share` of the uncertainty, truncated at two standard deviations."""
     draws = np.clip(generator.standard_normal(len(UNCERTAINTY)), -2.0, 2.0)
     values = declared_values(rig)
     changed = {
@@ -151,13 +152,13 @@ def _record(
     channels = measured(rig, link, sensors, times, motion, noise)
     kept = _within_range(hub_angle(rig, link, motion.states))
     if plan.clamped:
-        # The locked rig has neither a turning hub nor a working motor.
+        # The hub of the locked rig does not turn and its motor is off.
         channels = {name: channels[name] for name in ("strain_base", "strain_mid")}
     return {name: column[:kept] for name, column in (table | channels).items()}
 
 
 def _within_range(angle: Array) -> int:
-    """Returns how many samples of a hub angle (samples,) [rad] come before it leaves the sensor's range."""
+    """Returns the number of samples of a hub angle (samples,) [rad] before it leaves the sensor's range."""
     outside = np.abs(angle) > HUB_RANGE
     return int(np.argmax(outside)) if outside.any() else len(angle)
 
@@ -175,7 +176,7 @@ def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
 def _campaign_toml(
     name: str, rig: Rig, sensors: Sensors, plans: Sequence[Experiment], motor_torque: bool
 ) -> str:
-    """Returns campaign.toml: what is known of the rig."""
+    """Returns the text of campaign.toml."""
     lines = [
         "# A campaign on the virtual rig (python -m twin.virtual_rig).",
         "format = 1",

@@ -1,8 +1,8 @@
-"""Effects by name: which numbers of the rig each one changes.
+"""Effects by name, and the fields of the rig that their parameters set.
 
-Every effect of the vocabulary maps its parameters to fields of `Rig`; the physics they enter is in `plant`
-and `sensors`. At its neutral value a field is as in `Rig()`, and the rig is the one without the effect.
-`OUTSIDE_EFFECTS` are faults that the vocabulary has no name for.
+Every effect of the twin's library maps its parameters to fields of `Rig`; the equations are in `plant` and
+`sensors`. A field at its default in `Rig()` is neutral: the rig is then without the effect. `OUTSIDE_EFFECTS` are
+faults that the library does not contain.
 """
 
 import math
@@ -84,7 +84,7 @@ OUTSIDE_EFFECTS: dict[str, dict[str, str]] = {
 
 
 def switch_on(rig: Rig, effects: Mapping[str, Mapping[str, float]]) -> Rig:
-    """Returns the rig with these effects; a parameter that is not given keeps its neutral value.
+    """Returns the rig with these effects; a parameter that is not given stays neutral.
 
     Raises:
         InputError: for an unknown effect or parameter, or a value that is not a number.

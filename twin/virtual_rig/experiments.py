@@ -1,8 +1,8 @@
-"""The experiments of a campaign: torque profiles, closed loops, and how each is run on the rig.
+"""The experiments of a campaign: torque profiles, closed loops, and their simulation on the rig.
 
-Profiles follow the paper's: a sweep through the bending modes, bang-bang slews designed on the frictionless
-rigid rig, a rising torque until motion, the free vibration of the clamped link, and two closed loops; by hand also that
-of the unclamped link.
+They follow the paper: a torque sweep over the bending modes, bang-bang slews designed on the frictionless rigid rig, a
+rising torque until motion, the free vibration of the clamped link, and two closed loops. The free vibration of the
+unclamped link is available, but not in the default plan.
 """
 
 import math
@@ -16,15 +16,15 @@ from twin.virtual_rig.plant import GRAVITY, Loop, Motion, at_rest, hub_angle, qu
 from twin.virtual_rig.rig import Rig
 from twin.virtual_rig.sensors import Sensors
 
-RAMP_RATE = 0.02  # N m/s, slow enough that the link follows without swinging
+RAMP_RATE = 0.02  # N m/s, slow enough for a quasi-static link
 RAMP_TOP = 0.12  # N m
 HUB_RANGE = 2.6  # rad, of the potentiometer: a recording ends where the hub leaves it
-MOVED = 0.02  # rad, at which a break-away test ends
+MOVED = 0.02  # rad of motion at which the ramp of a break-away test ends
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment as it is planned."""
+    """Plan of one experiment."""
 
     name: str  # of the file, without suffix
     label: str
@@ -32,9 +32,9 @@ class Experiment:
     start_angle: float  # rad, of the resting hub
     commands: Array  # (samples,) [N m]; zeros where a controller computes them
     reference: Array | None = None  # (samples,) [rad], of a closed loop
-    tip_deflection: float | None = None  # m; given: the tip is released from there, the hub clamped ...
-    unclamped: bool = False  # ... or not: nothing but its friction holds it
-    ramps: tuple[tuple[int, int], ...] = ()  # samples; each ramp ends early where the hub moves
+    tip_deflection: float | None = None  # m, from which the tip is released; None for an undeflected start
+    unclamped: bool = False  # whether the hub is free during a release, held by its friction alone
+    ramps: tuple[tuple[int, int], ...] = ()  # first and last sample; a ramp is cut off where the hub moves
 
     @property
     def clamped(self) -> bool:
@@ -43,8 +43,8 @@ class Experiment:
 
 
 def planned_campaign(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> list[Experiment]:
-    """Returns the experiments of a campaign on the declared rig, about 75 s in all, drawn at random."""
-    # Slews to be seen while fitting, and others to be predicted.
+    """Returns a random plan of a campaign on the declared rig, about 75 s in all."""
+    # Slews for fitting, and others to be predicted.
     seen = generator.choice([30, 45, 60, 75, 90], size=2, replace=False)
     unseen = generator.choice([20, 38, 52, 68, 82, 105], size=1)
     rich = multisine if generator.random() < 0.5 else random_steps
@@ -61,9 +61,9 @@ def planned_campaign(rig: Rig, sensors: Sensors, generator: np.random.Generator)
 
 
 def torque_sweep(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """A torque of slowly rising frequency, 0.5 to 30 Hz in 15 s, past the first two bending modes.
+    """A torque sweep over 0.5 to 30 Hz in 15 s, which contains the first two bending modes.
 
-    Starting from a cosine, the hub swings about its start instead of drifting off.
+    It starts as a cosine, so that the hub oscillates about its initial angle instead of drifting.
     """
     t = _times(sensors, 16.0)
     age = np.clip(t - 0.5, 0.0, 15.0)
@@ -73,7 +73,7 @@ def torque_sweep(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> 
 
 
 def multisine(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """Forty sines of random phase between 0.5 and 25 Hz, 0.2 N m at the highest peak."""
+    """Forty sines of random phase between 0.5 and 25 Hz, with a peak of 0.2 N m."""
     t = _times(sensors, 12.0)
     age = np.clip(t - 0.5, 0.0, 10.5)
     frequencies = np.geomspace(0.5, 25.0, 40)
@@ -83,7 +83,7 @@ def multisine(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Exp
 
 
 def random_steps(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """Pairs of opposite torque steps, and rests between them, of random height and length."""
+    """Pairs of opposite torque pulses of random height and length, with pauses between them."""
     t = _times(sensors, 10.0)
     torque = np.zeros(len(t))
     at = 0.4
@@ -101,9 +101,9 @@ def random_steps(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> 
 def bang_bang(
     rig: Rig, sensors: Sensors, generator: np.random.Generator, degrees: float, role: str = "fit"
 ) -> Experiment:
-    """A slew by two opposite torques, and another one back, designed on the frictionless rigid rig.
+    """A slew by two opposite torque pulses, and another one back, designed on the frictionless rigid rig.
 
-    phi = A T^2/J with each torque A held for T.
+    phi = A T^2/J for pulses of height A and length T.
     """
     t = _times(sensors, 8.0)
     sign = generator.choice([-1.0, 1.0])
@@ -119,13 +119,13 @@ def bang_bang(
 
 
 def free_vibration(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """The clamped link, its tip drawn aside by 30 mm and released."""
+    """Free vibration of the clamped link, its tip released from 30 mm."""
     plan = _open_loop("free-vibration", np.zeros(len(_times(sensors, 10.0))), sensors, generator)
     return replace(plan, start_angle=0.0, tip_deflection=0.03)
 
 
 def free_release(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """The unclamped link, its tip drawn aside by 30 mm and released: the hub swings until friction holds it."""
+    """Free vibration of the unclamped link, its tip released from 30 mm; the hub turns until friction stops it."""
     plan = free_vibration(rig, sensors, generator)
     return replace(plan, name="free-release", label="free-release", unclamped=True)
 
@@ -166,13 +166,13 @@ def step(rig: Rig, sensors: Sensors, generator: np.random.Generator) -> Experime
 
 
 def rigid_inertia(rig: Rig) -> float:
-    """Returns J = J0 + rho l^3/3 + mp l^2 + Jp, the inertia of the unbent rig about the hub [kg m^2]."""
+    """Returns J = J0 + rho l^3/3 + mp l^2 + Jp, the inertia of the straight rig about the hub axis [kg m^2]."""
     link = rig.linear_density * rig.length**3 / 3
     return rig.hub_inertia + link + rig.tip_mass * rig.length**2 + rig.tip_inertia
 
 
 def compensator(sample_rate: float) -> Array:
-    """Returns b0, b1, b2, a1, a2 of the paper's compensator by the bilinear rule.
+    """Returns b0, b1, b2, a1, a2 of the paper's compensator by the bilinear transform.
 
     R(s) = 5 (s + 1)/((s + 5)(s + 300)), from the error in degrees to N m.
     """
@@ -186,12 +186,12 @@ def run_experiment(
     """Returns the motion of the rig in one experiment, sampled at `times` (samples,) [s].
 
     Args:
-        rig: The rig as it really is.
+        rig: The true rig.
         link: Its discretised link.
-        sensors: The card, whose readings close a loop.
-        plan: What is done.
+        sensors: The data acquisition, whose readings a controller gets.
+        plan: The experiment.
         times: Sample times [s].
-        hub_noise: Noise of the hub sensor (samples,) [rad], which a controller sees.
+        hub_noise: Noise of the hub sensor (samples,) [rad] in the readings of a controller.
     """
     start = _initial_state(rig, link, plan)
     if plan.reference is None:
@@ -233,7 +233,7 @@ def _cut_ramp(
 
 
 def _open_loop(name: str, torque: Array, sensors: Sensors, generator: np.random.Generator) -> Experiment:
-    """Returns an open-loop experiment from a random hub angle, with the torques that the card can put out."""
+    """Returns an open-loop experiment from a random hub angle, its torque quantised by the output card."""
     commands = quantised(torque, sensors.torque_step)
     return Experiment(name, name, "fit", generator.uniform(-0.6, 0.6), np.asarray(commands))
 
@@ -244,5 +244,5 @@ def _times(sensors: Sensors, duration: float) -> Array:
 
 
 def _taper(age: Array, duration: float) -> Array:
-    """Returns a factor that rises from 0 to 1 within 0.5 s and falls in the last 0.3 s."""
+    """Returns a window that rises from 0 to 1 in the first 0.5 s and falls to 0 in the last 0.3 s."""
     return np.clip(age / 0.5, 0.0, 1.0) * np.clip((duration - age) / 0.3, 0.0, 1.0)

@@ -1,26 +1,26 @@
-"""The rig in motion: equations of the hub and the link, friction, and an integrator that locates events.
+"""Equations of motion of hub and link with friction, and an integrator that locates stick and slip events.
 
 State y = [q_1 .. q_n, extras, theta, and the rates of all of them]; extras are a torsional oscillator, a motor
-behind a backlash and a loose part of the payload, present only when their effect is. In the axes of the turning
-hub the link lies at p(s) = int exp(i psi), accelerated by int (i psi_tt - psi_t^2) exp(i psi) with psi_t absolute;
-d'Alembert's principle in the Ritz coordinates gives M(q) z_tt = F. With the link's block of M eliminated, what is
-left is
+behind a backlash and a loose part of the payload, each present only with its effect. In the axes of the rotating
+hub the link is at p(s) = int exp(i psi), accelerated by int (i psi_tt - psi_t^2) exp(i psi) with psi_t absolute;
+d'Alembert's principle in the Ritz coordinates gives M(q) z_tt = F. With the link's block of M eliminated, this
+reduces to
 
     J_eff theta_tt = hold - f
 
-where `hold` is the torque that keeps the hub still: motor, cable, ..., and the link's reaction at its root.
+where `hold` is the torque needed to hold the hub at rest: motor, cable, ..., and the link's reaction at its root.
 
 Friction: while sliding f = coulomb sgn(omega). Where omega crosses zero the hub sticks if |hold| is below the
-static level, else it slides on in the direction of `hold`; stuck, it breaks away when |hold| exceeds that.
-Both events are located to 1e-10 s by bracketing the length of a step. Where bristles hold the hub it is never
-quite at rest: stuck, it swings on them about where their force continues that of sliding, and `hold` is what
-they bear.
+static level, else it slides on in the direction of `hold`; stuck, it breaks away when |hold| exceeds that level.
+Both events are located to 1e-10 s by bisection of the step length. With bristles (presliding compliance) the stuck
+hub is a damped oscillator about the deflection at which their force equals that of sliding, and `hold` is the
+bristle torque.
 
 Integrator: the pair 5(4) of J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980), adaptive, with
-an end at every change of the held command, so that no step spans a jump.
+a step end at every change of the held command, so that no step contains a discontinuity.
 
-All compiled functions are in this module: numba's cache on disk follows the file of each function only, not
-those of the functions it calls.
+All compiled functions are in this module: numba's cache on disk detects changes in the file of a function only, not
+in those of the functions that it calls.
 """
 
 import math
@@ -34,18 +34,18 @@ from twin.virtual_rig.beam import Array, Link
 from twin.virtual_rig.rig import Rig
 
 STUCK = 0
-EVENT_TIME = 1e-10  # s, to which stick and slip are located
-RATE_UNIT = 1000.0  # 1/s: rates are larger than angles by about a frequency of the high modes
-LONGEST_STEP = 1e-3  # s, so that no event comes and goes within a step
-MOST_EVENTS = 20000
+EVENT_TIME = 1e-10  # s, accuracy of the location of events
+RATE_UNIT = 1000.0  # 1/s, scale of rates over that of angles: about the frequency of the high modes
+LONGEST_STEP = 1e-3  # s, so that no pair of events is missed within a step
+MOST_EVENTS = 20000  # that are recorded
 GRAVITY = 9.81  # m/s^2
 CONTACT_STIFFNESS = 1000.0  # N m/rad, of the flanks of a backlash
 PAYLOAD_STIFFNESS = 2e4  # N/m, of the payload's fixing where a loose part touches it
-CONTACT_LOSS = 0.2  # damping ratio of what moves on a flank or on bristles
-KNOCK_LENGTH = 0.01  # s, of half a sine
+CONTACT_LOSS = 0.2  # damping ratio of contacts and bristles
+KNOCK_LENGTH = 0.01  # s, duration of a half-sine pulse
 
 
-# Fused multiplication and addition is the only freedom: results stay those of the formulas.
+# Contraction to fused multiply-add is the only permitted change of floating-point operations.
 compiled = njit(cache=True, fastmath={"contract"})
 
 
@@ -72,7 +72,7 @@ class Loop(NamedTuple):
 
 
 class Space(NamedTuple):
-    """Arrays to work in, made once per experiment; nz coordinates, N nodes, n link coordinates."""
+    """Work arrays, allocated once per experiment; nz coordinates, N nodes, n link coordinates."""
 
     mass_matrix: Array  # (nz, nz)
     force: Array  # (nz,)
@@ -84,11 +84,11 @@ class Space(NamedTuple):
     slopes: Array  # (7, 2 nz), dy/dt at the stages of a step
     stage: Array  # (2 nz,)
     new: Array  # (2 nz,), the state at the end of a step
-    anchor: Array  # (1,) hub angle at which the bristles of a stuck hub are straight [rad]
+    anchor: Array  # (1,) hub angle at which the bristles of a stuck hub are undeflected [rad]
 
 
 class Plant(NamedTuple):
-    """A rig, its discretised link, and how it is integrated."""
+    """A rig, its discretised link, and the settings of the integration."""
 
     rig: Rig
     link: Link
@@ -98,7 +98,7 @@ class Plant(NamedTuple):
 
 
 class Log(NamedTuple):
-    """Stick and slip events as they come."""
+    """Record of stick and slip events."""
 
     times: Array  # (MOST_EVENTS,) [s]
     modes: Array  # (MOST_EVENTS,)
@@ -116,7 +116,7 @@ class Motion(NamedTuple):
 
 @compiled
 def saturated(rig, command):
-    """Returns what the drive makes of a command before its dynamics [N m]."""
+    """Returns the torque of a command by the drive's static characteristic: dead zone, limit, loss, gain [N m]."""
     if abs(command) <= rig.dead_zone:
         return 0.0
     torque = min(max(command, -rig.torque_limit), rig.torque_limit)
@@ -127,7 +127,7 @@ def saturated(rig, command):
 
 @compiled
 def all_saturated(rig, commands):
-    """Returns what the drive makes of many commands (samples,) before its dynamics [N m]."""
+    """Returns `saturated` of many commands (samples,) [N m]."""
     result = np.empty(len(commands))
     for k in range(len(commands)):
         result[k] = saturated(rig, commands[k])
@@ -144,14 +144,14 @@ def drive_torque(rig, drive, t):
 
 @compiled
 def sensed_hub(rig, theta):
-    """Returns what the potentiometer reads without noise [rad]."""
+    """Returns the reading of the potentiometer without noise [rad]."""
     ripple = rig.hub_ripple * np.sin(rig.hub_ripple_order * theta + rig.hub_ripple_phase)
     return rig.hub_gain * theta + ripple
 
 
 @compiled
 def quantised(value, step):
-    """Returns the value rounded to multiples of step; step 0 leaves it."""
+    """Returns the value rounded to multiples of step; unchanged for step 0."""
     if step <= 0.0:
         return value
     return step * np.rint(value / step)
@@ -166,7 +166,7 @@ def extras(rig):
 
 @compiled
 def friction_ripple(rig, theta):
-    """Returns A (1 + sin(n theta + phi))/2, by which both friction levels are raised [N m]."""
+    """Returns A (1 + sin(n theta + phi))/2, which is added to both friction levels [N m]."""
     if rig.friction_ripple == 0.0:
         return 0.0
     angle = rig.friction_ripple_order * theta + rig.friction_ripple_phase
@@ -175,7 +175,7 @@ def friction_ripple(rig, theta):
 
 @compiled
 def static_level(rig, direction, theta):
-    """Returns the torque that the resting hub withstands in a direction [N m]."""
+    """Returns the static friction level in a direction [N m]."""
     level = rig.static_positive if direction > 0 else rig.static_negative
     return level + friction_ripple(rig, theta)
 
@@ -194,21 +194,21 @@ def sliding_friction(rig, t, direction, theta, omega):
 
 @compiled
 def bristles(rig, mode):
-    """Returns whether the hub rests on bristles that give."""
+    """Returns whether the hub is stuck on compliant bristles."""
     return mode == STUCK and math.isfinite(rig.bristle_stiffness)
 
 
 @compiled
 def bristle_torque(plant, theta):
-    """Returns what the bristles bear [N m]."""
+    """Returns the torque of the bristles [N m]."""
     return plant.rig.bristle_stiffness * (theta - plant.space.anchor[0])
 
 
 @compiled
 def knock(rig, t):
-    """Returns the torque of somebody who knocks now and then [N m]: half sines at irregular instants.
+    """Returns the torque of short knocks [N m]: half-sine pulses at irregular times.
 
-    One falls into the middle half of each period, at a place and in a direction that seem random.
+    There is one in the middle half of each period, with a pseudo-random time and sign.
     """
     number = math.floor(t / rig.knock_period)
     place = math.sin(12.9898 * (number + 1.0) + rig.knock_phase)
@@ -240,8 +240,8 @@ def hub_torque(rig, t, theta, omega):
 def link_balance(plant, t, y):
     """Writes the link's part of the mass matrix and forces.
 
-    With W the mass that two nodes move together, the mass matrix is B' [W_kl cos(psi_k - psi_l)] B and the
-    inertia forces of the rates are -B' sum_l W_kl sin(psi_k - psi_l) psi_t_l^2.
+    With W = `link.together` and B = `link.slope` the mass matrix is B' [W_kl cos(psi_k - psi_l)] B and the
+    velocity-dependent inertia forces are -B' sum_l W_kl sin(psi_k - psi_l) psi_t_l^2.
     """
     rig, link, space = plant.rig, plant.link, plant.space
     mass_matrix, force, product = space.mass_matrix, space.force, space.product
@@ -264,7 +264,7 @@ def link_balance(plant, t, y):
     field_x, field_y = body_field(rig, t, theta)
     drag_x, drag_y = tip_drag(rig, link, sine, cosine, spin)
 
-    # The couple on the tangent at each node, from rates, field and drag; and W cos(psi_k - psi_l) B.
+    # The moment on the tangent at each node, from rates, field and drag; and W cos(psi_k - psi_l) B.
     product[:] = 0.0
     for k in range(nodes):
         total = cosine[k] * (link.moment[k] * field_y + link.to_tip[k] * drag_y)
@@ -293,7 +293,7 @@ def link_balance(plant, t, y):
                 mass_matrix[row, j] += weight * product[k, j]
             mass_matrix[row, row] += weight * product[k, i]
 
-    # Elastic and damping moments; the softening part by quadrature of the lost moment.
+    # Elastic and damping moments; softening by quadrature of the lost moment.
     left = 1.0 - rig.fading * (1.0 - math.exp(-t / rig.fading_time))
     for i in range(n):
         force[i] -= left * link.stiffness[i] * y[i]
@@ -334,7 +334,7 @@ def tip_drag(rig, link, sine, cosine, spin):
 
 @compiled
 def soften(rig, link, y, force):
-    """Gives back the bending moment that a softening link lacks, EI s kappa^3/(kappa^2 + kappa_0^2)."""
+    """Adds the restoring moment that a softening link loses, EI s kappa^3/(kappa^2 + kappa_0^2), to the forces."""
     nodes, n = link.curvature.shape
     for k in range(nodes):
         kappa = 0.0
@@ -347,7 +347,7 @@ def soften(rig, link, y, force):
 
 @compiled
 def contact(play, rate, gap, stiffness, inertia):
-    """Returns the force (torque) between the flanks of a gap, of what is free in it, by its place and rate."""
+    """Returns the contact force (torque) on the flanks of a gap, by position and rate of the body in it."""
     over = abs(play) - 0.5 * gap
     if over <= 0.0:
         return 0.0
@@ -358,10 +358,10 @@ def contact(play, rate, gap, stiffness, inertia):
 
 @compiled
 def extra_balance(plant, torque, y):
-    """Adds the hub, the torsional oscillator, the motor behind it and a loose payload to masses and forces.
+    """Adds hub, torsional oscillator, motor behind a backlash and loose payload to mass matrix and forces.
 
-    The first two extras are angles relative to the hub and carry a share of its inertia. The drive's torque and the
-    cogging of its magnets act on the motor, friction and everything else on the hub.
+    The first two extras are angles relative to the hub and have a share of its inertia. The drive's torque and the
+    cogging act on the motor, friction and all other torques on the hub.
     """
     rig, mass_matrix, force = plant.rig, plant.space.mass_matrix, plant.space.force
     torsional, backlash, loose = extras(rig)
@@ -396,10 +396,10 @@ def extra_balance(plant, torque, y):
 
 @compiled
 def loose_balance(plant, row, y):
-    """Adds a part of the payload that is free across the link within its gap, coordinate `row` [m], to the balance.
+    """Adds a part of the payload that moves across the link within a gap, coordinate `row` [m].
 
-    Its velocity is that of the tip and, along the tip's normal, its own: what its distance from the tip adds beyond
-    that, millimetres against the link's length, is left out.
+    Its velocity is that of the tip plus its own along the tip's normal; terms by its distance from the tip, millimetres
+    against the length of the link, are neglected.
     """
     rig, link, space = plant.rig, plant.link, plant.space
     nz = len(space.force)
@@ -428,14 +428,14 @@ def loose_balance(plant, row, y):
 
 @compiled
 def factorised(matrix, size):
-    """Overwrites the lower triangle of a symmetric matrix by its Cholesky factor up to the last row."""
+    """Overwrites the lower triangle of a symmetric matrix by its Cholesky factor, except for the last pivot."""
     for i in range(size):
         for j in range(i + 1):
             total = matrix[i, j]
             for k in range(j):
                 total -= matrix[i, k] * matrix[j, k]
             if i == j:
-                # The last pivot stays a square: it is the inertia that the hub feels.
+                # The last pivot is not rooted: it is the effective inertia J_eff of the hub.
                 matrix[i, i] = math.sqrt(total) if i < size - 1 else total
             else:
                 matrix[i, j] = total / matrix[j, j]
@@ -443,7 +443,7 @@ def factorised(matrix, size):
 
 @compiled
 def derivative(plant, drive, t, y, mode, out):
-    """Writes dy/dt and returns `hold`, the torque that keeps the hub from accelerating, or that bristles bear [N m]."""
+    """Writes dy/dt to `out` and returns `hold`, the torque that holds the hub at rest, or that of bristles [N m]."""
     rig, mass_matrix, force = plant.rig, plant.space.mass_matrix, plant.space.force
     nz = len(force)
     hub = nz - 1
@@ -453,7 +453,7 @@ def derivative(plant, drive, t, y, mode, out):
     extra_balance(plant, drive_torque(rig, drive, t), y)
     factorised(mass_matrix, nz)
 
-    # Forward substitution; what remains in the hub's row is the torque that holds it.
+    # Forward substitution; the hub's row then contains the holding torque.
     for i in range(nz):
         total = force[i]
         for k in range(i):
@@ -485,9 +485,9 @@ def derivative(plant, drive, t, y, mode, out):
 
 @compiled
 def step(plant, drive, t, y, h, mode):
-    """Makes one Dormand-Prince step of length h from slopes[0]; writes space.new and slopes[6].
+    """Computes one Dormand-Prince step of length h [s] from slopes[0]; writes space.new and slopes[6].
 
-    Returns the estimated error in units of the tolerance, and the holding torque at the end [N m].
+    Returns the estimated error over the tolerance [1], and the holding torque at the end [N m].
     """
     slopes, stage, new = plant.space.slopes, plant.space.stage, plant.space.new
     size = len(y)
@@ -548,14 +548,14 @@ def step(plant, drive, t, y, h, mode):
 
 @compiled
 def excess(rig, hold, theta):
-    """Returns by how much a holding torque exceeds the static level in its direction [N m]."""
+    """Returns the holding torque less the static level in its direction [N m]."""
     direction = 1 if hold > 0.0 else -1
     return abs(hold) - static_level(rig, direction, theta)
 
 
 @compiled
 def violation(rig, mode, y, hold):
-    """Returns what turns positive where a mode ends: reversed velocity, or torque above the level."""
+    """Returns the event function of a mode, positive after its end: reversed rate, or torque above the static level."""
     if mode == STUCK:
         return excess(rig, hold, y[len(y) // 2 - 1])
     return -mode * y[-1]
@@ -563,7 +563,7 @@ def violation(rig, mode, y, hold):
 
 @compiled
 def lowest_time(h, w0, w1, a0, a1):
-    """Returns where in a step a velocity (cubic through values w, slopes a) dips below zero, or 0."""
+    """Returns the time in a step at which a rate, a cubic of end values w and slopes a, is lowest below zero, or 0."""
     if w0 <= 0.0 or w1 <= 0.0 or a0 >= 0.0 or a1 <= 0.0:
         return 0.0
     best, at = 0.0, 0.0
@@ -582,7 +582,7 @@ def lowest_time(h, w0, w1, a0, a1):
 
 @compiled
 def dipped(plant, y, h, mode):
-    """Returns where in the step just made the hub reverses and comes back [s], or 0."""
+    """Returns the time in the last step of the largest reversed rate, if the hub reverses twice in it [s], or 0."""
     slopes, new = plant.space.slopes, plant.space.new
     if mode == STUCK:
         return 0.0
@@ -591,7 +591,7 @@ def dipped(plant, y, h, mode):
 
 @compiled
 def event_step(plant, drive, t, y, h, mode):
-    """Makes a step that ends just behind the first event within h, and returns its length [s]."""
+    """Computes a step that ends just after the first event within h, and returns its length [s]."""
     low, high = 0.0, h
     while high - low > EVENT_TIME:
         middle = 0.5 * (low + high)
@@ -606,9 +606,9 @@ def event_step(plant, drive, t, y, h, mode):
 
 @compiled
 def mode_after(plant, drive, t, y, mode):
-    """Returns how the hub goes on from a moment of rest: a sliding one may stick, a stuck one slides.
+    """Returns the mode after an event at which the hub is at rest: a sliding hub may stick, a stuck one slides.
 
-    Bristles are bent as far as sliding bent them.
+    A hub that sticks on bristles begins with the deflection at which their torque is that of sliding.
     """
     if math.isfinite(plant.rig.bristle_stiffness):
         if mode == STUCK:
@@ -625,7 +625,7 @@ def mode_after(plant, drive, t, y, mode):
 
 @compiled
 def noted(log, t, mode):
-    """Notes an event; further ones than fit are not kept."""
+    """Records an event, up to the capacity of the log."""
     if log.number[0] < len(log.times):
         log.times[log.number[0]] = t
         log.modes[log.number[0]] = mode
@@ -636,14 +636,14 @@ def noted(log, t, mode):
 def advance(plant, drive, y, t, end, mode, trial, log):
     """Integrates y in place from t to end under one held command.
 
-    Returns the mode at the end and the step length to try next [s].
+    Returns the mode at the end and the next trial step length [s].
     """
     rig, slopes, new = plant.rig, plant.space.slopes, plant.space.new
     hub = len(y) // 2 - 1
     hold = derivative(plant, drive, t, y, mode, slopes[0])
     blind = 0.0
     while end - t > 1e-12:
-        # A stuck hub whose level a new command exceeds breaks away at once.
+        # A stuck hub breaks away at once where a new command exceeds its static level.
         if mode == STUCK and not plant.clamped and t >= blind and excess(rig, hold, y[hub]) > 0.0:
             mode = 1 if hold > 0.0 else -1
             hold = derivative(plant, drive, t, y, mode, slopes[0])
@@ -661,7 +661,7 @@ def advance(plant, drive, y, t, end, mode, trial, log):
             if violation(rig, mode, new, new_hold) > 0.0:
                 h = event_step(plant, drive, t, y, h, mode)
                 if h < 2.0 * EVENT_TIME:
-                    # Held and released at one instant: leave it be for a moment.
+                    # Stuck and released at one instant: no events are located for 1 us.
                     blind = t + 1e-6
                 t += h
                 y[:] = new
@@ -675,7 +675,7 @@ def advance(plant, drive, y, t, end, mode, trial, log):
         y[:] = new
         slopes[0, :] = slopes[6, :]
         hold = new_hold
-        # A step clipped at the end says nothing on how long the next one may be.
+        # The step length is not adapted after a step that was shortened to end at `end`.
         growth = min(5.0, 0.9 * max(error, 1e-10) ** (-0.2))
         if h >= trial or growth < 1.0:
             trial = min(h * growth, LONGEST_STEP)
@@ -684,7 +684,7 @@ def advance(plant, drive, y, t, end, mode, trial, log):
 
 @compiled
 def controlled(loop, sample, measured, errors, torques):
-    """Returns the command of a controller [N m]; its memory, errors [deg] and torques, is newest first."""
+    """Returns the command of a controller [N m]; `errors` [deg] and `torques` hold past values, newest first."""
     errors[2], errors[1] = errors[1], errors[0]
     errors[0] = math.degrees(loop.reference[sample] - measured)
     c = loop.coefficients
@@ -695,7 +695,7 @@ def controlled(loop, sample, measured, errors, torques):
 
 @compiled
 def run(plant, start, command_times, commands, output_times, loop):
-    """Integrates a whole experiment; see `simulate`."""
+    """Integrates an experiment; see `simulate`."""
     rig = plant.rig
     y = start.copy()
     hub = len(y) // 2 - 1
@@ -713,7 +713,7 @@ def run(plant, start, command_times, commands, output_times, loop):
     drive = Drive(0.0, 0.0, 0.0)
     read = given = 0
     while read < samples:
-        # Readings come before the command of the same instant: the controller needs them.
+        # Readings are taken before the command of the same instant, which depends on them.
         reading = given >= samples or output_times[read] <= command_times[given] + 1e-12
         due = max(output_times[read], 0.0) if reading else command_times[given]
         mode, trial = advance(plant, drive, y, t, due, mode, trial, log)
@@ -731,7 +731,7 @@ def run(plant, start, command_times, commands, output_times, loop):
 
 
 def working_space(link: Link, nz: int) -> Space:
-    """Returns the arrays for a rig of nz coordinates."""
+    """Returns the work arrays for a rig of nz coordinates."""
     nodes, columns = link.slope.shape[0] - 1, link.slope.shape[1]
     return Space(
         mass_matrix=np.zeros((nz, nz)),
@@ -763,7 +763,7 @@ def at_rest(rig: Rig, link: Link, hub_angle: float, shape: Array) -> Array:
 
 
 def open_loop() -> Loop:
-    """Returns the controller of an open-loop experiment: none."""
+    """Returns the inactive controller of an open-loop experiment."""
     return Loop(False, np.zeros(5), np.zeros(0), np.zeros(0), 0.0, 0.0)
 
 
@@ -781,17 +781,17 @@ def simulate(
     """Returns the motion of the rig at the sample times.
 
     Args:
-        rig: The rig as it really is.
+        rig: The true rig.
         link: Its discretised link.
         start: Initial state (2 nz,).
         times: Sample times (samples,) [s], increasing from 0; commands are held from one to the next.
         commands: Torque commands (samples,) [N m]; ignored where `loop` computes them.
         clamped: Whether the hub is locked.
         loop: A controller, or None.
-        tolerance: Of each step, relative to 1 rad and 1000 rad/s plus the state.
+        tolerance: Error of each step, relative to 1 rad and 1000 rad/s plus the state.
 
     Returns:
-        The motion, read `sensor_delay` before each sample time; commands act `actuator_delay` after it.
+        The motion at `sensor_delay` before each sample time; commands act `actuator_delay` after theirs.
     """
     plant = Plant(rig, link, working_space(link, len(start) // 2), clamped, tolerance)
     return Motion(
@@ -807,9 +807,9 @@ def simulate(
 
 
 def delivered_torque(rig: Rig, times: Array, commands: Array) -> Array:
-    """Returns what the drive delivers at the times of the sensors' readings (samples,) [N m].
+    """Returns the delivered torque at the times of the sensors' readings (samples,) [N m].
 
-    Gain, limit, dead time, lag and bias are in it; a reading at the instant of a new command sees that command.
+    It includes gain, limit, dead time, lag and bias; a reading at the instant of a new command includes that command.
     """
     return rig.torque_bias + _commanded_torque(rig, times, commands)
 
@@ -832,7 +832,7 @@ def _commanded_torque(rig: Rig, times: Array, commands: Array) -> Array:
 
 
 def torsion_angle(rig: Rig, link: Link, states: Array) -> Array:
-    """Returns the torsional oscillator's angle against the hub (samples,) [rad]; 0 where there is none."""
+    """Returns the angle of the torsional oscillator relative to the hub (samples,) [rad]; 0 without one."""
     if not extras(rig)[0]:
         return np.zeros(len(states))
     return np.asarray(states[:, len(link.stiffness)])

@@ -1,7 +1,6 @@
-"""The numbers of one rig: what a campaign declares, and every quantity that an undeclared effect changes.
+"""Parameters of a rig: those that a campaign declares, and those of the undeclared effects.
 
-A `Rig` is a flat tuple of floats, so that compiled code reads it by name. Its defaults are the neutral rig:
-the parameters below and no effect.
+A `Rig` is a flat tuple of floats, which compiled code reads by name. Its defaults are the neutral rig without effects.
 
 Sources: L. Bossi et al., "Modeling and Validation of a Planar Flexible Manipulator", ECC 2009, Table II, with
 the two inertias that were only computed there re-estimated from the published frequencies 7.27 and 18.21 Hz.
@@ -12,9 +11,9 @@ from typing import NamedTuple
 
 
 class Rig(NamedTuple):
-    """A flexible link on a driven hub, with a payload at its tip, as it really is."""
+    """True parameters of a flexible link on a driven hub, with a payload at its tip."""
 
-    # The link and what it carries, as declared in campaign.toml.
+    # Link, hub inertia and payload, as declared in campaign.toml.
     bending_stiffness: float = 0.24957  # N m^2
     linear_density: float = 0.09  # kg/m
     length: float = 0.42  # m
@@ -24,8 +23,8 @@ class Rig(NamedTuple):
     damping_ratio: float = 0.034  # of every flexible mode with the hub free
     torque_limit: float = 0.214  # N m, both signs
 
-    # Friction on the hub: opposes omega while sliding, holds the hub up to the static level.
-    static_positive: float = 0.065  # N m, withstood before the hub turns to positive angles
+    # Friction of the hub: opposes omega while sliding, holds the hub at rest up to the static level.
+    static_positive: float = 0.065  # N m, static level towards positive angles
     static_negative: float = 0.065  # N m
     coulomb_positive: float = 0.0055  # N m, while omega > 0
     coulomb_negative: float = 0.0055  # N m
@@ -34,9 +33,9 @@ class Rig(NamedTuple):
     friction_ripple: float = 0.0  # N m, A in A (1 + sin(n theta + phi))/2
     friction_ripple_order: float = 1.0
     friction_ripple_phase: float = 0.0  # rad
-    warming_rise: float = 0.0  # N m, extra Coulomb friction of a cold bearing
-    warming_time: float = 10.0  # s, in which it decays to 1/e
-    bristle_stiffness: float = math.inf  # N m/rad, of what gives while the hub sticks
+    warming_rise: float = 0.0  # N m, additional Coulomb friction of a cold bearing
+    warming_time: float = 10.0  # s, time constant of its decay
+    bristle_stiffness: float = math.inf  # N m/rad, presliding stiffness while the hub sticks
 
     # The drive and other torques on the hub.
     torque_gain: float = 1.0
@@ -44,7 +43,9 @@ class Rig(NamedTuple):
     actuator_lag: float = 0.0  # s
     actuator_delay: float = 0.0  # s
     dead_zone: float = 0.0  # N m, half width: smaller commands deliver nothing
-    torque_loss: float = 0.0  # share of the largest torque that saturated iron loses; grows as its square
+    torque_loss: float = (
+        0.0  # share of the limit torque that iron saturation loses; grows as the square of the torque
+    )
     cable_stiffness: float = 0.0  # N m/rad
     cable_rest_angle: float = 0.0  # rad
     cable_hardening: float = 0.0  # N m/rad^3
@@ -53,16 +54,16 @@ class Rig(NamedTuple):
     cogging_phase: float = 0.0  # rad
     backlash_gap: float = 0.0  # rad, total
     backlash_motor_share: float = 0.0  # of the hub inertia
-    knock_torque: float = 0.0  # N m, of short knocks at irregular instants
-    knock_period: float = 1.0  # s, one knock in each
-    knock_phase: float = 0.0  # rad, of when and to which side; another one in each recording
+    knock_torque: float = 0.0  # N m, of short torque pulses at irregular times
+    knock_period: float = 1.0  # s, with one pulse each
+    knock_phase: float = 0.0  # rad, seed of times and signs; different in each recording
     stop_angle: float = math.inf  # rad, hard stops at both signs of it
     stop_stiffness: float = 0.0  # N m/rad
     stop_damping: float = 0.0  # N m s/rad
 
     # The surroundings.
     tilt: float = 0.0  # rad
-    tilt_direction: float = 0.0  # rad, of the downhill pull in the plane
+    tilt_direction: float = 0.0  # rad, downhill direction in the plane
     disturbance_torque: float = 0.0  # N m
     disturbance_acceleration: float = 0.0  # m/s^2, of the base along the plane's x axis
     disturbance_frequency: float = 1.0  # Hz
@@ -71,12 +72,12 @@ class Rig(NamedTuple):
     # The link beyond a linear beam on a rigid clamp.
     softening: float = 0.0  # s in M = EI kappa (1 - s kappa^2/(kappa^2 + kappa_0^2))
     softening_curvature: float = 1.0  # kappa_0, 1/m
-    fading: float = 0.0  # share of the bending stiffness that a warming link loses in the end
-    fading_time: float = 10.0  # s, in which 1 - 1/e of it is lost
+    fading: float = 0.0  # final relative loss of bending stiffness of a warming link
+    fading_time: float = 10.0  # s, time constant of the loss
     root_stiffness: float = math.inf  # N m/rad, of the clamp
     torsional_frequency: float = 28.0  # Hz, with the hub locked
     torsional_damping: float = 0.01
-    torsional_inertia_share: float = 0.0  # of the hub inertia, hung on the hub by a spring
+    torsional_inertia_share: float = 0.0  # of the hub inertia, coupled to the hub by a spring
     air_drag: float = 0.0  # N s^2/m^2
     air_pad_drag: float = 0.0  # N s/m
     loose_share: float = 0.0  # of the tip mass, free to move across the link
@@ -92,7 +93,7 @@ class Rig(NamedTuple):
     drift_base: float = 0.0  # 1/s
     drift_mid: float = 0.0  # 1/s
     sensor_delay: float = 0.0  # s
-    pickup_base: float = 0.0  # 1/(N m), strain that a bridge reads from the motor's current
+    pickup_base: float = 0.0  # 1/(N m), interference of the motor current in a bridge, as strain
     pickup_mid: float = 0.0  # 1/(N m)
     clip_base: float = math.inf  # strain, the amplifier clips at both signs of it
     clip_mid: float = math.inf

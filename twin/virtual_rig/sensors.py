@@ -1,4 +1,4 @@
-"""What the data acquisition makes of a motion: gains, drifts, clipping, noise, quantisation, dirt."""
+"""Data acquisition: gains, drifts, clipping, noise and quantisation of the sensors, and defects of the data."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from twin.virtual_rig.beam import Array, Link, curvature_at
 from twin.virtual_rig.plant import Motion, delivered_torque, hub_angle, quantised, sensed_hub, torsion_angle
 from twin.virtual_rig.rig import Rig
 
-# Strain of the bridges at base and middle by a torsional mode, per rad against the hub. Assumed: the
-# vocabulary only says that they see it.
+# Strain of the bridges at base and middle by the torsional oscillator, per rad relative to the hub. Assumed: no source
+# gives values.
 TORSION_STRAIN = np.array([5.12e-3, 3.58e-3])
 
 DIRT = ("missing-fields", "spikes", "dropped-rows", "jitter", "stuck", "saturated", "bad-segment")
@@ -20,7 +20,7 @@ DIRT = ("missing-fields", "spikes", "dropped-rows", "jitter", "stuck", "saturate
 
 @dataclass(frozen=True)
 class Sensors:
-    """The card and its channels: standard deviations of white noise, and steps of the converter (16 bit)."""
+    """The data acquisition: standard deviations of white noise, and quantisation steps of the converter (16 bit)."""
 
     sample_rate: float = 500.0  # Hz
     hub_noise: float = 3e-4  # rad
@@ -48,7 +48,7 @@ def noise_of(sensors: Sensors, samples: int, generator: np.random.Generator) -> 
 def measured(
     rig: Rig, link: Link, sensors: Sensors, times: Array, motion: Motion, noise: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """Returns what the sensors report of a motion: the measured channels by name (samples,) in SI units."""
+    """Returns the readings of a motion: the measured channels by name (samples,) in SI units."""
     bends = curvature_at(rig, np.array([sensors.position_base, sensors.position_mid]), len(link.stiffness))
     strain = sensors.half_thickness * motion.states[:, : len(link.stiffness)] @ bends.T
     strain = strain + np.outer(torsion_angle(rig, link, motion.states), TORSION_STRAIN)
@@ -66,7 +66,11 @@ def measured(
 
 
 def checked_dirt(kinds: Iterable[str]) -> tuple[str, ...]:
-    """Returns the kinds of dirt, or says which one is unknown."""
+    """Returns the kinds of defects.
+
+    Raises:
+        InputError: for an unknown kind.
+    """
     kinds = tuple(kinds)
     for kind in kinds:
         if kind not in DIRT:
@@ -77,7 +81,7 @@ def checked_dirt(kinds: Iterable[str]) -> tuple[str, ...]:
 def sample_times(
     sensors: Sensors, samples: int, kinds: Iterable[str], generator: np.random.Generator
 ) -> Array:
-    """Returns the sample times (samples,) [s], increasing from 0; with jitter, off by 12 % of a period."""
+    """Returns the sample times (samples,) [s], increasing from 0; jitter has a deviation of 12 % of a period."""
     period = 1.0 / sensors.sample_rate
     times = np.arange(samples) * period
     if "jitter" in kinds:
@@ -88,12 +92,12 @@ def sample_times(
 def soiled(
     table: Mapping[str, Array], sensors: Sensors, kinds: Iterable[str], generator: np.random.Generator
 ) -> tuple[dict[str, Array], dict[str, list[float]]]:
-    """Returns a recording with dirt in its measured channels, and the times of each defect by kind [s].
+    """Returns a recording with defects in its measured channels, and the times of each defect by kind [s].
 
     Args:
         table: Columns of the recording by name (samples,), with `time` and `torque_command`.
-        sensors: For the size of a spike: 30 to 300 noise levels.
-        kinds: Names of `DIRT`; jitter is a matter of the sample times and leaves the table alone.
+        sensors: For the size of spikes, 30 to 300 noise levels.
+        kinds: Names of `DIRT`; jitter concerns the sample times and does not change the table.
         generator: Of random numbers.
     """
     result = {name: column.copy() for name, column in table.items()}
@@ -115,7 +119,7 @@ def soiled(
             defects["missing-fields"] += times[gone].tolist()
     if "dropped-rows" in kinds:
         gone = _bursts(len(times), 0.01, generator)
-        # The command is held between rows: a row that brings a new one cannot be dropped without changing it.
+        # The command is held between rows: only rows without a new command are dropped.
         gone &= np.append(False, np.diff(table["torque_command"]) == 0.0)
         defects["dropped-rows"] = times[gone].tolist()
         result = {name: column[~gone] for name, column in result.items()}
@@ -130,7 +134,7 @@ def _broken_channels(
     kinds: Iterable[str],
     generator: np.random.Generator,
 ) -> dict[str, list[float]]:
-    """Breaks one channel of a table for a while with each of these kinds, and returns the times by kind [s].
+    """Adds a defect to an interval of one channel for each of these kinds, and returns the times by kind [s].
 
     A bad segment has 10 to 20 times the noise for 0.3 to 0.6 s, a saturated bridge stays within 0.5 to 0.8 of its
     largest reading, a stuck channel repeats a reading for 0.5 to 1 s.
@@ -162,7 +166,7 @@ def _broken_channels(
 def _stretch(
     times: Array, channels: Sequence[str], spans: tuple[float, float], generator: np.random.Generator
 ) -> tuple[str, NDArray[np.bool_]]:
-    """Returns a channel and the samples (samples,) of a stretch of this length [s], away from both ends."""
+    """Returns a channel and a mask (samples,) of an interval of random length [s], away from both ends."""
     name = channels[int(generator.integers(len(channels)))]
     span = generator.uniform(*spans)
     first = generator.uniform(0.1, 0.8) * (times[-1] - times[0])
@@ -170,7 +174,7 @@ def _stretch(
 
 
 def _bursts(samples: int, share: float, generator: np.random.Generator) -> NDArray[np.bool_]:
-    """Returns a mask (samples,) with about this share set, in bursts of 1 to 9 samples."""
+    """Returns a mask (samples,) with about this share of samples set, in bursts of 1 to 9."""
     mask = np.zeros(samples, dtype=bool)
     for start in generator.integers(1, samples, size=max(1, int(samples * share / 5))):
         mask[start : start + generator.integers(1, 10)] = True

@@ -1,4 +1,4 @@
-"""Figures of one run that requirements are about."""
+"""Performance metrics of one run, which the requirements limit."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from twin.control.closed_loop import Run
-from twin.validation.requirements import BAND
+from twin.validation.requirements import SETTLING_BAND
 
-_LAST = 1.0  # s, the end of a run, in which it should be at rest
+_FINAL_SPAN = 1.0  # s at the end of a run in which the rig should be at rest
 
 
-def figures(run: Run, length: float) -> dict[str, float]:
-    """Returns the figures of a run towards a reference that ends at rest, by name of the requirement.
+def performance_metrics(run: Run, length: float) -> dict[str, float]:
+    """Returns the metrics of a run whose reference ends at rest, by name of the requirement, in its unit.
 
     Args:
       run: from rest at zero.
@@ -21,7 +21,7 @@ def figures(run: Run, length: float) -> dict[str, float]:
     """
     step = float(run.reference[-1])
     error = (run.true["hub_angle"] - step) / step
-    last = run.time >= run.time[-1] - _LAST
+    last = run.time >= run.time[-1] - _FINAL_SPAN
     tip, torque = run.true["tip_deflection"], np.abs(run.torque_command)
     return {
         "overshoot": 100 * max(float(error.max()), 0.0),
@@ -35,8 +35,8 @@ def figures(run: Run, length: float) -> dict[str, float]:
 
 
 def _settling_time(time: np.ndarray, error: np.ndarray) -> float:
-    """First time [s] from which the error stays within the band; infinite if it does not."""
-    outside = np.flatnonzero(np.abs(error) > BAND)
+    """First time [s] from which the relative error (m) stays within the band; infinite if it does not."""
+    outside = np.flatnonzero(np.abs(error) > SETTLING_BAND)
     if not len(outside):
         return float(time[0])
     last = int(outside[-1])
