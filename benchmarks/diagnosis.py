@@ -291,7 +291,9 @@ def parameter_error(a: dict) -> float | None:
     effect = a["missing"][0]
     if effect not in a["values"]:
         return None
-    parameter = next(p for p in REGISTRY[effect].parameters if p.name not in REGISTRY[effect].along)
+    parameter = next(
+        p for p in REGISTRY[effect].parameters if p.name not in REGISTRY[effect].undefined_at_neutral
+    )
     declared = {"tip_mass": 0.155, "bending_stiffness": 0.24957, "static_positive": 0.065}
     neutral = declared[parameter.name] if parameter.neutral is None else parameter.neutral
     value, true = a["values"][effect][parameter.name], a["truth"][effect][parameter.name]

@@ -154,7 +154,7 @@ def score_test(bench: Workbench, base: Fit, slopes: Slopes) -> float:
 def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Slopes:
     """Slopes of an effect at neutral; of a wave, at the highest peak of its spectrum."""
     effect = REGISTRY[name]
-    paid = price(len(effect.free(effect.neutral(base.model.declared))), bench)
+    paid = price(len(effect.free_parameters(effect.neutral(base.model.declared))), bench)
     if effect.wave is not None:
         columns = (
             spectrum.wave_slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
@@ -169,7 +169,7 @@ def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ())
             size = max(float(np.std(change)), 1e-12)
             changes.append(change / size)
             point = _on_ray(effect, neutral, ray, length)
-            coefficients.append(np.array(effect.linear(point or neutral)) / size)
+            coefficients.append(np.array(effect.linear_coefficients(point or neutral)) / size)
     columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
     linear = np.array(coefficients) if changes else np.zeros((0, 0))
     return Slopes(columns, tuple(effect.replaces), paid, coefficients=linear)
@@ -191,7 +191,7 @@ def _outside(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str
     effect = REGISTRY[name]
     if slopes.coefficients.size:
         _, amounts = slope_move(bench, base, slopes.columns, slopes.replaces)
-        led = effect.of_linear(amounts @ slopes.coefficients)
+        led = effect.from_linear_coefficients(amounts @ slopes.coefficients)
         if led is not None:
             led = {p.name: float(np.clip(led[p.name], *p.bounds)) for p in effect.parameters}
             [residual] = bench.residuals([(with_effect(base.model, name, led), base.starts, None)])
@@ -250,7 +250,7 @@ def is_resolved(bench: Workbench, base: Fit, result: Fit) -> bool:
     """Whether the effects that a fit adds are larger than what good sensors and cards leave open."""
     period = shortest_period(bench.prepared)
     new = result.model.effects.keys() - base.model.effects.keys()
-    return all(REGISTRY[name].resolved(result.model.effects[name], period) for name in new)
+    return all(REGISTRY[name].is_resolved(result.model.effects[name], period) for name in new)
 
 
 def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
@@ -291,7 +291,7 @@ def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, floa
         step, _ = visible_length(bench, base, name, neutral, ray)
         points = [
             _on_ray(effect, neutral, ray, sign * step * multiple)
-            for multiple in effect.multiples
+            for multiple in effect.search_multiples
             for sign in (1, -1)
         ]
         points = [p for p in points if p is not None]
@@ -310,7 +310,7 @@ def at_peaks(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> li
     Declared parameters have bent to what is missing, and as they stand the highest may fit worse than none.
     """
     effect = REGISTRY[name]
-    found = [effect.at_order(top.order, top.coefficients) for top in tops]
+    found = [effect.wave_parameters(top.order, top.coefficients) for top in tops]
     points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in found]
     jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
     best = int(np.argmin([bench.cost(r) for r in bench.residuals(jobs)]))
@@ -326,7 +326,7 @@ def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -
         {k: turn[k](v) - turn[k](neutral[k]) for k, v in start.items()}
         for start in effect.starts(model.declared)
     ]
-    single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.joint else []
+    single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.is_coupled else []
     return own + single
 
 
@@ -360,7 +360,7 @@ def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], leng
     for p in effect.parameters:
         if p.name not in ray:
             continue
-        moved = ray[p.name] if p.name in effect.along else ray[p.name] * length
+        moved = ray[p.name] if p.name in effect.undefined_at_neutral else ray[p.name] * length
         value = p.turned(neutral[p.name]) + moved
         if not p.span[0] <= value <= p.span[1]:
             return None

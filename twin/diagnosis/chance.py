@@ -37,7 +37,7 @@ class Slopes:
       price: of its parameters.
       rivals: number of equally likely places from which these columns were chosen.
       level: gain that is usual about the place, in that of white noise.
-      coefficients: (k x c) of `Effect.linear`, of each column; empty where the effect has none.
+      coefficients: (k x c) of `Effect.linear_coefficients`, of each column; empty where the effect has none.
     """
 
     columns: np.ndarray

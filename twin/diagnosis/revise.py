@@ -163,7 +163,8 @@ def size_in_errors(best: Fit, name: str) -> float:
     """Distance of an effect from neutral in standard errors, by the best told of its parameters that move it there."""
     effect = REGISTRY[name]
     neutral = effect.neutral(best.model.declared)
-    open_ends = {p.name: p.turned(neutral[p.name]) for p in effect.parameters if p.name not in effect.along}
+    moving = [p for p in effect.parameters if p.name not in effect.undefined_at_neutral]
+    open_ends = {p.name: p.turned(neutral[p.name]) for p in moving}
     return max(
         (
             abs(value - open_ends[u.name]) / error if error > 0 else 0.0

@@ -66,7 +66,7 @@ def of_rig(data: DrivenData, model: Model) -> Momentum | None:
       model: its sensors and torque limit count, and its rig for the length of the window and for the momentum that a
         bent link lacks, some parts in a thousand.
     """
-    if model.plant.motor.gap > 0 or any(REGISTRY[name].misreads for name in model.effects):
+    if model.plant.motor.gap > 0 or any(REGISTRY[name].acts_on_readings for name in model.effects):
         return None
     pairs = zip(data.prepared, data.views, strict=True)
     runs = [run for p, v in pairs if _usable(p, model) for run in _runs(p, v, model)]

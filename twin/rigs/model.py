@@ -158,7 +158,7 @@ class Model:
     @property
     def hub_late(self) -> float:
         """By how much the hub's reading lags behind its angle [s]: what it does in the end is not read any more."""
-        return sum(REGISTRY[name].hub_late(p) for name, p in self.effects.items())
+        return sum(REGISTRY[name].hub_delay(p) for name, p in self.effects.items())
 
     def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Hub angle (m,) that the sensor reports as `reading`."""
