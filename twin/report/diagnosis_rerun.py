@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import labels
-from twin.diagnosis.answer import UNSEEN, Diagnosis, Prediction, Trace
+from twin.diagnosis.answer import LONGEST_GAP, Diagnosis, Prediction, Trace
 from twin.recording import HUB, Recording, Sensor
 from twin.report import display
 from twin.report import rerun_parts as parts
@@ -188,7 +188,7 @@ def _seen(instants: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Whether instants (k) [s] lie between two samples, at times (n) [s], that are close to each other."""
     behind = np.searchsorted(time, instants, side="right")
     last, next_one = time[np.clip(behind - 1, 0, None)], time[np.clip(behind, None, len(time) - 1)]
-    return (last <= instants) & (instants <= next_one) & (next_one - last <= UNSEEN)
+    return (last <= instants) & (instants <= next_one) & (next_one - last <= LONGEST_GAP)
 
 
 def _arrows(entry: _Shown, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

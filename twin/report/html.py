@@ -257,7 +257,7 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
 
 def _turned_down(diagnosis: Diagnosis, name: str) -> dict[str, str] | None:
     """Returns the rule by which a candidate was turned down, its question, statistic and limit."""
-    found = diagnosis.turned_down(name)
+    found = diagnosis.failed_rule(name)
     if found is None:
         return None
     rule = RULES[found.judgement.rule]
