@@ -9,7 +9,7 @@ from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.revise import replace_function_by_effect
 from twin.diagnosis.state import Round, SearchState
 
-BY_CHANCE, PRICE = 12.0, 9.0
+BY_CHANCE, PENALTY = 12.0, 9.0
 
 
 def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), adopted=0):
@@ -27,7 +27,7 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     monkeypatch.setattr(contest, "refit_in_fine_limit", lambda bench, found: (bench, found))
     monkeypatch.setattr(contest, "refit_with_own_noise", lambda bench, base, found: (bench, found))
     monkeypatch.setattr(candidates, "score_gain", lambda *_: score if fine is None else fine)
-    monkeypatch.setattr(candidates, "price", lambda count, bench: PRICE * count / 2)
+    monkeypatch.setattr(candidates, "penalty", lambda count, bench: PENALTY * count / 2)
     taken = {"adopted": candidate, "bench": bench} if adopted else {}
     start = SimpleNamespace(base=base, bench=bench, declared=SimpleNamespace(effects={}))
     return SearchState(start, (Round((candidate,), BY_CHANCE, 30.0, **taken),))
@@ -37,7 +37,7 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
 def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch, score, evidence):
     found = replace_function_by_effect(explored(monkeypatch, score, evidence))
     assert found.names == ["cogging"]
-    assert found.rounds[0].threshold == max(evidence - PRICE, BY_CHANCE)
+    assert found.rounds[0].threshold == max(evidence - PENALTY, BY_CHANCE)
     [said] = notes._adopted_instead(found)
     assert f"cogging gains {score:.0f}, less than 30" in said
     assert f"the hub angle makes the recordings e^{evidence:.0f} times likelier" in said

@@ -218,7 +218,7 @@ NEEDED: Rule[Standing] = Rule(
     "penalised log-likelihood ratio of the models with and without it, both fitted [nat]",
     lambda s: s.difference,
     lambda s: max(MODEL_ERROR_SCORE, MODEL_ERROR_SHARE * s.gained),
-    f"{MODEL_ERROR_SCORE:g} and {100 * MODEL_ERROR_SHARE:g} % of the sum of all scores",
+    f"the larger of {MODEL_ERROR_SCORE:g} and {100 * MODEL_ERROR_SHARE:g} % of the sum of all scores",
     "measured",
     _NULLS,
 )
@@ -292,7 +292,8 @@ EXPLANATION: tuple[Rule[Leftover], ...] = (
         "number of recordings above the limit",
         lambda x: int((excesses(x, SOUND, SIZE_DEVIATIONS) > 1).sum()),
         lambda x: min(REPEATED, x.recordings) - 1,
-        f"{REPEATED - 1}; the limit is {SOUND:g} noise levels or 1 + {SIZE_DEVIATIONS:g} standard deviations",
+        f"{REPEATED - 1}, with a single recording 0; the limit is {SOUND:g} noise levels or "
+        f"1 + {SIZE_DEVIATIONS:g} standard deviations",
         "policy",
         "a single recording may be faulty; a note names it",
         at_least=False,
