@@ -242,11 +242,11 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     # As if the search's chain had answered to an effect by explaining everything.
     flattered = replace(start.base, residual=0.1 * start.base.residual, cost=0.0)
     wrong = Candidate(("strain-drift",), flattered, right.score + 10.0)
-    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong], 0.0)
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong], 0.0, 0.0)
     assert choice is None
     assert ranked[0].score < 1
     assert start.bench.defect is defect
-    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong, right], 0.0)
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong, right], 0.0, 0.0)
     assert choice is not None
     assert choice.effects == right.effects
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]

@@ -240,7 +240,7 @@ class Diagnosis:
     def failed_rule(self, name: str) -> RoundJudgement | None:
         """The rule that excluded a candidate in its last round; None for an adopted one.
 
-        Where it failed several, it is the first one other than "best-of-round", which says least.
+        Where it failed several, it is the first one other than "best-of-round".
         """
         if name in {effect.name for effect in self.effects}:
             return None

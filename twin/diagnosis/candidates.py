@@ -76,11 +76,11 @@ def penalty(parameters: int, bench: Workbench) -> float:
     return 0.5 * parameters * float(np.log(max(bench.count.sum(), 2.0)))
 
 
-def candidate_names(model: Model, seen: set[str]) -> list[str]:
+def candidate_names(model: Model, channels: set[str]) -> list[str]:
     """Names of effects that are not in the model and have a parameter that these channels can identify."""
     names = []
     for name, effect in REGISTRY.items():
-        usable = [p for p in effect.parameters if p.channel is None or p.channel in seen]
+        usable = [p for p in effect.parameters if p.channel is None or p.channel in channels]
         if usable and name not in model.effects:
             names.append(name)
     return names

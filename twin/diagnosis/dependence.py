@@ -27,7 +27,7 @@ from twin.residuals.view import View, move
 from twin.rigs.model import fine
 
 _BINS = (16, 100)
-"""Numbers of bins of a step function, each bin with as many samples. A dead zone is seen by narrow bins alone."""
+"""Numbers of bins of a step function, each bin with as many samples. Only narrow bins resolve a dead zone."""
 _COARSE = 8
 """Bins of each variable of a step function of two, and of the time in which a parameter drifts."""
 _PAIR_FACTOR = 1.5
@@ -45,7 +45,7 @@ _CLIP = 4.0
 _IMPACT = 0.05  # s, pieces of time in which impacts are sought
 _RARE = 0.2  # largest share of the pieces that have impacts
 DEPENDS = 0.05
-"""Share of the variance from which residuals are said to depend on a variable."""
+"""Share of the variance from which residuals depend on a variable."""
 TRAVEL = "hub_travel"
 """Travel of the hub since its last reversal [rad], the variable of hysteresis."""
 

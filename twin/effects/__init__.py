@@ -120,8 +120,8 @@ def _register_all() -> None:
         register(effect)
     for point in entry_points(group=ENTRY_POINTS):
         try:
-            found = point.load()
-            register(found() if isinstance(found, type) else found)
+            loaded = point.load()
+            register(loaded() if isinstance(loaded, type) else loaded)
         except Exception as error:
             # A faulty effect of another package must not stop this one.
             warnings.warn(f"effect '{point.name}' of {point.value} was not registered: {error}", stacklevel=2)

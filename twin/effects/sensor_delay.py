@@ -35,11 +35,11 @@ class SensorDelay(Effect):
         return replace(reading, delay=self._delay_of(channel, p))
 
     def sensing(self, time, channels, p):
-        late = {ch: self._delay_of(ch, p) for ch in channels}
-        said = {ch: _read_at(time, v, time - late[ch]) for ch, v in channels.items()}
+        delays = {ch: self._delay_of(ch, p) for ch in channels}
+        delayed = {ch: _interpolated(time, v, time - delays[ch]) for ch, v in channels.items()}
         if "motor_torque" in channels:
-            said["motor_torque"] = _held(time, channels["motor_torque"], time - late["motor_torque"])
-        return said
+            delayed["motor_torque"] = _held(time, channels["motor_torque"], time - delays["motor_torque"])
+        return delayed
 
     def _delay_of(self, channel, p):
         return p[channel if channel in ("hub_angle", "motor_torque") else "strain"] * p["delay"]
@@ -48,10 +48,10 @@ class SensorDelay(Effect):
         return p["delay"] if p["hub_angle"] else 0.0
 
     def hub_angle_of(self, time, reading, p):
-        return _read_at(time, reading, time + self.hub_delay(p))
+        return _interpolated(time, reading, time + self.hub_delay(p))
 
 
-def _read_at(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+def _interpolated(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Values (m) interpolated at other instants by a cubic spline; constant beyond the ends.
 
     Values of a diverged simulation, not all finite, are returned unchanged.

@@ -36,9 +36,9 @@ class TorsionalMode(Effect):
     wave = Wave("resonance", "frequency")
 
     def wave_parameters(self, order, coefficients):
-        share, *seen = coefficients
+        share, *sensitivities = coefficients
         start = {"frequency": order, "damping_ratio": RESONANCE_DAMPING, "inertia_share": max(share, 1e-3)}
-        return {**start, **dict(zip(TWIST_PARAMETERS.values(), seen, strict=True))}
+        return {**start, **dict(zip(TWIST_PARAMETERS.values(), sensitivities, strict=True))}
 
     def plant(self, plant, p):
         if p["inertia_share"] <= 0:
