@@ -1,4 +1,4 @@
-"""Whether an effect or a function without a name is behind what is too small for either by its size."""
+"""Whether an effect replaces a smooth function that is significant while no score exceeds the limits."""
 
 from types import SimpleNamespace
 

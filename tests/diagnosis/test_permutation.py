@@ -1,4 +1,4 @@
-"""How sure a score beyond what chance gives makes one."""
+"""The permutation test: tail of its distribution, bound of the posterior probability, probabilities of candidates."""
 
 from types import SimpleNamespace
 
