@@ -216,7 +216,7 @@ def shrunk(name: str, values: Mapping[str, float], share: float) -> dict[str, fl
     effect = REGISTRY[NAMED.get(name, name)]
     neutral, result = effect.neutral(preset("bossi2009")), dict(values)
     for p in effect.parameters:
-        if p.name in values and p.name not in effect.along:
+        if p.name in values and p.name not in effect.undefined_at_neutral:
             before, full = p.turned(neutral[p.name]), p.turned(values[p.name])
             result[p.name] = p.turned(before + share * (full - before))
     return result

@@ -25,7 +25,7 @@ from machine import describe
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis import dependence
 from twin.diagnosis.answer import Diagnosis
-from twin.diagnosis.conclude import dependence_of, effect_probabilities, errors_of, verdict_of
+from twin.diagnosis.conclude import effect_probabilities, explanatory_variables, standard_errors, verdict_of
 from twin.diagnosis.diagnose import diagnose, search
 from twin.diagnosis.remainder import residual_sizes
 from twin.diagnosis.rules import alternatives
@@ -93,9 +93,9 @@ def _search_only(campaign: Campaign) -> dict:
         "ranking": [c.name for c in found.rounds[0].ranked[:5]],
         "probabilities": effect_probabilities(found),
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
-        "errors": {name: errors_of(fit, name) for name in fit.model.effects},
+        "errors": {name: standard_errors(fit, name) for name in fit.model.effects},
         "alike": [list(names) for names in alternatives([r.ranked for r in found.adopting])],
-        "depends": list(dependence_of(found, left)),
+        "depends": list(explanatory_variables(found, left)),
         "rounds": _rounds(found),
         "size": max(residual_sizes(found.start.bench, found.base).values()),
     }
@@ -293,7 +293,9 @@ def parameter_error(a: dict) -> float | None:
     effect = a["missing"][0]
     if effect not in a["values"]:
         return None
-    parameter = next(p for p in REGISTRY[effect].parameters if p.name not in REGISTRY[effect].along)
+    parameter = next(
+        p for p in REGISTRY[effect].parameters if p.name not in REGISTRY[effect].undefined_at_neutral
+    )
     declared = {"tip_mass": 0.155, "bending_stiffness": 0.24957, "static_positive": 0.065}
     neutral = declared[parameter.name] if parameter.neutral is None else parameter.neutral
     value, true = a["values"][effect][parameter.name], a["truth"][effect][parameter.name]

@@ -1,8 +1,9 @@
 """Writes the generated parts of README.md: the output of `twin demo`, and tables.
 
-    python benchmarks/fill_readme.py [demo] [effects] [accuracy]
+    python benchmarks/fill_readme.py [demo] [effects] [accuracy] [screening] [adoption] [revision] [explanation]
 
-Each part stands between <!-- NAME --> and <!-- end -->.
+Without names, all of them. Each part stands between <!-- NAME --> and <!-- end -->, the first three in README.md, the
+rules in docs/diagnosis.md.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from twin.diagnosis import judgement, rules
 from twin.effects import catalogue
 
-README = Path(__file__).resolve().parent.parent / "README.md"
+ROOT = Path(__file__).resolve().parent.parent
+README = ROOT / "README.md"
+DIAGNOSIS = ROOT / "docs" / "diagnosis.md"
 
 
 def demo() -> str:
@@ -44,7 +48,36 @@ def accuracy() -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, rule, *rows))
 
 
-PARTS: Mapping[str, Callable[[], str]] = {"demo": demo, "effects": effects, "accuracy": accuracy}
+def screening() -> str:
+    """The rule by which a candidate is fitted, as a table."""
+    return judgement.markdown(rules.SCREENING)
+
+
+def adoption() -> str:
+    """The rules by which a candidate is added to the model, as a table."""
+    return judgement.markdown(rules.ADOPTION)
+
+
+def revision() -> str:
+    """The rules by which an adopted effect stays, as a table."""
+    return judgement.markdown(rules.REVISION)
+
+
+def explanation() -> str:
+    """The rules by which a channel is explained, as a table."""
+    return judgement.markdown(rules.EXPLANATION)
+
+
+PARTS: Mapping[str, tuple[Path, Callable[[], str]]] = {
+    "demo": (README, demo),
+    "effects": (README, effects),
+    "accuracy": (README, accuracy),
+    "screening": (DIAGNOSIS, screening),
+    "adoption": (DIAGNOSIS, adoption),
+    "revision": (DIAGNOSIS, revision),
+    "explanation": (DIAGNOSIS, explanation),
+}
+"""Part -> its document, and the function that generates it."""
 
 
 def part(text: str, name: str) -> str:
@@ -64,8 +97,9 @@ def _place(name: str) -> str:
 def main() -> None:
     """Writes the parts named on the command line, by default all."""
     for name in sys.argv[1:] or PARTS:
-        text = README.read_text(encoding="utf-8")
-        README.write_text(replaced(text, name, PARTS[name]()), encoding="utf-8")
+        path, generate = PARTS[name]
+        text = path.read_text(encoding="utf-8")
+        path.write_text(replaced(text, name, generate()), encoding="utf-8")
 
 
 if __name__ == "__main__":

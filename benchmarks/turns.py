@@ -139,7 +139,7 @@ def free_parameters(model: Model, effect: str) -> tuple[FreeParameter, ...]:
     a factor of ten.
     """
     neutral = REGISTRY[effect].neutral(model.declared)
-    seen = [p for p in REGISTRY[effect].free(neutral) if p.channel in (None, "hub_angle")]
+    seen = [p for p in REGISTRY[effect].free_parameters(neutral) if p.channel in (None, "hub_angle")]
     limit = model.declared["torque_limit"]
     return tuple(_free(REGISTRY[effect], p, neutral[p.name], limit) for p in seen)
 
@@ -151,7 +151,7 @@ def _free(effect: Effect, p: EffectParameter, neutral: float, limit: float) -> F
         bounds = (max(low, -limit), min(high, limit))
     elif p.neutral is None:
         bounds = (max(low, neutral / _MAX_FACTOR), min(high, neutral * _MAX_FACTOR))
-    along = p.name in effect.along
+    along = p.name in effect.undefined_at_neutral
     repeats = along and p.unit == "rad"
     return FreeParameter(effect.name, p.name, p.turned(neutral), bounds, p.step, along, p.inverse, repeats)
 

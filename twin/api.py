@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
     from dm_control.rl.control import Environment
 
-    from twin.diagnosis.plan import Planned
+    from twin.diagnosis.plan import ExperimentPlan
     from twin.identification.result import Identification as _Identification
     from twin.validation.requirements import Requirements
     from twin.validation.validation import Validation as _Validation
@@ -163,7 +163,7 @@ class Diagnosis:
 
     def ranking(self) -> Table:
         """All candidates of the first round, their scores, and the rule by which each was turned down."""
-        turned_down = {name: self.answer.turned_down(name) for name, _ in self.answer.ranking}
+        turned_down = {name: self.answer.failed_rule(name) for name, _ in self.answer.ranking}
         rows = [
             (name, score, rule.judgement.rule if (rule := turned_down[name]) is not None else None)
             for name, score in self.answer.ranking
@@ -320,7 +320,7 @@ def plan_experiment(
     *,
     between: tuple[str, str] | None = None,
     progress: Progress = silent,
-) -> Planned:
+) -> ExperimentPlan:
     """Ranks experiments by how far they would drive two explanations of a campaign apart.
 
     Args:

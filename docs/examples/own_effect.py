@@ -24,7 +24,7 @@ class EddyBrake(Effect):
         EffectParameter("damping", "N*m*s/rad", 0.0, (0.0, 1.0), 1e-4),
         EffectParameter("critical", "rad/s", 5.0, (0.5, 100.0), 0.1),
     )
-    along = ("critical",)
+    undefined_at_neutral = ("critical",)
     hub_law = brake
 
 

@@ -15,7 +15,7 @@ from twin.diagnosis.dependence import (
 )
 from twin.diagnosis.fit_patch import why_no_patch
 from twin.diagnosis.notes import drifting_parameter
-from twin.diagnosis.traces import remaining
+from twin.diagnosis.traces import final_traces
 from twin.recording import HUB_TORQUE
 
 NOISE = 1e-3
@@ -130,13 +130,13 @@ def test_what_remains_is_shown_against_what_it_depends_on_the_unexplained_first(
     hub_rate = {"hub_rate": np.gradient(odd.variables["hub_angle"], odd.time)}
     odd = replace(odd, variables=odd.variables | hub_rate)
     behind = {"hub_torque": quiet, "strain_base": quiet, "strain_mid": odd}
-    first, *others = remaining(behind, ["strain_mid"], ("torque_command", "hub_angle"))
+    first, *others = final_traces(behind, ["strain_mid"], ("torque_command", "hub_angle"))
     assert [t.channel for t in (first, *others)] == ["strain_mid", "hub_torque", "strain_base"]
     assert [t.explained_by for t in (first, *others)] == ["torque_command", None, None]
     assert first.values is odd.values
     assert first.fitted is None
     assert first.since_start == pytest.approx(odd.time - 6.0 * odd.recording)
-    [travelled] = remaining({"strain_mid": odd}, ["strain_mid"], (TRAVEL,))
+    [travelled] = final_traces({"strain_mid": odd}, ["strain_mid"], (TRAVEL,))
     assert TRAVEL in travelled.variables
 
 
@@ -144,13 +144,15 @@ def test_why_there_is_no_lookup_is_said():
     dead_zone = recordings((True, True))
     assert "none of the variables" in why_no_patch({"hub_torque": dead_zone}, ())
     assert "how far the hub has turned" in why_no_patch({"hub_torque": dead_zone}, (TRAVEL, "hub_rate"))
-    assert "at the same instant of another recording" in why_no_patch({"hub_torque": dead_zone}, ("time",))
-    assert "no variable alone" in why_no_patch({"hub_torque": dead_zone}, ("hub_angle",))
+    assert "at the same instant of different recordings" in why_no_patch({"hub_torque": dead_zone}, ("time",))
+    assert "no single variable" in why_no_patch({"hub_torque": dead_zone}, ("hub_angle",))
     assert "too little of the range of the commanded torque" in why_no_patch(
         {"hub_torque": dead_zone}, ("torque_command",)
     )
     by_rate = replace(dead_zone, variables={"hub_rate": dead_zone.variables["torque_command"]})
-    assert "depends on the hub rate: no function" in why_no_patch({"strain_base": by_rate}, ("hub_rate",))
+    assert "depend on the hub rate: a simulation evaluates no such function" in why_no_patch(
+        {"strain_base": by_rate}, ("hub_rate",)
+    )
 
 
 def test_what_swings_beside_a_mode_of_the_link_is_no_oscillation():
@@ -160,7 +162,7 @@ def test_what_swings_beside_a_mode_of_the_link_is_no_oscillation():
     kicks = np.where(generator.random(len(found.time)) < 0.01, generator.normal(0, 8.0, len(found.time)), 0.0)
     ring = np.exp(-4.0 * 0.002 * np.arange(500)) * np.sin(2 * np.pi * 1.5 * 0.002 * np.arange(500))
     rung = np.convolve(kicks, ring)[: len(kicks)]
-    left = replace(found, white=found.white + rung, rings=(1.24,))
+    left = replace(found, white=found.white + rung, resonances=(1.24,))
     assert np.std(rung) > 1
     assert dict(variance_shares(left))["time"] < DEPENDS
 
@@ -184,6 +186,6 @@ def test_a_parameter_that_changes_as_a_recording_goes_on_depends_on_time():
 
 def test_the_parameter_that_changes_is_named():
     [note] = drifting_parameter({HUB_TORQUE: drifting(0.05)}, ("time", "hub_rate"))
-    assert "as if bending_stiffness changed while a recording goes on" in note
+    assert "as if bending_stiffness changed during each recording" in note
     assert drifting_parameter({HUB_TORQUE: drifting(0.05)}, ("hub_rate", "time")) == []
     assert drifting_parameter({HUB_TORQUE: drifting(0.0)}, ("time",)) == []

@@ -8,7 +8,7 @@ import pytest
 from homogeneous import HOMOGENEOUS
 
 from twin.diagnosis import experiments, separation
-from twin.diagnosis.plan import Planned, to_json, write_torque
+from twin.diagnosis.plan import ExperimentPlan, to_json, write_torque
 from twin.diagnosis.plan import plan as plan_for
 from twin.diagnosis.separation import Explanation
 from twin.errors import InputError
@@ -31,9 +31,9 @@ def planned(first, second, names=None):
 
 
 def ranked(first, second, names=None):
-    options = [e for e in experiments.experiments(RIG) if names is None or e.name in names]
+    options = [e for e in experiments.possible_experiments(RIG) if names is None or e.name in names]
     with ThreadPoolExecutor(2) as pool:
-        return experiments.plan(first, second, NOISE, pool, options)
+        return experiments.rank(first, second, NOISE, pool, options)
 
 
 def within(model, unknowns, share):
@@ -118,7 +118,7 @@ def test_a_torque_sensor_separates_a_drive_from_what_it_moves():
 
 def test_payload_is_added_to_that_of_an_effect():
     heavy = MODEL.replace(effects={"payload-mass": {"tip_mass": 0.17}})
-    assert separation.loaded(heavy, 0.05).rig["tip_mass"] == pytest.approx(0.22)
+    assert separation.with_added_mass(heavy, 0.05).rig["tip_mass"] == pytest.approx(0.22)
 
 
 def test_moves_are_those_of_the_covariance_of_a_fit_without_clock_and_starts():
@@ -143,7 +143,7 @@ def test_moves_stay_within_bounds():
 
 
 def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep():
-    for experiment in experiments.experiments(RIG):
+    for experiment in experiments.possible_experiments(RIG):
         torque = experiment.recording["torque_command"]
         assert np.abs(torque).max() <= RIG["torque_limit"]
         assert len(torque) == pytest.approx(experiment.recording.duration / 2e-3, abs=2)
@@ -151,8 +151,8 @@ def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep(
 
 def test_declared_rig_can_do_every_experiment():
     with ThreadPoolExecutor(2) as pool:
-        plans = experiments.plan(Explanation(MODEL), Explanation(MODEL), NOISE, pool)
-    assert len(plans) == len(experiments.experiments(RIG))
+        plans = experiments.rank(Explanation(MODEL), Explanation(MODEL), NOISE, pool)
+    assert len(plans) == len(experiments.possible_experiments(RIG))
 
 
 def test_hub_is_never_turned_further_than_its_wires_allow():
@@ -167,7 +167,7 @@ def test_torque_file_is_what_was_simulated(tmp_path):
         rows = list(csv.DictReader(file))
     torque = np.array([float(r["torque_command"]) for r in rows])
     np.testing.assert_allclose(torque, plans[0].experiment.recording["torque_command"], rtol=1e-5)
-    assert to_json(Planned(("a", "b"), plans, 50.0))["experiments"][0]["name"] == "slews"
+    assert to_json(ExperimentPlan(("a", "b"), plans, 50.0))["experiments"][0]["name"] == "slews"
 
 
 def test_a_decay_that_is_let_go_by_hand_has_no_torque_to_write(tmp_path):
@@ -189,6 +189,6 @@ def test_names_that_are_no_effects_are_refused():
 @pytest.mark.parametrize(("score", "speaks"), [(12.3, False), (812.4, True)])
 def test_a_plan_says_whether_the_recordings_speak_for_either_effect(score, speaks):
     plans = planned({"air-drag": {"coefficient": 0.1}}, {"air-pad-drag": {"viscous": 0.02}}, ["slews"])
-    said = Planned(("air-drag", "air-pad-drag"), plans, score).said()
+    said = ExperimentPlan(("air-drag", "air-pad-drag"), plans, score).recommendation()
     assert "record slews" in said
-    assert ("speak for neither air-drag nor air-pad-drag" in said) != speaks
+    assert ("support neither air-drag nor air-pad-drag" in said) != speaks

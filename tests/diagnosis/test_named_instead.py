@@ -1,4 +1,4 @@
-"""Whether an effect or a function without a name is behind what is too small for either by its size."""
+"""Whether an effect replaces a smooth function that is significant while no score exceeds the limits."""
 
 from types import SimpleNamespace
 
@@ -6,10 +6,10 @@ import pytest
 
 from twin.diagnosis import candidates, contest, notes, remainder, rules
 from twin.diagnosis.candidates import Candidate
-from twin.diagnosis.revise import named_instead
+from twin.diagnosis.revise import replace_function_by_effect
 from twin.diagnosis.state import Round, SearchState
 
-BY_CHANCE, PRICE = 12.0, 9.0
+BY_CHANCE, PENALTY = 12.0, 9.0
 
 
 def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), adopted=0):
@@ -27,7 +27,7 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     monkeypatch.setattr(contest, "refit_in_fine_limit", lambda bench, found: (bench, found))
     monkeypatch.setattr(contest, "refit_with_own_noise", lambda bench, base, found: (bench, found))
     monkeypatch.setattr(candidates, "score_gain", lambda *_: score if fine is None else fine)
-    monkeypatch.setattr(candidates, "price", lambda count, bench: PRICE * count / 2)
+    monkeypatch.setattr(candidates, "penalty", lambda count, bench: PENALTY * count / 2)
     taken = {"adopted": candidate, "bench": bench} if adopted else {}
     start = SimpleNamespace(base=base, bench=bench, declared=SimpleNamespace(effects={}))
     return SearchState(start, (Round((candidate,), BY_CHANCE, 30.0, **taken),))
@@ -35,10 +35,10 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
 
 @pytest.mark.parametrize(("score", "evidence"), [(17.4, 21.7), (25.7, 31.1), (28.0, 8.0), (12.5, 5.1)])
 def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch, score, evidence):
-    found = named_instead(explored(monkeypatch, score, evidence))
+    found = replace_function_by_effect(explored(monkeypatch, score, evidence))
     assert found.names == ["cogging"]
-    assert found.rounds[0].threshold == max(evidence - PRICE, BY_CHANCE)
-    [said] = notes._instead(found)
+    assert found.rounds[0].threshold == max(evidence - PENALTY, BY_CHANCE)
+    [said] = notes._adopted_instead(found)
     assert f"cogging gains {score:.0f}, less than 30" in said
     assert f"the hub angle makes the recordings e^{evidence:.0f} times likelier" in said
     assert found.rounds[0].ranked[0].score == found.adopted[0].score == score
@@ -65,5 +65,5 @@ def test_an_effect_that_explains_as_much_as_a_function_has_its_place(monkeypatch
 )
 def test_else_the_function_stays_without_a_name(monkeypatch, case):
     found = explored(monkeypatch, **case)
-    assert named_instead(found) is None
-    assert notes._instead(found) == []
+    assert replace_function_by_effect(found) is None
+    assert notes._adopted_instead(found) == []

@@ -44,14 +44,14 @@ def with_break_aways(monkeypatch, torques, slow=True, seen=True):
     ],
 )
 def test_a_hub_that_breaks_away_at_another_torque_than_the_models_is_told(monkeypatch, torques, told):
-    said = notes.break_aways(with_break_aways(monkeypatch, torques))
+    said = notes.break_away_notes(with_break_aways(monkeypatch, torques))
     assert len(said) == bool(told)
     assert all(part in said[0] for part in told)
 
 
 @pytest.mark.parametrize("unsure", [{"slow": False}, {"seen": False}])
 def test_a_hub_that_only_was_slow_breaks_away_nowhere(monkeypatch, unsure):
-    assert notes.break_aways(with_break_aways(monkeypatch, [0.088, 0.087], **unsure)) == []
+    assert notes.break_away_notes(with_break_aways(monkeypatch, [0.088, 0.087], **unsure)) == []
 
 
 @pytest.mark.parametrize(

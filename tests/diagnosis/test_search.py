@@ -10,8 +10,8 @@ from planted import PLANTED
 
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis import dependence, spectrum
-from twin.diagnosis.candidates import Candidate, at_peaks, explore, score_gain, try_effect
-from twin.diagnosis.conclude import dependence_of, verdict_of
+from twin.diagnosis.candidates import Candidate, explore, points_at_peaks, score_gain, try_effect
+from twin.diagnosis.conclude import explanatory_variables, verdict_of
 from twin.diagnosis.contest import (
     better_calibration,
     confirm_in_fine_limit,
@@ -169,7 +169,7 @@ def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(tmp_p
     assert verdict_of(found) == "outside-library"
     assert not found.adopted
     left = dependence.unexplained_residuals(found.bench, found.data, found.best)
-    assert dependence_of(found, left)[0] == "strain_base"
+    assert explanatory_variables(found, left)[0] == "strain_base"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
     lookup = patch_of_worst_channel(found, left)
@@ -242,11 +242,11 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     # As if the search's chain had answered to an effect by explaining everything.
     flattered = replace(start.base, residual=0.1 * start.base.residual, cost=0.0)
     wrong = Candidate(("strain-drift",), flattered, right.score + 10.0)
-    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong], 0.0)
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong], 0.0, 0.0)
     assert choice is None
     assert ranked[0].score < 1
     assert start.bench.defect is defect
-    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong, right], 0.0)
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong, right], 0.0, 0.0)
     assert choice is not None
     assert choice.effects == right.effects
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]
@@ -286,11 +286,11 @@ def test_a_wave_starts_from_its_highest_peak_and_from_the_one_that_fits_as_it_st
     tops = spectrum.spectral_peaks(start.bench, start.base, effect)
     # As if the highest stood for far more friction than there is.
     far = replace(tops[0], coefficients=tuple(0.05 + 0 * c for c in tops[0].coefficients))
-    points = at_peaks(start.bench, start.base, effect.name, (far, *tops[1:]))
+    points = points_at_peaks(start.bench, start.base, effect.name, (far, *tops[1:]))
     assert len(points) == 2
     assert points[0]["amplitude"] > 10 * points[1]["amplitude"]
     assert points[0]["order"] == pytest.approx(tops[0].order)
-    [alone] = at_peaks(start.bench, start.base, effect.name, tops[:1])
+    [alone] = points_at_peaks(start.bench, start.base, effect.name, tops[:1])
     assert alone["order"] == pytest.approx(tops[0].order)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin.campaigns.campaign import read_campaign
-from twin.diagnosis import candidates, revise, whole_orders
-from twin.diagnosis.conclude import dependence_of, verdict_of
+from twin.diagnosis import candidates, revise
+from twin.diagnosis.conclude import explanatory_variables, verdict_of
 from twin.diagnosis.dependence import unexplained_residuals
 from twin.diagnosis.diagnose import with_errors, with_unnamed, with_whole_orders
 from twin.diagnosis.state import Round, SearchState
@@ -42,21 +42,24 @@ def picked(tmp_path_factory):
 def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
     found = picked({"hardening-cable": {"stiffness": 0.1}})
     assert verdict_of(found) == "explained"
-    other = revise.without_untold(found)
+    other = revise.without_undetermined(found)
     assert other is not None
     assert not other.adopted
     assert [(name, j.rule) for name, j in other.withdrawn] == [
-        ("cable-torsion", "size-is-told"),
-        ("cogging", "size-is-told"),
+        ("cable-torsion", "size-is-determined"),
+        ("cogging", "size-is-determined"),
     ]
     other = with_unnamed(other, other.bench, 0.01)
     assert verdict_of(other) == "outside-library"
-    assert dependence_of(other, unexplained_residuals(other.bench, other.data, other.best))[0] == "hub_angle"
+    assert (
+        explanatory_variables(other, unexplained_residuals(other.bench, other.data, other.best))[0]
+        == "hub_angle"
+    )
 
 
 def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
     found = picked(SPRING | COGGING)
-    assert revise.without_untold(found) is None
+    assert revise.without_undetermined(found) is None
     whole = with_whole_orders(found, found.bench)
     assert whole.best.model.effects["cogging"]["order"] == 5.0
     assert not any(u.name == "order" for u in whole.best.unknowns)
@@ -68,5 +71,5 @@ def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
 
 def test_an_order_between_two_whole_numbers_stays(picked):
     found = picked(SPRING | {"cogging": {"amplitude": 0.03, "order": 5.4, "phase": 0.9}})
-    assert whole_orders.with_whole_orders(found.bench, found.best) is found.best
+    assert revise.with_whole_orders(found.bench, found.best) is found.best
     assert found.best.model.effects["cogging"]["order"] == pytest.approx(5.4, abs=0.15)

@@ -84,17 +84,17 @@ def test_parameters_have_units_bounds_and_a_docstring(name):
 def test_a_base_swings_along_one_line_whatever_noise_makes_of_it():
     effect, line, phase = REGISTRY["periodic-disturbance"], -0.4, 1.9
     swing = 0.3 * np.outer([np.cos(line), np.sin(line)], [np.cos(phase), np.sin(phase)])
-    found = effect.at_order(4.0, tuple((swing + 1e-4 * np.array([[1, -1], [1, 1]])).ravel()))
+    found = effect.wave_parameters(4.0, tuple((swing + 1e-4 * np.array([[1, -1], [1, 1]])).ravel()))
     assert found["base"] == 1.0
     assert [found[k] for k in ("frequency", "amplitude", "phase", "direction")] == pytest.approx(
         [4.0, 0.3, phase, line], abs=2e-3
     )
     assert effect.units(found)["amplitude"] == "m/s^2"
-    assert "direction" in {p.name for p in effect.free(found)}
-    torque = effect.at_order(4.0, (0.0, 0.01))
+    assert "direction" in {p.name for p in effect.free_parameters(found)}
+    torque = effect.wave_parameters(4.0, (0.0, 0.01))
     assert torque["base"] == 0.0
     assert effect.units(torque)["amplitude"] == "N*m"
-    assert {p.name for p in effect.free(torque)} == {"frequency", "amplitude", "phase"}
+    assert {p.name for p in effect.free_parameters(torque)} == {"frequency", "amplitude", "phase"}
 
 
 def test_a_simulation_that_ran_away_is_no_error_of_a_late_sensor():
@@ -104,15 +104,18 @@ def test_a_simulation_that_ran_away_is_no_error_of_a_late_sensor():
     np.testing.assert_array_equal(said["strain_base"], lost)
 
 
-@pytest.mark.parametrize("name", [name for name, effect in REGISTRY.items() if effect.linear(PLANTED[name])])
+LINEAR = [name for name, effect in REGISTRY.items() if effect.linear_coefficients(PLANTED[name])]
+
+
+@pytest.mark.parametrize("name", LINEAR)
 def test_coefficients_in_which_a_force_is_linear_stand_for_its_parameters(name):
     effect, values = REGISTRY[name], PLANTED[name]
-    assert effect.of_linear(effect.linear(values)) == pytest.approx(values)
+    assert effect.from_linear_coefficients(effect.linear_coefficients(values)) == pytest.approx(values)
     # Twice the force, from where it came from.
-    [size] = [p.name for p in effect.parameters if p.name not in effect.along]
-    twice = effect.of_linear([2 * c for c in effect.linear(values)])
+    [size] = [p.name for p in effect.parameters if p.name not in effect.undefined_at_neutral]
+    twice = effect.from_linear_coefficients([2 * c for c in effect.linear_coefficients(values)])
     assert twice == pytest.approx({**values, size: 2 * values[size]})
 
 
 def test_a_cable_that_pushes_is_none():
-    assert REGISTRY["cable-torsion"].of_linear((-1e-3, 2e-3)) is None
+    assert REGISTRY["cable-torsion"].from_linear_coefficients((-1e-3, 2e-3)) is None

@@ -144,7 +144,7 @@ def test_an_entry_point_registers_an_effect(monkeypatch):
     other = type("OtherCable", (HardeningCable,), {"name": "other-cable"})
     point = type("Point", (), {"name": "x", "value": "y:Z", "load": lambda self: other})()
     monkeypatch.setattr(effects, "entry_points", lambda group: [point] if group == "twin.effects" else [])
-    monkeypatch.setattr(effects, "_OWN", ())
+    monkeypatch.setattr(effects, "_BUILT_IN", ())
     effects._register_all()
     assert effects.REGISTRY["other-cable"].meaning == HardeningCable.meaning
     effects.unregister("other-cable")
@@ -156,6 +156,6 @@ def test_a_faulty_entry_point_is_named_and_stops_nothing(monkeypatch):
 
     point = type("Point", (), {"name": "broken", "value": "z:Z", "load": fail})()
     monkeypatch.setattr(effects, "entry_points", lambda group: [point])
-    monkeypatch.setattr(effects, "_OWN", ())
+    monkeypatch.setattr(effects, "_BUILT_IN", ())
     with pytest.warns(UserWarning, match="effect 'broken' of z:Z was not registered: no module named z"):
         effects._register_all()

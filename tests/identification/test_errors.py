@@ -187,10 +187,10 @@ def test_commands_that_act_a_little_late_move_no_break_away():
 
 def test_what_a_spectrum_usually_is_about_a_place():
     white = np.random.default_rng(2).exponential(size=400)
-    assert spectrum._level(white, 200) < 1.5
+    assert spectrum._local_level(white, 200) < 1.5
     coloured = np.where(np.abs(np.arange(400) - 200) < 80, 8.0, 1.0) * white
-    assert spectrum._level(coloured, 200) == pytest.approx(8.0, rel=0.4)
-    assert spectrum._level(coloured, 20) < 1.5
+    assert spectrum._local_level(coloured, 200) == pytest.approx(8.0, rel=0.4)
+    assert spectrum._local_level(coloured, 20) < 1.5
 
 
 class Declared(dict):

@@ -12,7 +12,7 @@ from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
-    from twin.diagnosis.plan import Planned
+    from twin.diagnosis.plan import ExperimentPlan
 
 
 def plan_experiment(
@@ -52,13 +52,13 @@ def plan_experiment(
         console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _print(planned: Planned) -> None:
+def _print(planned: ExperimentPlan) -> None:
     from rich.table import Table
 
     from twin.diagnosis import experiments
 
     screen = console()
-    screen.print(planned.said(), highlight=False, markup=False)
+    screen.print(planned.recommendation(), highlight=False, markup=False)
     table = Table("experiment", "what to do", "noise levels apart", "in", "with another sensor", box=None)
     for row in experiments.rows(planned.plans):
         table.add_row(*row)

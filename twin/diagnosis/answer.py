@@ -1,4 +1,4 @@
-"""What a diagnosis says: plain values, read by the report, the JSON and the tests."""
+"""The answer of a diagnosis as plain values, for the report, the JSON file and the tests."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from twin.rigs.patch import Patch
 
 Verdict = Literal["explained", "no-missing-effect", "outside-library"]
 
-UNSEEN = 0.02
-"""Time between two samples of a trace beyond which nothing is known of what lies between [s]."""
+LONGEST_GAP = 0.02
+"""Longest time between two samples of a trace that a plot connects [s]."""
 
 
 @dataclass(frozen=True)
 class KnownEffect:
-    """An effect that the rig was declared with, as it was fitted anew.
+    """An effect that the rig was declared with, its parameters fitted to the recordings.
 
     Attributes:
-      name: its name in the vocabulary.
+      name: key in the registry of effects.
       parameters, standard_errors: by parameter name, SI units.
       units: unit of each parameter.
     """
@@ -42,7 +42,7 @@ class AdoptedEffect(KnownEffect):
     """An effect that the model lacked.
 
     Attributes:
-      probability: that it is this one, among the candidates tried and chance [1].
+      probability: posterior probability of this effect among all candidates and no effect.
     """
 
     probability: float
@@ -50,7 +50,7 @@ class AdoptedEffect(KnownEffect):
 
 @dataclass(frozen=True)
 class Calibrated:
-    """A declared parameter, moved within its uncertainty; one of a known effect, fitted anew."""
+    """A declared parameter fitted within its uncertainty, or a parameter of a known effect; SI units."""
 
     declared: float
     fitted: float
@@ -60,16 +60,16 @@ class Calibrated:
 
 @dataclass(frozen=True)
 class ChannelError:
-    """Root-mean-square of measured minus simulated over one recording, SI units.
+    """Root-mean-square prediction error of one channel of a recording, SI units.
 
     Attributes:
-      before: of the model as declared.
-      calibrated: with declared parameters refitted within their uncertainty.
-      after: with the adopted effects.
-      noise: standard deviation of the sensor.
+      before: of the declared model.
+      calibrated: of the calibrated model.
+      after: of the calibrated model with the adopted effects.
+      noise: standard deviation of the sensor noise.
       unit: SI unit of the channel.
-      reach: root-mean-square change of the prediction where the break-away torque is off by 0.1 %: a recording in
-        which a stick or slip more decides the rest cannot be predicted any better than this.
+      reach: sensitivity, the root-mean-square change of the prediction by a change of the break-away torque of 0.1 %.
+        Where one stick or slip decides the rest of a recording, no model predicts it more accurately than this.
     """
 
     before: float
@@ -82,9 +82,14 @@ class ChannelError:
 
 @dataclass(frozen=True)
 class Prediction:
-    """One recording beside what the three models make of it (channels at the instants of `measured`).
+    """One recording and its simulation by three models, from its first sample and its command alone.
 
-    `left_out` says what of it the errors do not count.
+    Attributes:
+      role: whether it was used in the fit or held out.
+      measured: the recording.
+      before, calibrated, after: simulations at its instants, see `ChannelError`.
+      errors: channel -> prediction errors.
+      left_out: parts of the recording that the errors leave out, as sentences.
     """
 
     role: Literal["fit", "holdout"]
@@ -98,19 +103,17 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Trace:
-    """What a model leaves unexplained, local in time: the picture of the cause.
-
-    It is the calibrated model's, or that of the model that stands at the end where something is outside the library.
+    """Residuals of one channel over all fit recordings, for a plot.
 
     Attributes:
-      channel: whose: `hub_torque`, the balance of the hub, or the name of a sensor's channel.
-      time: (n) [s], over all fit recordings one after the other.
-      values: (n) in the unit of the channel, SI.
-      variables: name -> (n) what it may depend on, SI: `hub_angle`, `hub_rate`, `time`, `torque_command`, ...
-      explained_by: the variable that explains most of it, or None.
-      fitted: (n) what the adopted effects say it should be, or None.
-      recording: (n) index of the fit recording that each sample belongs to.
+      channel: `hub_torque`, the torque balance of the hub, or the channel of a sensor.
+      time: (n) [s], the recordings concatenated.
+      values: (n) residuals, SI.
+      variables: name -> (n) on which they may depend, SI: `hub_angle`, `hub_rate`, `time`, `torque_command`, ...
+      recording: (n) index of the fit recording.
       since_start: (n) [s] since the first sample of that recording.
+      explained_by: the variable that explains most of their variance, or None.
+      fitted: (n) part of them that the adopted effects explain, or None.
     """
 
     channel: str
@@ -125,12 +128,12 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Patched:
-    """A correction without a cause, and what it gains where it was not fitted.
+    """An empirical correction of the model as a lookup, and its effect on held-out recordings.
 
     Attributes:
       patch: the lookup.
-      unit: of what it adds.
-      errors: held-out file -> channel -> root-mean-square error without and with it, SI.
+      unit: of the correction.
+      errors: held-out file -> channel -> root-mean-square error without and with the lookup, SI.
     """
 
     patch: Patch
@@ -138,11 +141,11 @@ class Patched:
     errors: Mapping[str, Mapping[str, tuple[float, float]]]
 
     def error(self, file: str, channel: str) -> float:
-        """Root-mean-square error of a channel of a held-out file with the lookup, SI; NaN of any other file."""
+        """Root-mean-square error of a channel of a held-out file with the lookup, SI; NaN for any other file."""
         return self.errors.get(file, {}).get(channel, (math.nan, math.nan))[1]
 
     def to_json(self) -> dict[str, Any]:
-        """Returns it as plain values."""
+        """The lookup as plain values."""
         return {
             "channel": self.patch.channel,
             "variable": self.patch.variable,
@@ -159,10 +162,10 @@ class Patched:
 
 @dataclass(frozen=True)
 class RoundJudgement:
-    """What a rule said of a candidate in a round of the search.
+    """Judgement of a candidate by one rule in one round of the search.
 
     Attributes:
-      round: number of the round, from 1; None of a later look at adopted effects.
+      round: number of the round, from 1; None for a rule of revision.
       judgement: statistic, limit, and whether it passed.
     """
 
@@ -170,40 +173,41 @@ class RoundJudgement:
     judgement: Judgement
 
     def to_json(self) -> dict[str, Any]:
-        """Returns it as plain values."""
+        """The judgement as plain values."""
         return {"round": self.round, **asdict(self.judgement)}
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer of the loop on a campaign; `to_json` gives its interface.
+    """The answer of a diagnosis; `to_json` is its interface.
 
     Attributes:
-      campaign: its name.
+      campaign: name of the campaign.
       verdict: "explained", "no-missing-effect" or "outside-library".
-      summary: the story in a few plain sentences.
-      effects: adopted effects, the most important first.
-      known: effects that the rig was declared with.
-      ranking: (name, score) of all candidates, best first; the score is the gain in log likelihood per candidate.
-      indistinguishable: sets of effects that these recordings cannot tell apart.
-      next_experiment: what to record to separate or confirm.
-      depends_on: variables on which what is left unexplained depends, strongest first.
-      calibrated: declared parameters that were refitted, those of known effects as "effect.parameter".
-      predictions: by file name; held-out ones were simulated once, at the end.
-      traces: what the calibrated model left unexplained; outside the library, what is left at the end.
-      notes: assumptions and data defects that the reader should know.
+      summary: the verdict in a few sentences.
+      effects: adopted effects, in the order of adoption.
+      ranking: (name, score) of all candidates of the first round, best first; the score is the penalised
+        log-likelihood ratio.
+      indistinguishable: sets of effects whose scores differ by too little for a decision.
+      next_experiment: what to record to separate or confirm them.
+      depends_on: variables on which unexplained residuals depend, strongest first.
+      calibrated: declared parameters that were fitted, those of known effects as "effect.parameter".
+      predictions: file -> recording and simulations; held-out recordings were simulated once, at the end.
+      traces: residuals of the calibrated model; outside the library, those of the final model.
+      notes: assumptions, and defects of the data.
       declared, fitted: the rig before and after calibration.
-      wall_s: how long it took [s].
-      threshold: score that the first round asked for: the larger of `by_chance` and `least_score`.
-      false_alarm_rate: how often something may be found where nothing is missing, as asked for [1].
-      by_chance: score that chance alone exceeds at this rate, in the first round.
-      least_score: that is asked for whatever chance gives, because of the model's own error.
-      not_fitted: candidates that were not fitted, because their slopes promised less: their score is but a bound.
-      judgements: candidate that was fitted -> what each rule said of it, round by round.
-      explanation: channel -> what each rule said of what is left of it at the end.
-      patched: what is outside the library as a lookup, where it is a function of one variable.
-      no_patch: where it is none, why not, in one sentence.
-      correlations: of the errors of fitted parameters, declared ones and those of effects.
+      wall_s: duration of the diagnosis [s].
+      threshold: score that an effect of the first round had to exceed: the larger of `by_chance` and `least_score`.
+      false_alarm_rate: as requested.
+      by_chance: threshold of the permutation test at this rate, in the first round.
+      least_score: threshold by the discretisation error of the model.
+      not_fitted: candidates that were not fitted; their score is that of the score test.
+      judgements: candidate -> its judgement by each rule, round by round.
+      explanation: channel -> judgement of its residuals by each rule.
+      patched: the unexplained residuals as a lookup over one variable, or None.
+      no_patch: why there is no lookup, in a sentence, or None.
+      known: effects that the rig was declared with.
+      correlations: of the errors of fitted parameters of rig and effects.
     """
 
     campaign: str
@@ -233,18 +237,20 @@ class Diagnosis:
     known: tuple[KnownEffect, ...] = ()
     correlations: Correlations = field(default_factory=Correlations)
 
-    def turned_down(self, name: str) -> RoundJudgement | None:
-        """The first rule that a candidate failed in the last round in which it was fitted; None of an adopted one."""
+    def failed_rule(self, name: str) -> RoundJudgement | None:
+        """The rule that excluded a candidate in its last round; None for an adopted one.
+
+        Where it failed several, it is the first one other than "best-of-round".
+        """
         if name in {effect.name for effect in self.effects}:
             return None
-        said = self.judgements.get(name, ())
-        last = max((j.round or math.inf for j in said), default=None)
-        failed = [j for j in said if (j.round or math.inf) == last and not j.judgement.passed]
-        # That another one was better says least.
+        judged = self.judgements.get(name, ())
+        last = max((j.round or math.inf for j in judged), default=None)
+        failed = [j for j in judged if (j.round or math.inf) == last and not j.judgement.passed]
         return next((j for j in failed if j.judgement.rule != "best-of-round"), failed[0] if failed else None)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the answer as a dictionary of plain values."""
+        """The answer as plain values."""
         return {
             "campaign": self.campaign,
             "verdict": self.verdict,
@@ -255,8 +261,8 @@ class Diagnosis:
             "known_effects": [{"name": e.name, **_values_json(e)} for e in self.known],
             "ranking": [{"name": name, "score": score} for name, score in self.ranking],
             "not_fitted": list(self.not_fitted),
-            "judgements": {n: [j.to_json() for j in said] for n, said in self.judgements.items()},
-            "explanation": {c: [asdict(j) for j in said] for c, said in self.explanation.items()},
+            "judgements": {n: [j.to_json() for j in judged] for n, judged in self.judgements.items()},
+            "explanation": {c: [asdict(j) for j in judged] for c, judged in self.explanation.items()},
             "indistinguishable": [list(names) for names in self.indistinguishable],
             "next_experiment": self.next_experiment,
             "depends_on": list(self.depends_on),

@@ -1,4 +1,12 @@
-"""Calibration, and the search for the effect that the model lacks."""
+"""Candidates of one round: each effect of the library, scored beside a fitted model.
+
+All effects are scored by a score test: the gain in log likelihood that the derivatives of the residual at neutral
+predict, the calibration free to compensate. The effects with the best score tests are then fitted. The score of a
+fitted effect is its penalised log-likelihood ratio.
+
+A neutral value is a boundary or a singular point for many effects, so a fit has to start away from it. Start points
+lie on rays: straight lines from neutral in the space of the effect's parameters.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.diagnosis import spectrum
-from twin.diagnosis.chance import Slopes
+from twin.diagnosis.permutation import Slopes
 from twin.diagnosis.spectrum import Peak
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
@@ -20,24 +28,32 @@ from twin.progress import Progress, silent
 from twin.residuals.prepared import shortest_period
 from twin.rigs.model import Model
 
-_FITTED, _ANYWAY = 6, 3  # effects that are fitted at most, of those that promise anything, and at least
-_STRAINED = 2.0  # standard deviations from its declared value at which a parameter makes one think
-_STRAIGHT = 15.0  # times more or less than that may a change be from which a slope is taken
-_MUCH = 0.4  # share of the misfit that one effect among several explains
-_PROMISING = 0.5  # share of the best score that a size alone, nothing fitted, has to gain to be fitted
-_OFF = 0.5  # misfit a sample from which a model is off in most of what was recorded, not only here and there
-_QUICK = 8  # iterations of a first fit
-_VISIBLE = 1.0  # rms change of the residual in noise levels from which an effect is followed outwards
+_MOST_FITTED, _LEAST_FITTED = 6, 3
+"""Candidates fitted a round: those with a positive score test, within these numbers."""
+_STRAIN = 2.0
+"""Standard deviations from its declared value beyond which a calibrated parameter is suspect."""
+_SLOPE_FACTOR = 15.0
+"""A finite difference may change the residual by up to this factor more or less than `_VISIBLE_CHANGE`."""
+_WELL_EXPLAINED = 0.4
+"""Share of the misfit that a score has to reach for the round to need no candidates of large size."""
+_PROMISING = 0.5
+"""Share of the best score that an effect of large size has to gain, nothing else fitted, to be fitted."""
+_LARGE_MISFIT = 0.5
+"""Misfit per independent sample [nat] above which the model is wrong in most of the recordings."""
+_QUICK_ITERATIONS = 8
+"""Iterations of the first fit of a candidate."""
+_VISIBLE_CHANGE = 1.0
+"""Root-mean-square change of the residual that makes an effect visible [noise levels]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One set of effects, fitted.
+    """A model with one more effect.
 
     Attributes:
-      effects: their names, in the order of adoption.
-      fit: the fit.
-      score: what it gains in cost over the model it was added to, less the price of its parameters.
+      effects: names of its effects, in the order of adoption; the last one is the candidate.
+      fit: the fit of the model; if the candidate was not fitted, the fit of the model without it.
+      score: gain in log likelihood over the model without it, less the penalty of its parameters.
     """
 
     effects: tuple[str, ...]
@@ -46,84 +62,92 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """The effect that was added last."""
+        """Name of the effect that is the candidate."""
         return self.effects[-1]
 
     @property
     def is_fitted(self) -> bool:
-        """Whether it was fitted: else its score is what its slopes promise."""
+        """Whether it was fitted; otherwise its score is that of the score test."""
         return self.name in self.fit.model.effects
 
 
-def price(parameters: int, bench: Workbench) -> float:
-    """Price of parameters in cost: half a log of the number of pieces of evidence each (Schwarz criterion)."""
+def penalty(parameters: int, bench: Workbench) -> float:
+    """Penalty of this number of parameters: each half the log of the number of independent samples (Schwarz, 1978)."""
     return 0.5 * parameters * float(np.log(max(bench.count.sum(), 2.0)))
 
 
-def candidates(model: Model, seen: set[str]) -> list[str]:
-    """Effects that could be missing and of which these channels can say something."""
+def candidate_names(model: Model, channels: set[str]) -> list[str]:
+    """Names of effects that are not in the model and have a parameter that these channels can identify."""
     names = []
     for name, effect in REGISTRY.items():
-        usable = [p for p in effect.parameters if p.channel is None or p.channel in seen]
+        usable = [p for p in effect.parameters if p.channel is None or p.channel in channels]
         if usable and name not in model.effects:
             names.append(name)
     return names
 
 
 @dataclass(frozen=True, eq=False)
-class Explored:
-    """What one round of the search came to.
+class Exploration:
+    """All candidates of one round.
 
     Attributes:
       ranked: the candidates, best first.
-      slopes: what each promised to first order.
+      slopes: candidate -> derivatives of the residual.
     """
 
     ranked: list[Candidate]
     slopes: dict[str, Slopes]
 
 
-def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progress = silent) -> Explored:
-    """Each effect added to a fitted model, best first: all by their slopes, the most promising by a fit."""
+def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progress = silent) -> Exploration:
+    """Scores each effect beside a fitted model: all by the score test, the best of them by a fit.
+
+    Args:
+      bench: the data.
+      base: the fit of the model without the candidates.
+      names: of the effects.
+      progress: called with a message for every effect that is fitted.
+    """
     names = list(names)
     progress("scoring the effects")
-    tops = {
+    peaks = {
         name: spectrum.spectral_peaks(bench, base, REGISTRY[name])
         for name in names
         if REGISTRY[name].wave is not None
     }
-    slopes = {name: slopes_of(bench, base, name, tops.get(name, ())) for name in names}
-    promise = {name: score_test(bench, base, slopes[name]) for name in names}
-    best_first = sorted(names, key=lambda name: -promise[name])
-    count = int(np.clip(sum(score > 0 for score in promise.values()), _ANYWAY, _FITTED))
+    slopes = {name: effect_slopes(bench, base, name, peaks.get(name, ())) for name in names}
+    tested = {name: score_test(bench, base, slopes[name]) for name in names}
+    best_first = sorted(names, key=lambda name: -tested[name])
+    count = int(np.clip(sum(score > 0 for score in tested.values()), _LEAST_FITTED, _MOST_FITTED))
     chosen = [
         n for k, n in enumerate(best_first) if k < count or strained_parameters(base, REGISTRY[n].replaces)
     ]
-    found = []
+    scored = []
     for name in chosen:
         progress(f"trying {name}")
-        found.append(fit_quickly(bench, base, name, slopes[name], tops.get(name, ())))
-    for name, values in _far_off(bench, base, [n for n in names if n not in chosen], found).items():
+        scored.append(fit_quickly(bench, base, name, slopes[name], peaks.get(name, ())))
+    others = [n for n in names if n not in chosen]
+    for name, values in _large_sizes(bench, base, others, scored).items():
         progress(f"trying {name}")
         chosen.append(name)
-        found.append(fit_from_best(bench, base, name, [values]))
-    # A slope promises no more than what a fit delivers.
-    least = min((c.score for c in found[:count]), default=0.0)
+        scored.append(fit_from_best(bench, base, name, [values]))
+    # A score test may overestimate the gain of a fit: candidates that were not fitted rank behind those that were.
+    least = min((c.score for c in scored[:count]), default=0.0)
     for name in names:
         if name not in chosen:
-            found.append(Candidate((*base.model.effects, name), base, min(promise[name], least)))
-    return Explored(sorted(found, key=lambda c: (-c.score, -promise[c.name])), slopes)
+            scored.append(Candidate((*base.model.effects, name), base, min(tested[name], least)))
+    return Exploration(sorted(scored, key=lambda c: (-c.score, -tested[c.name])), slopes)
 
 
-def _far_off(
-    bench: Workbench, base: Fit, names: Sequence[str], found: Sequence[Candidate]
+def _large_sizes(
+    bench: Workbench, base: Fit, names: Sequence[str], fitted: Sequence[Candidate]
 ) -> dict[str, dict[str, float]]:
-    """Effects that explain much at a size far from neutral, with it, where the others that were tried explain little.
+    """Name -> parameters of effects that gain much at a size far from neutral, if the fitted candidates gain little.
 
-    A slope at neutral says nothing of an effect that takes the link to quite another frequency.
+    The score test fails for an effect that changes the frequencies of the link much: it is linear in the effect.
     """
-    best, left = max((c.score for c in found), default=0.0), bench.misfit(base.residual)
-    if best > _MUCH * left or left < _OFF * bench.count.sum():
+    best, misfit = max((c.score for c in fitted), default=0.0), bench.misfit(base.residual)
+    if best > _WELL_EXPLAINED * misfit or misfit < _LARGE_MISFIT * bench.count.sum():
         return {}
     reached = {name: best_on_rays(bench, base, name) for name in names if REGISTRY[name].wave is None}
     at_base = bench.cost(base.residual)
@@ -131,135 +155,144 @@ def _far_off(
 
 
 def strained_parameters(base: Fit, names: Sequence[str]) -> bool:
-    """Whether one of these declared parameters is far from what was declared: freeing it may do more than slopes say.
+    """Whether the calibration moved one of these declared parameters far from its declared value.
 
-    Others bend with it to the ends of their ranges, from where the way to the truth is no straight line.
+    An effect that replaces it is then fitted whatever its score test: other parameters compensate and stand at their
+    bounds, where the linear prediction is poor.
     """
     return any(
-        u.owner == "rig" and u.name in names and abs(v - u.start) > _STRAINED * u.scale
+        u.owner == "rig" and u.name in names and abs(v - u.start) > _STRAIN * u.scale
         for u, v in zip(base.unknowns, base.values, strict=True)
     )
 
 
 def score_test(bench: Workbench, base: Fit, slopes: Slopes) -> float:
-    """Gain that the slopes of an effect at neutral promise: a score test, less the price of its parameters.
+    """Score test of an effect at neutral: the predicted gain in log likelihood less the penalty of its parameters.
 
-    The effect's columns compete with the declared parameters: what these can do as well is no gain.
+    The declared parameters are nuisance parameters: the part of the columns that they can reproduce gains nothing.
     """
     if not slopes.columns.shape[1]:
         return 0.0
-    return slope_gain(bench, base, slopes.columns, slopes.replaces) - slopes.price
+    return slope_gain(bench, base, slopes.columns, slopes.replaces) - slopes.penalty
 
 
-def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Slopes:
-    """Slopes of an effect at neutral; of a wave, at the highest peak of its spectrum."""
+def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] = ()) -> Slopes:
+    """Derivatives of the residual at neutral, one along each ray; of a wave, at the highest of these peaks."""
     effect = REGISTRY[name]
-    paid = price(len(effect.free(effect.neutral(base.model.declared))), bench)
+    penalised = penalty(len(effect.free_parameters(effect.neutral(base.model.declared))), bench)
     if effect.wave is not None:
         columns = (
-            spectrum.wave_slopes(bench, base, effect, tops[0]) if tops else np.zeros((len(base.residual), 0))
+            spectrum.wave_slopes(bench, base, effect, peaks[0])
+            if peaks
+            else np.zeros((len(base.residual), 0))
         )
-        rivals, level = (tops[0].rivals, tops[0].level) if tops else (1, 1.0)
-        return Slopes(columns, tuple(effect.replaces), paid, rivals, level)
+        comparisons, level = (peaks[0].comparisons, peaks[0].level) if peaks else (1, 1.0)
+        return Slopes(columns, tuple(effect.replaces), penalised, comparisons, level)
     neutral = effect.neutral(base.model.declared)
     changes, coefficients = [], []
     for ray in rays(bench, effect, neutral, base.model):
-        length, change = visible_length(bench, base, name, neutral, ray, _STRAIGHT)
+        length, change = visible_length(bench, base, name, neutral, ray, _SLOPE_FACTOR)
         if change is not None:
             size = max(float(np.std(change)), 1e-12)
             changes.append(change / size)
             point = _on_ray(effect, neutral, ray, length)
-            coefficients.append(np.array(effect.linear(point or neutral)) / size)
+            coefficients.append(np.array(effect.linear_coefficients(point or neutral)) / size)
     columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
     linear = np.array(coefficients) if changes else np.zeros((0, 0))
-    return Slopes(columns, tuple(effect.replaces), paid, coefficients=linear)
+    return Slopes(columns, tuple(effect.replaces), penalised, coefficients=linear)
 
 
 def fit_quickly(
-    bench: Workbench, base: Fit, name: str, slopes: Slopes, tops: Sequence[Peak] = ()
+    bench: Workbench, base: Fit, name: str, slopes: Slopes, peaks: Sequence[Peak] = ()
 ) -> Candidate:
-    """Follows an effect out of its neutral value, or to the peaks of its wave, and fits it."""
-    points = at_peaks(bench, base, name, tops) if tops else [_outside(bench, base, name, slopes)]
+    """Fits an effect with few iterations, from a point off neutral or from the peaks of its wave."""
+    points = (
+        points_at_peaks(bench, base, name, peaks)
+        if peaks
+        else [_point_off_neutral(bench, base, name, slopes)]
+    )
     return fit_from_best(bench, base, name, points)
 
 
-def _outside(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str, float]:
-    """Where to start from away from neutral: where slopes lead, if that is better than neutral, or the best on rays.
+def _point_off_neutral(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str, float]:
+    """Parameters from which a fit starts: by linear regression on the slopes if this lowers the cost, else by rays.
 
-    Where a force comes from, as a cable's rest angle, has no slope at neutral, and a fit from a wrong one goes back.
+    The regression is possible for effects with `Effect.linear_coefficients`. It also gives parameters without a
+    derivative at neutral, as the rest angle of a cable: from a wrong one a fit returns to neutral.
     """
     effect = REGISTRY[name]
     if slopes.coefficients.size:
         _, amounts = slope_move(bench, base, slopes.columns, slopes.replaces)
-        led = effect.of_linear(amounts @ slopes.coefficients)
-        if led is not None:
-            led = {p.name: float(np.clip(led[p.name], *p.bounds)) for p in effect.parameters}
-            [residual] = bench.residuals([(with_effect(base.model, name, led), base.starts, None)])
+        values = effect.from_linear_coefficients(amounts @ slopes.coefficients)
+        if values is not None:
+            values = {p.name: float(np.clip(values[p.name], *p.bounds)) for p in effect.parameters}
+            [residual] = bench.residuals([(with_effect(base.model, name, values), base.starts, None)])
             if bench.cost(residual) < bench.cost(base.residual):
-                return led
+                return values
     return best_on_rays(bench, base, name)[0]
 
 
 def fit_from_best(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str, float]]) -> Candidate:
-    """Fits an effect from the best of these points, with the declared parameters' slopes kept."""
-    result = min((_quickly(bench, base, name, values) for values in points), key=lambda f: f.cost)
-    # Which channels are late can be told only where it is known how late they are.
-    chosen = _best_choice(bench, result, name)
+    """The best fit of an effect from these points; the derivatives by declared parameters stay those of `base`."""
+    result = min((_fit_from(bench, base, name, values) for values in points), key=lambda f: f.cost)
+    # Choices, as which channels are delayed, are compared at the fitted values of the other parameters.
+    chosen = _with_best_choices(bench, result, name)
     if chosen != result.model.effects[name]:
-        result = min(result, _quickly(bench, base, name, chosen), key=lambda f: f.cost)
+        result = min(result, _fit_from(bench, base, name, chosen), key=lambda f: f.cost)
     return Candidate((*base.model.effects, name), result, score_gain(bench, base, result))
 
 
-def _quickly(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
+def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
     model = with_effect(base.model, name, values)
-    unknowns = unknowns_of(bench, model, base)
-    first = first_values(unknowns, model, base)
-    return minimise(bench, model, base.starts, unknowns, first, base.slopes, _QUICK)
+    unknowns = fit_unknowns(bench, model, base)
+    first = initial_values(unknowns, model, base)
+    return minimise(bench, model, base.starts, unknowns, first, base.slopes, _QUICK_ITERATIONS)
 
 
-def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
-    """The values of an effect, its choices those of its starts that fit best as it stands."""
-    effect, values = REGISTRY[name], found.model.effects[name]
+def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float]:
+    """The values of an effect with those choices of its starts that have the lowest cost, nothing refitted."""
+    effect, values = REGISTRY[name], fit.model.effects[name]
     choices = [p.name for p in effect.parameters if p.choice]
     if not choices:
         return dict(values)
-    ways = [{**values, **{c: s[c] for c in choices}} for s in effect.starts(found.model.declared)]
-    jobs = [(with_effect(found.model, name, way), found.starts, None) for way in (dict(values), *ways)]
+    others = [{**values, **{c: s[c] for c in choices}} for s in effect.starts(fit.model.declared)]
+    jobs = [(with_effect(fit.model, name, v), fit.starts, None) for v in (dict(values), *others)]
     costs = [bench.cost(r) for r in bench.residuals(jobs)]
-    return (dict(values), *ways)[int(np.argmin(costs))]
+    return (dict(values), *others)[int(np.argmin(costs))]
 
 
 def try_effect(bench: Workbench, base: Fit, name: str) -> Candidate:
-    """One effect added to a fitted model, followed out of its neutral value or from its spectrum, and fitted."""
+    """Adds one effect to a fitted model and fits it with few iterations."""
     effect = REGISTRY[name]
-    tops = spectrum.spectral_peaks(bench, base, effect) if effect.wave is not None else ()
-    return fit_quickly(bench, base, name, slopes_of(bench, base, name, tops), tops)
+    peaks = spectrum.spectral_peaks(bench, base, effect) if effect.wave is not None else ()
+    return fit_quickly(bench, base, name, effect_slopes(bench, base, name, peaks), peaks)
 
 
 def score_gain(bench: Workbench, base: Fit, result: Fit) -> float:
-    """Cost gained, less the price of the parameters added; at neutral nothing is lost but that.
+    """Penalised log-likelihood ratio of a fit and the base: drop of the cost less the penalty of the added parameters.
 
-    What is less than good sensors and cards leave open, a delay or a gain, is no discovery, and gains nothing.
+    The drop counts as 0 if it is negative, or if the size of an added effect is within the tolerance of good sensors
+    and cards (`is_resolved`).
     """
     added = len(result.unknowns) - len(base.unknowns)
     gained = max(base.cost - result.cost, 0.0) if is_resolved(bench, base, result) else 0.0
-    return gained - price(added, bench)
+    return gained - penalty(added, bench)
 
 
 def is_resolved(bench: Workbench, base: Fit, result: Fit) -> bool:
-    """Whether the effects that a fit adds are larger than what good sensors and cards leave open."""
+    """Whether every effect that a fit adds exceeds the tolerance of good sensors and cards."""
     period = shortest_period(bench.prepared)
     new = result.model.effects.keys() - base.model.effects.keys()
-    return all(REGISTRY[name].resolved(result.model.effects[name], period) for name in new)
+    return all(REGISTRY[name].is_resolved(result.model.effects[name], period) for name in new)
 
 
 def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
-    """The model with an effect added or moved."""
+    """The model with an effect added, or with other parameters of it."""
     return model.replace(effects={**model.effects, name: dict(values)})
 
 
-def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
-    """What a fit of this model may move: declared parameters that no effect replaces, effects, first states."""
+def fit_unknowns(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
+    """Unknowns of a fit: declared parameters that no effect replaces, clock, parameters of effects, first states."""
     replaced = replaced_parameters(model)
     kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
     kept += [u for u in base.unknowns if u.owner == "clock"]
@@ -272,8 +305,8 @@ def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...
     return (*kept, *effects, *starts)
 
 
-def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.ndarray:
-    """Where the fit of a model starts: the values of the last of these fits that has them, and the effects' own."""
+def initial_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.ndarray:
+    """First values (p) of a fit: of effects as in the model, of all else as in the last of these fits that has them."""
     known = {u.key: v for f in fits for u, v in zip(f.unknowns, f.values, strict=True)}
     first = []
     for u in unknowns:
@@ -283,7 +316,7 @@ def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.nd
 
 
 def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, float], float]:
-    """The best point on rays from neutral, and its cost: each parameter of the effect alone, and its own starts."""
+    """The point on the rays with the lowest cost, nothing else refitted, and its cost."""
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
     best, best_cost = neutral, np.inf
@@ -291,7 +324,7 @@ def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, floa
         step, _ = visible_length(bench, base, name, neutral, ray)
         points = [
             _on_ray(effect, neutral, ray, sign * step * multiple)
-            for multiple in effect.multiples
+            for multiple in effect.search_multiples
             for sign in (1, -1)
         ]
         points = [p for p in points if p is not None]
@@ -304,30 +337,30 @@ def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, floa
     return best, best_cost
 
 
-def at_peaks(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak]) -> list[dict[str, float]]:
-    """Where to start from among a wave's peaks: the highest, and that which fits best as it stands, if it is another.
+def points_at_peaks(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -> list[dict[str, float]]:
+    """Parameters at the highest peak of a wave's spectrum, and at the one with the lowest cost if it is another.
 
-    Declared parameters have bent to what is missing, and as they stand the highest may fit worse than none.
+    The spectrum lets the declared parameters compensate; the cost here is at their present values.
     """
     effect = REGISTRY[name]
-    found = [effect.at_order(top.order, top.coefficients) for top in tops]
-    points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in found]
+    waves = [effect.wave_parameters(peak.order, peak.coefficients) for peak in peaks]
+    points = [{p.name: float(np.clip(v[p.name], *p.bounds)) for p in effect.parameters} for v in waves]
     jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
     best = int(np.argmin([bench.cost(r) for r in bench.residuals(jobs)]))
     return [points[k] for k in sorted({0, best})]
 
 
 def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:
-    """Directions out of neutral, as increments of the parameters."""
-    seen = bench.channels()
-    usable = [p for p in effect.parameters if p.channel is None or p.channel in seen]
+    """Increments of the fitted numbers from neutral: to each start of the effect, and along each parameter alone."""
+    channels = bench.channels()
+    usable = [p for p in effect.parameters if p.channel is None or p.channel in channels]
     turn = {p.name: p.turned for p in effect.parameters}
-    own = [
+    to_starts = [
         {k: turn[k](v) - turn[k](neutral[k]) for k, v in start.items()}
         for start in effect.starts(model.declared)
     ]
-    single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.joint else []
-    return own + single
+    single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.is_coupled else []
+    return to_starts + single
 
 
 def visible_length(
@@ -336,9 +369,12 @@ def visible_length(
     name: str,
     neutral: Mapping[str, float],
     ray: Mapping[str, float],
-    factor_of: float = 3.0,
+    tolerance: float = 3.0,
 ) -> tuple[float, np.ndarray | None]:
-    """Length along the ray at which the residual changes visibly, within a factor, and the change (n) last seen."""
+    """Length along a ray at which the residual changes by `_VISIBLE_CHANGE`, within a factor, and this change (n).
+
+    The change is None if the ray leaves the bounds.
+    """
     length, change = 1.0, None
     for _ in range(4):
         forward = _on_ray(REGISTRY[name], neutral, ray, length)
@@ -347,20 +383,20 @@ def visible_length(
             return length, change
         [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
         change = (r - base.residual) * (1.0 if forward else -1.0)
-        factor = float(np.clip(_VISIBLE / max(np.sqrt(np.mean(change**2)), 1e-9), 1e-3, 1e3))
-        if 1 / factor_of < factor < factor_of:
+        factor = float(np.clip(_VISIBLE_CHANGE / max(np.sqrt(np.mean(change**2)), 1e-9), 1e-3, 1e3))
+        if 1 / tolerance < factor < tolerance:
             break
         length *= factor
     return length, change
 
 
 def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):
-    """The point at a length along the ray; None where it leaves the range of a parameter."""
+    """Parameters at a length along a ray; None beyond the bounds of a parameter."""
     point = dict(neutral)
     for p in effect.parameters:
         if p.name not in ray:
             continue
-        moved = ray[p.name] if p.name in effect.along else ray[p.name] * length
+        moved = ray[p.name] if p.name in effect.undefined_at_neutral else ray[p.name] * length
         value = p.turned(neutral[p.name]) + moved
         if not p.span[0] <= value <= p.span[1]:
             return None

@@ -1,4 +1,4 @@
-"""From the search and the last fit to what is said: verdict, sentences, numbers."""
+"""Verdict, sentences and numbers of the answer, from the end of the search and the last fit."""
 
 from __future__ import annotations
 
@@ -31,56 +31,69 @@ from twin.recording import HUB_TORQUE
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
 _SPEEDS = "Record slews of one angle at several speeds."
-_TELLING = {
+_EXPERIMENTS = {
     "torque_command": "Record ramps of torque to several levels, both ways.",
     "hub_angle": "Record the same small motion about several angles of the hub.",
     "hub_rate": _SPEEDS,
     "tip_rate": _SPEEDS,
     "strain_base": _BENDS,
     "strain_mid": _BENDS,
-    "time": "Repeat one run several times, at once and after a rest: see what goes on and what begins anew.",
-    dependence.TRAVEL: "Let the hub swing slowly to and fro, by little at first and by more each time: what "
-    "holds it back before it has turned far shows there.",
+    "time": "Repeat one run several times, at once and after a rest: see what continues and what starts again.",
+    dependence.TRAVEL: "Oscillate the hub slowly, with an amplitude that grows from small values: hysteresis "
+    "shows in the torque after each reversal.",
 }
-"""Variable on which something outside the library depends -> experiment that tells more."""
-_AGAIN = "Repeat one run several times: what comes again at the same instants is the rig's, what does not is chance."
-_BESIDE_UNKNOWN = 0.5
-"""That an effect is missing indeed, and does not stand for a part of what has no name, where that is missing, too."""
+"""Variable on which unexplained residuals depend -> experiment that gives more information."""
+_REPEAT = "Repeat one run several times: residuals that recur at the same instants are no random errors."
+_PROBABILITY_OUTSIDE = 0.5
+"""Factor of the probability of an adopted effect when residuals stay unexplained: it may only imitate a part of the
+unknown fault."""
 
 
 def conclude(
     campaign: Campaign,
-    found: SearchState,
-    behind: Mapping[str, Unexplained],
+    state: SearchState,
+    residuals: Mapping[str, Unexplained],
     polished: Polished,
     predictions: Mapping[str, Prediction],
     plans: Sequence[Plan],
     patched: Patched | None,
 ) -> Diagnosis:
-    """Puts the answer together; `behind` is what the model leaves unexplained that stands at the end."""
-    left = remainder.unexplained_channels(found)
-    answer = verdict_of(found)
-    effects = _effects(found, polished)
-    first = found.rounds[0] if found.rounds else Round(())
-    alike = rules.alternatives([r.ranked for r in found.adopting])
-    depends = dependence_of(found, behind)
+    """The answer.
+
+    Args:
+      campaign: the recordings.
+      state: the end of the search.
+      residuals: channel -> residuals of the final model.
+      polished: the three models that predict recordings.
+      predictions: file -> recording and simulations.
+      plans: experiments that separate the two closest candidates, best first.
+      patched: the lookup for unexplained residuals, or None.
+    """
+    unexplained = remainder.unexplained_channels(state)
+    answer = verdict_of(state)
+    effects = _effects(state, polished)
+    first = state.rounds[0] if state.rounds else Round(())
+    alike = rules.alternatives([r.ranked for r in state.adopting])
+    depends = explanatory_variables(state, residuals)
     return Diagnosis(
         campaign=campaign.name,
         verdict=answer,
-        summary=_summary(answer, effects, left, depends, predictions),
+        summary=_summary(answer, effects, unexplained, depends, predictions),
         effects=effects,
-        known=tuple(KnownEffect(**_told(polished.augmented, name)) for name in found.known),
+        known=tuple(KnownEffect(**_effect_values(polished.augmented, name)) for name in state.known),
         ranking=tuple((c.name, c.score) for c in first.ranked),
         not_fitted=tuple(c.name for c in first.ranked if not c.is_fitted),
-        judgements=_judgements(found),
-        explanation=remainder.judge_channels(found),
+        judgements=_judgements(state),
+        explanation=remainder.judge_channels(state),
         indistinguishable=tuple(alike),
-        next_experiment=_next(answer, alike, depends, plans),
+        next_experiment=_next_experiment(answer, alike, depends, plans),
         depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
-        traces=traces.remaining(behind, left, depends) if left else traces.traces_of(found, behind),
-        notes=notes.all_notes(campaign, found, behind, polished, predictions, depends),
+        traces=traces.final_traces(residuals, unexplained, depends)
+        if unexplained
+        else traces.explained_traces(state, residuals),
+        notes=notes.all_notes(campaign, state, residuals, polished, predictions, depends),
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         threshold=first.threshold if first.ranked else None,
@@ -88,85 +101,86 @@ def conclude(
         least_score=rules.MODEL_ERROR_SCORE,
         patched=patched,
         no_patch=fit_patch.why_no_patch(
-            {c: behind[c] for c in left}, depends, remainder.significant_function(found)
+            {c: residuals[c] for c in unexplained}, depends, remainder.significant_function(state)
         )
-        if left and patched is None
+        if unexplained and patched is None
         else None,
         correlations=_correlations(polished.augmented),
     )
 
 
-def verdict_of(found: SearchState) -> Verdict:
+def verdict_of(state: SearchState) -> Verdict:
     """The verdict of a search."""
-    if remainder.unexplained_channels(found):
+    if remainder.unexplained_channels(state):
         return "outside-library"
-    return "explained" if found.adopted else "no-missing-effect"
+    return "explained" if state.adopted else "no-missing-effect"
 
 
-def _effects(found: SearchState, polished: Polished) -> tuple[AdoptedEffect, ...]:
-    shares = effect_probabilities(found)
+def _effects(state: SearchState, polished: Polished) -> tuple[AdoptedEffect, ...]:
+    probabilities = effect_probabilities(state)
     return tuple(
-        AdoptedEffect(**_told(polished.augmented, name), probability=shares[name]) for name in found.names
+        AdoptedEffect(**_effect_values(polished.augmented, name), probability=probabilities[name])
+        for name in state.names
     )
 
 
-def _told(fit: Fit, name: str) -> dict[str, Any]:
-    """Name, values, standard errors and units of an effect of a fit."""
+def _effect_values(fit: Fit, name: str) -> dict[str, Any]:
+    """Name, values, standard errors and units of an effect of a fit, as arguments of `KnownEffect`."""
     values = dict(fit.model.effects[name])
     units = REGISTRY[name].units(values)
     return {
         "name": name,
         "parameters": values,
-        "standard_errors": errors_of(fit, name),
+        "standard_errors": standard_errors(fit, name),
         "units": {n: units[n] for n in values},
     }
 
 
-def effect_probabilities(found: SearchState) -> dict[str, float]:
-    """Probability of each adopted effect that it is missing indeed."""
-    beside = _BESIDE_UNKNOWN if verdict_of(found) == "outside-library" else 1.0
+def effect_probabilities(state: SearchState) -> dict[str, float]:
+    """Adopted effect -> its posterior probability, see `rules.probabilities`."""
+    factor = _PROBABILITY_OUTSIDE if verdict_of(state) == "outside-library" else 1.0
     return {
-        name: beside * rules.probabilities(r.ranked, r.draws).get(name, 0.0)
-        for name, r in zip(found.names, found.adopting, strict=True)
+        name: factor * rules.probabilities(r.ranked, r.draws).get(name, 0.0)
+        for name, r in zip(state.names, state.adopting, strict=True)
     }
 
 
-def _judgements(found: SearchState) -> dict[str, tuple[RoundJudgement, ...]]:
-    """Candidate -> what the rules said of it, round by round, and why it was withdrawn, if it was."""
-    said: dict[str, list[RoundJudgement]] = {}
-    for number, r in enumerate(found.rounds, start=1):
+def _judgements(state: SearchState) -> dict[str, tuple[RoundJudgement, ...]]:
+    """Candidate -> its judgement by each rule, round by round, and by the rule that withdrew it, if any."""
+    judged: dict[str, list[RoundJudgement]] = {}
+    for number, r in enumerate(state.rounds, start=1):
         for name, judgements in r.judgements.items():
-            said.setdefault(name, []).extend(RoundJudgement(number, j) for j in judgements)
-    for name, judgement in found.withdrawn:
-        said.setdefault(name, []).append(RoundJudgement(None, judgement))
-    return {name: tuple(judgements) for name, judgements in said.items()}
+            judged.setdefault(name, []).extend(RoundJudgement(number, j) for j in judgements)
+    for name, judgement in state.withdrawn:
+        judged.setdefault(name, []).append(RoundJudgement(None, judgement))
+    return {name: tuple(judgements) for name, judgements in judged.items()}
 
 
-def errors_of(fit: Fit, name: str) -> dict[str, float]:
-    """Standard errors of an effect's parameters; where one over a value was fitted, those of the value."""
+def standard_errors(fit: Fit, name: str) -> dict[str, float]:
+    """Parameter of an effect -> its standard error; where the reciprocal was fitted, by error propagation."""
     pairs = [(u, float(e)) for u, e in zip(fit.unknowns, fit.errors, strict=True) if u.owner == name]
     values = fit.model.effects[name]
     return {u.name: e * values[u.name] ** 2 if u.inverse else e for u, e in pairs}
 
 
 def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
-    found = {}
+    calibrated = {}
     for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
         if u.owner == "rig":
             unit = campaign.rig.parameters[u.name].unit
-            found[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
+            calibrated[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
     for name, declared in campaign.effects.items():
-        fitted, errors = fit.model.effects[name], errors_of(fit, name)
+        fitted, errors = fit.model.effects[name], standard_errors(fit, name)
         units = REGISTRY[name].units(fitted)
         for parameter, error in errors.items():
-            found[f"{name}.{parameter}"] = Calibrated(
+            calibrated[f"{name}.{parameter}"] = Calibrated(
                 declared[parameter], fitted[parameter], error, units[parameter]
             )
-    return found
+    return calibrated
 
 
 def _correlations(fit: Fit) -> Correlations:
-    """Of the rig's parameters and the effects' own; a number that stands for its inverse turns its sign."""
+    """Correlations of parameters of rig and effects; a parameter whose reciprocal was fitted changes its sign."""
     kept = [i for i, u in enumerate(fit.unknowns) if u.of_rig]
     unknowns = [fit.unknowns[i] for i in kept]
     sign = np.array([-1.0 if u.inverse else 1.0 for u in unknowns])
@@ -175,41 +189,39 @@ def _correlations(fit: Fit) -> Correlations:
     )
 
 
-def dependence_of(found: SearchState, behind: Mapping[str, Unexplained]) -> tuple[str, ...]:
-    """Variables on which what is left unexplained depends, the first most; none where nothing is."""
-    told = [
-        behind[channel] for channel in remainder.large_residuals(found) if len(behind[channel].values) > 50
-    ]
-    depends = dependence.strongest_variables(told)
-    smooth = remainder.significant_function(found)
+def explanatory_variables(state: SearchState, residuals: Mapping[str, Unexplained]) -> tuple[str, ...]:
+    """Variables on which unexplained residuals depend, the strongest first; empty if all is explained."""
+    large = [residuals[channel] for channel in remainder.large_residuals(state)]
+    depends = dependence.strongest_variables([r for r in large if len(r.values) > traces.FEWEST])
+    smooth = remainder.significant_function(state)
     if smooth is None:
         return depends
-    # Where a function of the same variables was asked for, its evidence tells best which one it is.
-    known = not depends or depends[0] in {n.law.variable for n in found.unnamed}
-    first, then = (smooth.law.variables, depends) if known else (depends, smooth.law.variables)
+    # Where a smooth function of the strongest variable was tested, its evidence decides better than the variance.
+    tested = not depends or depends[0] in {n.law.variable for n in state.unnamed}
+    first, then = (smooth.law.variables, depends) if tested else (depends, smooth.law.variables)
     return tuple(dict.fromkeys((*first, *then)))
 
 
 def _summary(
     answer: Verdict,
     effects: Sequence[AdoptedEffect],
-    left: Sequence[str],
+    unexplained: Sequence[str],
     depends: Sequence[str],
     predictions: Mapping[str, Prediction],
 ) -> str:
     *first, last = [e.name for e in effects] or [""]
     names = f"{', '.join(first)} and {last}" if first else last
-    held = _held_out(predictions)
+    held_out = _held_out(predictions)
     if answer == "no-missing-effect":
-        return f"The declared model, calibrated within its uncertainty, explains the recordings. {held}"
+        return f"The declared model, calibrated within its uncertainty, explains the recordings. {held_out}"
     if answer == "explained":
-        return held
-    where = " and ".join(_place(channel) for channel in left)
-    is_not = "are not" if len(left) > 1 else "is not"
+        return held_out
+    where = " and ".join(_place(channel) for channel in unexplained)
+    is_not = "are not" if len(unexplained) > 1 else "is not"
     known = f" It depends on {', '.join(labels.with_the(name) for name in depends[:3])}." if depends else ""
     part = "explain a part" if len(effects) > 1 else "explains a part"
     partly = f" {names.capitalize()} {part} of it." if effects else ""
-    return f"Something outside the library is missing: {where} {is_not} explained.{known}{partly} {held}"
+    return f"Something outside the library is missing: {where} {is_not} explained.{known}{partly} {held_out}"
 
 
 def _held_out(predictions: Mapping[str, Prediction]) -> str:
@@ -233,11 +245,11 @@ def _place(channel: str) -> str:
     return f"{labels.channel(channel).label} (link or sensor)"
 
 
-def _next(
+def _next_experiment(
     answer: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str], plans: Sequence[Plan]
 ) -> str | None:
     if alike and plans:
         return experiments.recommendation(plans, alike[0][:2])
     if answer == "outside-library":
-        return _TELLING[depends[0]] if depends else _AGAIN
+        return _EXPERIMENTS[depends[0]] if depends else _REPEAT
     return None

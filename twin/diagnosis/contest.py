@@ -1,4 +1,4 @@
-"""The best candidates of a round, fitted to convergence and weighed against one another."""
+"""The best candidates of a round, fitted to convergence and compared."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from twin.residuals.data import DrivenData
 from twin.rigs.model import Model
 
 CONTENDERS = 3
-"""Candidates that are fitted to convergence."""
-_LEAST_SHARE = 0.3  # share of the best score that a candidate needs for that
+"""Largest number of candidates that are fitted to convergence."""
+_LEAST_SHARE = 0.3  # share of the best score that a candidate needs to be fitted to convergence
 _CLEARLY = 0.1  # difference in the mean log size of free-run errors that decides
 _SAME_FREQUENCY = 2e-3  # relative change of a clamped frequency within the width of its resonance
 FULL_ITERATIONS = 12
@@ -35,12 +35,12 @@ def fit_to_convergence(
 ) -> list[Candidate]:
     """Fits the candidates that may be best to convergence; returns all candidates, ranked again.
 
-    Where the best of them leave much, each is fitted once more from the declared parameters: a group of residuals that
-    fits badly has little weight, and a fit can converge to a local minimum with it.
+    If their misfit stays large, each is fitted again from the declared parameters and the better fit is kept: groups of
+    large residuals have little weight, so that a fit can converge to a local minimum.
     """
     best = ranked[0].score
     contenders = [c for c in ranked[:CONTENDERS] if c.score > _LEAST_SHARE * best]
-    progress(f"weighing {', '.join(c.name for c in contenders)}")
+    progress(f"comparing {', '.join(c.name for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
     refined = [fit_fully(bench, base, c, c.fit.values) for c in contenders]
     left = min(bench.misfit(c.fit.residual) for c in refined)
@@ -57,8 +57,7 @@ def fit_to_convergence(
 def prefer_simpler(fitted: Sequence[Candidate]) -> list[Candidate]:
     """The candidates by score; of those tied with the best, the one with the fewest parameters first.
 
-    Each parameter more has to gain `rules.tie`: the model's error grows with what there is to explain, and every
-    parameter can follow it.
+    Each additional parameter has to gain `rules.tie`, because it can also fit the error of the model.
     """
     ranked = sorted(fitted, key=lambda c: -c.score)
     best, near = ranked[0], rules.tie(ranked[0].score)
@@ -69,11 +68,11 @@ def prefer_simpler(fitted: Sequence[Candidate]) -> list[Candidate]:
 
 
 def prefer_closer_free_runs(bench: Workbench, ranked: list[Candidate]) -> list[Candidate]:
-    """The candidates; of those whose scores do not decide, one whose free runs are clearly closer first.
+    """The candidates; of those tied with the best, the one with clearly smaller free-run errors first.
 
-    A free run is simulated from its first samples and its command alone. Sticks and slips make it a poor judge of
-    small differences, so that a clear one counts half of what decides. Static friction, which free runs depend on and
-    which the search determines badly, is read from the ends of rests first.
+    A free run is simulated from its first samples and its command alone. It is sensitive to single sticks and slips, so
+    only a clear difference counts, as half of `rules.decisive_difference`. Free runs depend strongly on the static
+    friction, which the search determines poorly: it is estimated from the ends of rests first.
     """
     alike = [
         c
@@ -114,19 +113,19 @@ def fit_fully(
 
 
 def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | None:
-    """The base fitted again from the values of a candidate, if that takes away enough of its gain to decide.
+    """The base refitted from the values of a candidate, if this gains at least `rules.decisive_difference`; else None.
 
-    A calibration may have stopped short of its minimum, with a recording that began in motion for example. Any
-    candidate continues from there, and gains what calibration alone would have gained.
+    If the calibration stopped before its minimum, for example with a recording that began in motion, any candidate
+    continues the descent and its score contains the gain of the calibration.
     """
-    first = candidates.first_values(base.unknowns, base.model, base, best.fit)
+    first = candidates.initial_values(base.unknowns, base.model, base, best.fit)
     goal = base.cost - rules.decisive_difference(best.score)
     again = minimise(bench, base.model, base.starts, base.unknowns, first, None, FULL_ITERATIONS, goal=goal)
     return again if again.cost < goal else None
 
 
 def _from_declared(before: Fit) -> np.ndarray:
-    """The values (p) of a fit, with declared parameters as declared: without the effect they stood in for it."""
+    """The values (p) of a fit with the declared parameters at their declared values."""
     return np.array(
         [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
     )
@@ -135,10 +134,10 @@ def _from_declared(before: Fit) -> np.ndarray:
 def confirm_in_fine_limit(
     bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float, gained: float
 ) -> tuple[list[Candidate], Candidate | None, Workbench]:
-    """Judges the best candidate with the chain's own error taken out where it stands.
+    """Judges the best candidate with its residuals corrected for the discretisation error of the chain.
 
-    A coarse chain answers to small motions wrongly near a resonance; a gain that vanishes with the chain's error was
-    none. The candidate that is best then is judged in its turn.
+    The response of a coarse chain near a resonance is inaccurate, and an effect may gain by fitting this error. If the
+    corrected score is clearly smaller, the candidate that is then the best is corrected and judged in turn.
 
     Args:
       bench: the data.
@@ -148,7 +147,7 @@ def confirm_in_fine_limit(
       gained: sum of the scores of the effects adopted before.
 
     Returns:
-      The candidates, the one to adopt or None, and the data without the chain's error there.
+      The candidates, the one to adopt or None, and the data corrected at its fit.
     """
     ranked = list(ranked)
     checked: dict[Candidate, Workbench] = {}
@@ -157,10 +156,10 @@ def confirm_in_fine_limit(
         if choice in checked:
             return ranked, choice, checked[choice]
         own, fine = refit_in_fine_limit(bench, choice.fit)
-        found = replace(choice, fit=fine, score=candidates.score_gain(own, base, fine))
-        checked[found] = own
-        ranked[0] = found
-        if found.score < choice.score - rules.tie(choice.score):
+        corrected = replace(choice, fit=fine, score=candidates.score_gain(own, base, fine))
+        checked[corrected] = own
+        ranked[0] = corrected
+        if corrected.score < choice.score - rules.tie(choice.score):
             ranked = prefer_simpler(ranked)
     return ranked, None, bench
 
@@ -168,7 +167,7 @@ def confirm_in_fine_limit(
 def judge_round(
     bench: Workbench, base: Fit, ranked: Sequence[Candidate], by_chance: float, gained: float
 ) -> dict[str, tuple[Judgement, ...]]:
-    """Candidate -> what the rules say of it; arguments as `confirm_in_fine_limit`."""
+    """Candidate -> its judgement by each rule; arguments as `confirm_in_fine_limit`."""
     least = min((c.score for c in ranked if c.is_fitted), default=0.0)
     return {
         c.name: rules.judge_candidate(Trial(bench, base, c, place, by_chance, gained, least))
@@ -176,25 +175,25 @@ def judge_round(
     }
 
 
-def refit_with_own_noise(bench: Workbench, base: Fit, found: Fit) -> tuple[Workbench, Fit]:
-    """The data whitened for an adopted model, and its fit to them.
+def refit_with_own_noise(bench: Workbench, base: Fit, fit: Fit) -> tuple[Workbench, Fit]:
+    """The data whitened for an adopted model, and its fit to them; unchanged if the model of the link is the same.
 
-    Noise of the hub's sensor makes the modelled link ring; another link rings at other frequencies.
+    Noise of the hub angle excites the modelled link at its resonances, so the noise of the residuals depends on them.
     """
-    if not _rings_otherwise(found.model, base.model):
-        return bench, found
-    return refit_in_fine_limit(seen_by(bench, found.model), found)
+    if not _has_other_resonances(fit.model, base.model):
+        return bench, fit
+    return refit_in_fine_limit(seen_by(bench, fit.model), fit)
 
 
-def _rings_otherwise(model: Model, before: Model) -> bool:
+def _has_other_resonances(model: Model, before: Model) -> bool:
     now, then = (m.chain.modes("clamped")[0][:2] for m in (model, before))
-    acts, acted = (
+    mechanisms, earlier = (
         {**m.plant.link.mechanisms, **m.plant.motor._replace(lag=0.0)._asdict()} for m in (model, before)
     )
-    return acts != acted or bool(np.any(np.abs(now / then - 1) > _SAME_FREQUENCY))
+    return mechanisms != earlier or bool(np.any(np.abs(now / then - 1) > _SAME_FREQUENCY))
 
 
-def refit_in_fine_limit(bench: Workbench, found: Fit) -> tuple[Workbench, Fit]:
-    """The data without the chain's own error where a fit stands, and the fit to them."""
-    bench, _ = chain_limit.corrected(bench, found.model, found.starts, chain_limit.QUICK)
-    return bench, minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)
+def refit_in_fine_limit(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
+    """The data corrected for the discretisation error of the chain at a fit, and the fit to them."""
+    bench, _ = chain_limit.corrected(bench, fit.model, fit.starts, chain_limit.QUICK)
+    return bench, minimise(bench, fit.model, fit.starts, fit.unknowns, fit.values, iterations=6)

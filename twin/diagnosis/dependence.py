@@ -1,4 +1,11 @@
-"""What a model leaves unexplained, local in time, and the variable that it depends on."""
+"""The variable on which the residuals of a model depend: the share of their variance that it explains.
+
+A function of one variable, or of two, is fitted to the residuals as a step function. Its share of the variance is
+cross-validated: the steps that predict one recording are means over the others. The variables are hub angle and rate,
+commanded torque, time since the recording began, tip rate and the strains. An oscillation at one frequency, a
+parameter that drifts during a recording, and rare impacts count as dependence on time. The travel of the hub since its
+last reversal is the variable of hysteresis.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +16,6 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 
-from twin.diagnosis import regressors
 from twin.estimation.fit import Fit
 from twin.estimation.loss import SOUND
 from twin.estimation.workbench import Workbench
@@ -17,39 +23,45 @@ from twin.recording import HUB_TORQUE
 from twin.residuals import residual
 from twin.residuals.data import SINGLE, DrivenData
 from twin.residuals.filters import BAND, GRID
+from twin.residuals.view import View, move
 from twin.rigs.model import with_fine_chain
 
-_BINS = (16, 100)  # of a variable, each with as many samples
-_COARSE = 8  # bins of each of two variables
-_TOGETHER = 1.5  # times the share of the best alone that two have to explain together
-_FEWEST = 20  # samples that tell the mean of a bin
-_FEWEST_SHOWN = 50  # samples of a trace that is worth a picture
-_STRETCH = 0.75  # s
-_UNSEEN = 0.01  # s without a residual, after which nothing tells where the hub turned round
-_SLOWEST = 0.3  # Hz, of an oscillation that is looked for
-_BESIDE = 0.15  # of the frequency of a mode, by which it is another one
-_LOBE = 1.5  # times one over the time that was recorded, by which two frequencies are told apart
-_ABOUT, _SHARP = 1.0, 20.0  # Hz about an oscillation, and times as strong as most there that it has to be
-_LOUD = 4.0  # times its usual size at most a residual counts: one event must not pass for an oscillation
-_KNOCK = 0.05  # s, pieces of time in which knocks are looked for
-_SELDOM = 0.2  # share of the pieces that knocks may fall into
-DEPENDS = 0.05  # share of the variance from which a residual depends on a variable
+_BINS = (16, 100)
+"""Numbers of bins of a step function, each bin with as many samples. Only narrow bins resolve a dead zone."""
+_COARSE = 8
+"""Bins of each variable of a step function of two, and of the time in which a parameter drifts."""
+_PAIR_FACTOR = 1.5
+"""A pair has to explain this many times the share of the best single variable, and `DEPENDS` more."""
+_FEWEST = 20  # samples of the other recordings from which the mean of a bin is taken
+_STRETCH = 0.75  # s, parts for a cross-validation within recordings
+_LONGEST_GAP = 0.01  # s without a residual, across which the travel of the hub is not followed
+_LOWEST_FREQUENCY = 0.3  # Hz, of an oscillation
+_MODE_WIDTH = 0.15  # relative distance from a mode of the model within which a peak may be that mode
+_RESOLUTION = 1.5  # smallest difference of two frequencies, times the duration of the recordings
+_NEIGHBOURHOOD, _PROMINENCE = 1.0, 20.0
+"""A spectral line is this many times the median power within this distance [Hz]."""
+_CLIP = 4.0
+"""Residuals are clipped at this many times their median size, so that one event is no oscillation."""
+_IMPACT = 0.05  # s, pieces of time in which impacts are sought
+_RARE = 0.2  # largest share of the pieces that have impacts
+DEPENDS = 0.05
+"""Share of the variance from which residuals depend on a variable."""
 TRAVEL = "hub_travel"
-"""How far the hub has turned since it turned round [rad]: what it did before."""
+"""Travel of the hub since its last reversal [rad], the variable of hysteresis."""
 
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Residuals of one channel over all fit recordings, one after the other.
+    """Residuals of one channel in all fit recordings, concatenated.
 
     Attributes:
       values: (n) in the channel's unit.
-      variables: name -> (n) what they may depend on.
+      variables: name -> (n) on which they may depend, SI.
       recording: (n) index of the recording.
-      time: (n) [s], the recordings one after the other.
-      white: (n) the same residuals in noise units, noise as large at every frequency.
-      rings: at which hub and link swing whatever is missing, the hub held or free [Hz].
-      slopes: parameter -> (n) what it changes in `white`; of the torque on the hub alone, which has no memory.
+      time: (n) [s], concatenated, too.
+      white: (n) the whitened residuals, in noise units.
+      resonances: frequencies of the modes of the model, hub clamped and free [Hz].
+      slopes: parameter -> (n) derivative of `white`; of the torque balance of the hub alone.
     """
 
     values: np.ndarray
@@ -57,25 +69,25 @@ class Unexplained:
     recording: np.ndarray
     time: np.ndarray
     white: np.ndarray
-    rings: tuple[float, ...] = ()
+    resonances: tuple[float, ...] = ()
     slopes: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def unexplained_residuals(bench: Workbench, data: DrivenData, fit: Fit) -> dict[str, Unexplained]:
-    """Channel -> its residuals under a fit, with the variables on which they may depend.
+# Residuals with their variables
 
-    On a fine chain: what a short one gets wrong is nothing that is missing.
-    """
+
+def unexplained_residuals(bench: Workbench, data: DrivenData, fit: Fit) -> dict[str, Unexplained]:
+    """Channel -> its residuals under a fit, on a fine chain without much discretisation error."""
     fit = replace(fit, model=with_fine_chain(fit.model))
     recordings = [_in_recording(bench, data, fit, i) for i in range(len(data.prepared))]
     channels = dict.fromkeys(channel for parts in recordings for channel in parts)
     modes = np.concatenate([fit.model.chain.modes(boundary)[0] for boundary in ("clamped", "free")])
-    rings = tuple(modes[modes > 0] / (2 * np.pi))
-    return {c: _joined([parts[c] for parts in recordings if c in parts], rings) for c in channels}
+    resonances = tuple(modes[modes > 0] / (2 * np.pi))
+    return {c: _joined([parts[c] for parts in recordings if c in parts], resonances) for c in channels}
 
 
-def _joined(parts: Sequence[Unexplained], rings: tuple[float, ...]) -> Unexplained:
-    """The residuals of one channel, recording after recording."""
+def _joined(parts: Sequence[Unexplained], resonances: tuple[float, ...]) -> Unexplained:
+    """The residuals of one channel of all recordings."""
     shared = set.intersection(*(set(part.variables) for part in parts))
     return Unexplained(
         np.concatenate([part.values for part in parts]),
@@ -83,25 +95,26 @@ def _joined(parts: Sequence[Unexplained], rings: tuple[float, ...]) -> Unexplain
         np.concatenate([part.recording for part in parts]),
         np.concatenate([part.time for part in parts]),
         np.concatenate([part.white for part in parts]),
-        rings,
+        resonances,
         {name: np.concatenate([part.slopes[name] for part in parts]) for name in parts[0].slopes},
     )
 
 
 def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[str, Unexplained]:
+    """Channel -> its residuals in recording i."""
     view = data.views[i]
-    left = residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
-    white = residual.white(left, view)
-    seen = regressors.of_motion(data, fit, i) | regressors.of_strains(view, left)
+    values = residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
+    white = residual.white(values, view)
+    variables = motion_variables(data, fit, i) | _strains(view, values)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
-    found = {}
+    channels = {}
     for group in data.groups:
         if group.recording != i or group.channel in SINGLE:
             continue
         keep = bench.weight[group.rows] > 0
-        found[group.channel] = Unexplained(
-            left[group.channel][keep],
-            {name: variable[keep] for name, variable in seen.items()},
+        channels[group.channel] = Unexplained(
+            values[group.channel][keep],
+            {name: variable[keep] for name, variable in variables.items()},
             np.full(keep.sum(), i),
             before + view.time[keep] - view.time[0],
             white[group.channel][keep],
@@ -109,152 +122,121 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
             if group.channel == HUB_TORQUE
             else {},
         )
-    return found
+    return channels
+
+
+def motion_variables(data: DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:
+    """Name -> (m) command, time, and motion of the model in recording i, SI, on the grid of its view."""
+    view, prepared = data.views[i], data.prepared[i]
+    motion, _ = move(view, prepared, fit.model, fit.starts[i])
+    command = fit.model.drive(prepared.recording).at(view.time)
+    return {
+        "hub_angle": motion.angles[:, 0],
+        "hub_rate": motion.rates[:, 0],
+        "torque_command": command,
+        "time": view.time - view.time[0],
+        "tip_rate": np.sum(
+            np.cos(motion.angles - motion.angles[:, :1]) * motion.rates * fit.model.chain.lengths, 1
+        ),
+    }
+
+
+def _strains(view: View, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Strain -> (m) as simulated, measured minus residual: a faulty reading would depend on itself."""
+    return {c: v - values[c] for c, v in view.measured.items() if c.startswith("strain")}
 
 
 def _slopes(fit: Fit, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Parameter -> what it changes in these residuals (n)."""
+    """Parameter of the rig or of its effects -> derivative (n) of these rows of the residual."""
     return {u.full_name: fit.jacobian[rows, j] for j, u in enumerate(fit.unknowns) if u.of_rig}
 
 
-def variance_shares(found: Unexplained) -> list[tuple[str, float]]:
-    """Share of the variance (0 to 1) that a step function of each variable explains, best first.
+# Shares of the variance
 
-    A variable that explains the residual does so in every recording: the bins' means come from the other ones. Two
-    that explain much more together than either alone, as a friction that wanes does by rate and time, share that, the
-    one first that tells more by itself.
-    Where none does, as when a fault shows in one experiment alone, the means come from the other stretches of all
-    recordings, and how far the hub has turned since it turned round is asked, too, on which hysteresis depends. What
-    swings at one frequency depends on time, and so does what a parameter does that changes as a recording goes on.
+
+def strongest_variables(channels: Sequence[Unexplained]) -> tuple[str, ...]:
+    """Variables that explain at least `DEPENDS` of the variance of a channel, the largest share first.
+
+    If there is none and the residuals of a channel are rare impacts, it is time.
     """
-    if not np.any(found.values) or not found.variables:
+    best: dict[str, float] = {}
+    for unexplained in channels:
+        for name, share in variance_shares(unexplained):
+            best[name] = max(best.get(name, 0.0), share)
+    ranked = tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)
+    return ranked or (("time",) if any(map(_has_rare_impacts, channels)) else ())
+
+
+def variance_shares(unexplained: Unexplained) -> list[tuple[str, float]]:
+    """Variable and the share of the variance (0 to 1) that it explains, largest first.
+
+    By a step function of each variable, cross-validated between recordings. Both variables of a pair get the share of
+    the pair if it is much larger than that of either, as of friction that decreases with time. If no variable explains
+    anything, as when a fault shows in one recording only, the cross-validation is between stretches of all recordings,
+    and the travel of the hub is one more variable. Time also gets the share of an oscillation or of a drifting
+    parameter if it is larger.
+    """
+    if not np.any(unexplained.values) or not unexplained.variables:
         return []
-    shares = step_shares(found)
-    pair, together = _best_pair(found)
-    if together > DEPENDS + _TOGETHER * max(shares.values()):
-        alone = _seldom(found, shares)
-        shares |= {name: together + 1e-3 * alone[name] for name in pair}
+    shares = step_shares(unexplained)
+    pair, of_pair = _best_pair(unexplained)
+    if of_pair > DEPENDS + _PAIR_FACTOR * max(shares.values()):
+        alone = _within_recordings(unexplained, shares)
+        # The variable with the larger share by itself comes first.
+        shares |= {name: of_pair + 1e-3 * alone[name] for name in pair}
     if max(shares.values()) < DEPENDS:
-        shares = _seldom(found, shares)
+        shares = _within_recordings(unexplained, shares)
     if "time" in shares:
-        shares["time"] = max(shares["time"], _share_of_line(found), parameter_drift(found)[1])
+        drift = parameter_drift(unexplained)[1]
+        shares["time"] = max(shares["time"], _share_of_oscillation(unexplained), drift)
     return sorted(shares.items(), key=lambda pair: -pair[1])
 
 
-def step_shares(found: Unexplained) -> dict[str, float]:
-    """Share of the variance that a step function of each variable alone explains in all recordings."""
-    return _shares(found, found.recording)
+def step_shares(unexplained: Unexplained) -> dict[str, float]:
+    """Variable -> share of the variance by a step function, cross-validated between recordings."""
+    return _shares(unexplained, unexplained.recording)
 
 
-def _seldom(found: Unexplained, shares: Mapping[str, float]) -> dict[str, float]:
-    """The shares with those of the variables, and of the hub's travel, that explain some stretches by others."""
-    with_travel = {name: found.variables[name] for name in shares} | _travel(found)
+def _within_recordings(unexplained: Unexplained, shares: Mapping[str, float]) -> dict[str, float]:
+    """The shares, and that of the travel, replaced by those cross-validated between stretches if above `DEPENDS`."""
+    with_travel = {name: unexplained.variables[name] for name in shares} | travel(unexplained)
     shares = dict.fromkeys(with_travel, 0.0) | dict(shares)
-    found = replace(found, variables=with_travel)
-    by_stretch = _shares(found, np.floor(found.time / _STRETCH).astype(int))
+    unexplained = replace(unexplained, variables=with_travel)
+    by_stretch = _shares(unexplained, np.floor(unexplained.time / _STRETCH).astype(int))
     return {name: by_stretch[name] if by_stretch[name] > DEPENDS else s for name, s in shares.items()}
 
 
-def _travel(found: Unexplained) -> dict[str, np.ndarray]:
-    """How far the hub has turned since it last turned round or was seen first (n) [rad]; none of a clamped one."""
-    if not {"hub_angle", "hub_rate"} <= found.variables.keys():
+def travel(unexplained: Unexplained) -> dict[str, np.ndarray]:
+    """`TRAVEL` -> (n) angle of the hub since its last reversal, or since a gap [rad]; empty if the hub is clamped."""
+    if not {"hub_angle", "hub_rate"} <= unexplained.variables.keys():
         return {}
-    angle, rate = found.variables["hub_angle"], found.variables["hub_rate"]
-    anew = (np.diff(np.sign(rate)) != 0) | (np.diff(found.time) > _UNSEEN) | (np.diff(found.recording) != 0)
-    first = np.maximum.accumulate(np.where(np.append(True, anew), np.arange(len(angle)), 0))
+    angle, rate = unexplained.variables["hub_angle"], unexplained.variables["hub_rate"]
+    reversal = np.diff(np.sign(rate)) != 0
+    gap = (np.diff(unexplained.time) > _LONGEST_GAP) | (np.diff(unexplained.recording) != 0)
+    begins = np.append(True, reversal | gap)
+    first = np.maximum.accumulate(np.where(begins, np.arange(len(angle)), 0))
     return {TRAVEL: angle - angle[first]}
 
 
-def _shares(found: Unexplained, part: np.ndarray) -> dict[str, float]:
-    return {name: _cross_share(found.values, v, part) for name, v in found.variables.items()}
+def _shares(unexplained: Unexplained, part: np.ndarray) -> dict[str, float]:
+    return {name: _cross_share(unexplained.values, v, part) for name, v in unexplained.variables.items()}
 
 
-def _best_pair(found: Unexplained) -> tuple[tuple[str, ...], float]:
-    """The two variables whose step function, over both, explains most of the variance, and the share."""
-    _, part = np.unique(found.recording, return_inverse=True)
-    cells = {name: np.searchsorted(_edges(v, _COARSE), v) for name, v in found.variables.items()}
+def _best_pair(unexplained: Unexplained) -> tuple[tuple[str, ...], float]:
+    """The two variables whose common step function explains most of the variance, and this share."""
+    _, part = np.unique(unexplained.recording, return_inverse=True)
+    cells = {name: np.searchsorted(_edges(v, _COARSE), v) for name, v in unexplained.variables.items()}
     shares = {
-        (a, b): _share_in_cells(found.values, cells[a] * _COARSE + cells[b], part, _COARSE**2)
+        (a, b): _share_in_cells(unexplained.values, cells[a] * _COARSE + cells[b], part, _COARSE**2)
         for a, b in combinations(sorted(cells, key=lambda name: name != "time"), 2)
     }
     return max(shares.items(), key=lambda item: item[1], default=((), 0.0))
 
 
-def _share_of_line(found: Unexplained) -> float:
-    """Share of the variance that an oscillation explains, its frequency told by the other recordings; 0 without any.
-
-    It counts where it is a line and what swings most: what is missing in a link spreads about where that rings.
-    Where the link rings, whatever is missing in it does so.
-    """
-    inside = [found.recording == i for i in np.unique(found.recording)]
-    if len(inside) < 2:
-        return 0.0
-    time = [found.time[k] - found.time[k][0] for k in inside]
-    size = next_fast_len(2 * round(max(t[-1] for t in time) / GRID) + 2)
-    frequency = rfftfreq(size, GRID)
-    sought = (frequency > _SLOWEST) & (frequency < BAND)
-    resolved = _LOBE / float(np.median([t[-1] for t in time]))
-    for ring in found.rings:
-        sought &= np.abs(frequency - ring) > max(_BESIDE * ring, resolved)
-    if not sought.any():
-        return 0.0
-    power = np.array([_power(found.white[k], t, size) for k, t in zip(inside, time, strict=True)])[:, sought]
-    gained = 0.0
-    most = _LOUD * float(np.median(np.abs(found.white)))
-    for k, t, own in zip(inside, time, power, strict=True):
-        others = power.sum(0) - own
-        told = frequency[sought][np.argmax(others)]
-        about = np.abs(frequency[sought] - told) < _ABOUT
-        alike = abs(frequency[sought][np.argmax(own)] - told) < _LOBE / t[-1]
-        if not alike or others.max() < _SHARP * np.median(others[about]):
-            continue
-        line = 2 * np.pi * told * t
-        columns = np.column_stack([np.cos(line), np.sin(line)])
-        usual = np.clip(found.white[k], -most, most)
-        gained += usual @ columns @ np.linalg.lstsq(columns, usual, rcond=None)[0]
-    return float(gained / np.sum(np.clip(found.white, -most, most) ** 2))
-
-
-def parameter_drift(found: Unexplained) -> tuple[str, float]:
-    """The parameter that explains most if it changes with the time since a recording began, and of what variance.
-
-    What such a parameter leaves swings as the link does: its mean over a piece of time is next to nothing. No name and
-    0 where none explains any.
-    """
-    _, part = np.unique(found.recording, return_inverse=True)
-    cell = np.searchsorted(_edges(found.variables["time"], _COARSE), found.variables["time"])
-    shares = {
-        name: _share_in_cells(found.white, cell, part, _COARSE, slope)
-        for name, slope in found.slopes.items()
-        if np.any(slope)
-    }
-    return max(shares.items(), key=lambda pair: pair[1], default=("", 0.0))
-
-
-def _is_knocks(found: Unexplained) -> bool:
-    """Whether most of the variance is in a few short pieces of time, and all others are but noise.
-
-    A hub that runs into a stop shows so, too, in what its link reads: no variable may tell more of any channel.
-    """
-    _, piece = np.unique(np.floor(found.time / _KNOCK), return_inverse=True)
-    count, power = np.bincount(piece), np.bincount(piece, found.white**2)
-    quietest = np.argsort(power / count)
-    size = np.sqrt(np.cumsum(power[quietest]) / np.cumsum(count[quietest]))
-    quiet = quietest[size <= SOUND]
-    return bool(2 * power[quiet].sum() < power.sum() and len(quiet) > (1 - _SELDOM) * len(count))
-
-
-def _power(white: np.ndarray, time: np.ndarray, size: int) -> np.ndarray:
-    """Periodogram of residuals (m) at instants of the grid (m) [s], zeros between and behind them."""
-    signal = np.zeros(size)
-    signal[np.round(time / GRID).astype(int)] = white
-    return np.abs(rfft(signal)) ** 2 / len(white)
-
-
 def _cross_share(values: np.ndarray, variable: np.ndarray, part: np.ndarray) -> float:
-    """Share of the variance of values (n) that a step function of a variable (n) explains in each part of them (n).
+    """Share of the variance of values (n) by a step function of a variable (n), cross-validated between parts (n).
 
-    Its means come from the other parts, its bins are wide or narrow ones: a dead zone is a narrow fault.
+    It is the larger one of those with wide and with narrow bins.
     """
     _, part = np.unique(part, return_inverse=True)
     return max(
@@ -264,16 +246,21 @@ def _cross_share(values: np.ndarray, variable: np.ndarray, part: np.ndarray) -> 
 
 
 def _edges(variable: np.ndarray, count: int) -> np.ndarray:
-    """Inner edges (count - 1) of so many bins with as many samples each."""
+    """Inner edges (count - 1) of bins with equal numbers of samples."""
     return np.quantile(variable, np.linspace(0, 1, count + 1)[1:-1])
 
 
 def _share_in_cells(
     values: np.ndarray, cell: np.ndarray, part: np.ndarray, count: int, slope: np.ndarray | None = None
 ) -> float:
-    """Share of the variance of values (n) that the means of their cells (n) explain, taken from the other parts (n).
+    """Cross-validated share of the variance by a step function: 1 minus the predicted sum of squares over the total.
 
-    With a slope (n), it is a multiple of that in each cell.
+    Args:
+      values: (n).
+      cell: (n) index of the step.
+      part: (n) index of the part; the steps that predict it come from the other parts.
+      count: number of steps.
+      slope: (n) by which the step function is multiplied; 1 by default.
     """
     slope = np.ones(len(values)) if slope is None else slope
     here = part * count + cell
@@ -281,21 +268,97 @@ def _share_in_cells(
     sums, squares, counts = (
         np.bincount(here, w, size).reshape(-1, count) for w in (values * slope, slope**2, None)
     )
-    others, elsewhere = squares.sum(0) - squares, counts.sum(0) - counts
-    told = (elsewhere > _FEWEST) & (others > 0)
-    means = np.where(told, (sums.sum(0) - sums) / np.where(told, others, 1.0), 0.0)
-    left = np.sum((values - means.ravel()[here] * slope) ** 2)
-    return max(0.0, 1 - float(left / np.sum(values**2)))
+    others, samples = squares.sum(0) - squares, counts.sum(0) - counts
+    determined = (samples > _FEWEST) & (others > 0)
+    means = np.where(determined, (sums.sum(0) - sums) / np.where(determined, others, 1.0), 0.0)
+    remaining = np.sum((values - means.ravel()[here] * slope) ** 2)
+    return max(0.0, 1 - float(remaining / np.sum(values**2)))
 
 
-def strongest_variables(left: Sequence[Unexplained]) -> tuple[str, ...]:
-    """Variables that explain most of some channels, best first, those that explain next to nothing left out.
+# Special cases of a dependence on time
 
-    Where none explains anything, knocks at instants that nothing tells depend on time.
+
+def parameter_drift(unexplained: Unexplained) -> tuple[str, float]:
+    """The parameter whose drift within each recording explains most of the variance, and this share; ("", 0) if none.
+
+    The drift is a step function of the time since the recording began, the same in each, times the derivative of the
+    residual by the parameter. A step function of time alone does not show it: the derivative oscillates with the link.
     """
-    best: dict[str, float] = {}
-    for found in left:
-        for name, share in variance_shares(found):
-            best[name] = max(best.get(name, 0.0), share)
-    told = tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)
-    return told or (("time",) if any(map(_is_knocks, left)) else ())
+    _, part = np.unique(unexplained.recording, return_inverse=True)
+    time = unexplained.variables["time"]
+    cell = np.searchsorted(_edges(time, _COARSE), time)
+    shares = {
+        name: _share_in_cells(unexplained.white, cell, part, _COARSE, slope)
+        for name, slope in unexplained.slopes.items()
+        if np.any(slope)
+    }
+    return max(shares.items(), key=lambda pair: pair[1], default=("", 0.0))
+
+
+def _share_of_oscillation(unexplained: Unexplained) -> float:
+    """Share of the variance by a sine in each recording, its frequency from the spectra of the others.
+
+    It counts only in a recording whose own spectrum has its maximum there, and only if the others show a sharp line: a
+    fault of the link spreads over the neighbourhood of a resonance. Frequencies near a mode of the model are left out,
+    because any fault of the link excites it.
+    """
+    inside = [unexplained.recording == i for i in np.unique(unexplained.recording)]
+    if len(inside) < 2:
+        return 0.0
+    time = [unexplained.time[k] - unexplained.time[k][0] for k in inside]
+    size = next_fast_len(2 * round(max(t[-1] for t in time) / GRID) + 2)
+    frequency = rfftfreq(size, GRID)
+    sought = (frequency > _LOWEST_FREQUENCY) & (frequency < BAND)
+    resolution = _RESOLUTION / float(np.median([t[-1] for t in time]))
+    for mode in unexplained.resonances:
+        sought &= np.abs(frequency - mode) > max(_MODE_WIDTH * mode, resolution)
+    if not sought.any():
+        return 0.0
+    white = unexplained.white
+    power = np.array([_power(white[k], t, size) for k, t in zip(inside, time, strict=True)])[:, sought]
+    clip = _CLIP * float(np.median(np.abs(white)))
+    gained = 0.0
+    for k, t, own in zip(inside, time, power, strict=True):
+        line = _line(frequency[sought], own, power.sum(0) - own, float(t[-1]))
+        if line is not None:
+            phase = 2 * np.pi * line * t
+            columns = np.column_stack([np.cos(phase), np.sin(phase)])
+            clipped = np.clip(white[k], -clip, clip)
+            gained += clipped @ columns @ np.linalg.lstsq(columns, clipped, rcond=None)[0]
+    return float(gained / np.sum(np.clip(white, -clip, clip) ** 2))
+
+
+def _line(frequency: np.ndarray, own: np.ndarray, others: np.ndarray, duration: float) -> float | None:
+    """Frequency [Hz] of the line in the spectrum of the others that the own spectrum shows, too; None without one.
+
+    Args:
+      frequency: (f) [Hz].
+      own, others: (f) power of one recording, and of all others.
+      duration: of the recording [s].
+    """
+    line = frequency[np.argmax(others)]
+    near = np.abs(frequency - line) < _NEIGHBOURHOOD
+    same = abs(frequency[np.argmax(own)] - line) < _RESOLUTION / duration
+    if not same or others.max() < _PROMINENCE * np.median(others[near]):
+        return None
+    return line
+
+
+def _power(white: np.ndarray, time: np.ndarray, size: int) -> np.ndarray:
+    """Periodogram of residuals (m) at instants of the grid (m) [s], zero-padded in gaps and at the end."""
+    signal = np.zeros(size)
+    signal[np.round(time / GRID).astype(int)] = white
+    return np.abs(rfft(signal)) ** 2 / len(white)
+
+
+def _has_rare_impacts(unexplained: Unexplained) -> bool:
+    """Whether most of the variance is in a few short pieces of time, and all other pieces are noise.
+
+    It is conclusive only if no variable explains a channel: a hub that hits a stop causes such residuals of strains.
+    """
+    _, piece = np.unique(np.floor(unexplained.time / _IMPACT), return_inverse=True)
+    count, power = np.bincount(piece), np.bincount(piece, unexplained.white**2)
+    quietest = np.argsort(power / count)
+    size = np.sqrt(np.cumsum(power[quietest]) / np.cumsum(count[quietest]))
+    quiet = quietest[size <= SOUND]
+    return bool(2 * power[quiet].sum() < power.sum() and len(quiet) > (1 - _RARE) * len(count))

@@ -1,4 +1,4 @@
-"""The search for missing effects: calibrate, add the effect that explains most, round by round; then the answer."""
+"""The diagnosis: calibration, forward selection of effects round by round, revision, predictions, answer."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from threadpoolctl import threadpool_limits
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis import (
     candidates,
-    chance,
     contest,
     dependence,
     fit_patch,
+    permutation,
     predict,
     remainder,
     revise,
     rules,
     unnamed,
-    whole_orders,
 )
 from twin.diagnosis.answer import Diagnosis
 from twin.diagnosis.conclude import conclude
-from twin.diagnosis.plan import planned
+from twin.diagnosis.plan import plans_for_pair
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
@@ -38,8 +37,9 @@ from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 
 MOST_EFFECTS = 3
+"""Effects that are adopted at most."""
 MOST_ROUNDS = 6
-"""Of the search: an effect that is dropped for a later one makes room for another round."""
+"""Rounds of the search at most: more than effects, because revision may remove an effect."""
 FALSE_ALARM_RATE = 0.01
 
 
@@ -53,14 +53,14 @@ def diagnose(
 
     Args:
       campaign: the recordings; held-out ones are simulated once, at the end.
-      progress: told of every stage.
+      progress: called with a message at every stage.
       workers: number of threads; by default one a processor.
-      false_alarm_rate: how often something may be found where nothing is missing, 0 to 1.
+      false_alarm_rate: upper bound of the probability that an effect is adopted where none is missing.
 
     Raises:
-      InputError: the rate is not between 1/`chance.DRAWS` and 0.5.
+      InputError: the rate is not between 1/`permutation.DRAWS` and 0.5.
     """
-    least = 1 / chance.DRAWS
+    least = 1 / permutation.DRAWS
     if not least <= false_alarm_rate <= 0.5:
         raise InputError(f"false-alarm rate is {false_alarm_rate:g}; expected {least:g} to 0.5")
     began = time.perf_counter()
@@ -75,7 +75,7 @@ def diagnose(
         progress("simulating every recording")
         predicted = predict.predict(campaign, state, polished, pool)
         pair = rules.closest_pair([r.ranked for r in state.adopting])
-        plans = planned(campaign, pair, pool) if pair else []
+        plans = plans_for_pair(campaign, pair, pool) if pair else []
         left = dependence.unexplained_residuals(state.bench, state.data, state.best)
         patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
     answer = conclude(campaign, state, left, polished, predicted, plans, patched)
@@ -96,26 +96,26 @@ def search(
         if not more or len(state.adopted) == MOST_EFFECTS:
             break
         state, more = next_round(state, progress, false_alarm_rate)
-    progress("telling how sure it is")
+    progress("computing standard errors")
     state, sound = on_sound_channels(state)
     state = with_errors(state, sound)
-    progress("asking what has no name")
-    return _with_what_is_left(state, sound, false_alarm_rate)
+    progress("testing for torques outside the library")
+    return _final_state(state, sound, false_alarm_rate)
 
 
-def _with_what_is_left(state: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
-    """The state at the end of the search: of three, the first that the rules allow.
+def _final_state(state: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
+    """The state at the end of the search, revised in one of two ways if either is justified.
 
-    Without effects of untold size, if a fault outside the library is left then; with an effect in the place of a
-    smooth function, if that leaves nothing; as it is.
+    Effects of undetermined size are withdrawn if the residuals are not explained without them. Otherwise an effect
+    takes the place of a significant smooth function if it explains the residuals.
     """
-    told = revise.without_untold(state)
-    if told is not None:
-        told = with_unnamed(with_errors(told, told.bench), told.bench, false_alarm_rate)
-        if remainder.unexplained_channels(told):
-            return told
+    fewer = revise.without_undetermined(state)
+    if fewer is not None:
+        fewer = with_unnamed(with_errors(fewer, fewer.bench), fewer.bench, false_alarm_rate)
+        if remainder.unexplained_channels(fewer):
+            return fewer
     state = with_unnamed(with_whole_orders(state, sound), sound, false_alarm_rate)
-    named = revise.named_instead(state)
+    named = revise.replace_function_by_effect(state)
     if named is None:
         return state
     named = with_whole_orders(with_errors(named, named.bench), named.bench)
@@ -124,24 +124,24 @@ def _with_what_is_left(state: SearchState, sound: Workbench, false_alarm_rate: f
 
 
 def with_unnamed(state: SearchState, bench: Workbench, false_alarm_rate: float) -> SearchState:
-    """The state with the smooth functions that may be behind what is left of these data."""
+    """The state with the test for smooth functions in the residuals of these data."""
     return replace(state, unnamed=unnamed.find_functions(bench, state.best, false_alarm_rate))
 
 
 def with_whole_orders(state: SearchState, bench: Workbench) -> SearchState:
-    """The state with orders at whole numbers where these data do not say otherwise."""
-    best = whole_orders.with_whole_orders(bench, state.best)
+    """The state with orders at whole numbers where these data allow it."""
+    best = revise.with_whole_orders(bench, state.best)
     return state if best is state.best else state.with_last_fit(_with_covariance(bench, best))
 
 
 def first_round(
     campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, false_alarm_rate: float
 ) -> tuple[SearchState, bool]:
-    """The first round of the search, as `next_round`; done again on another clock if the adopted effect asks for it."""
+    """The first round of the search, as `next_round`; repeated if the adopted effect changes the likeliest clock."""
     start = calibrate(campaign, pool, progress)
     state, more = next_round(SearchState(start), progress, false_alarm_rate)
     if state.adopted:
-        progress("asking when commands act")
+        progress("fitting the clock of the commands")
         clock = likeliest_clock(start, state.best)
         if clock != start.clock:
             start = calibrate(campaign, pool, progress, clock=clock)
@@ -152,17 +152,17 @@ def first_round(
 def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) -> tuple[SearchState, bool]:
     """One round of the search; the state after it, and whether an effect was adopted."""
     bench, current = state.bench, state.best
-    names = candidates.candidates(current.model, bench.channels())
+    names = candidates.candidate_names(current.model, bench.channels())
     explored = candidates.explore(bench, current, names, progress)
-    progress("scoring what chance gives")
-    draws = chance.permutation_scores(bench, current, explored.slopes)
-    by_chance, ranked = chance.threshold(draws, false_alarm_rate), explored.ranked
+    progress("permutation test")
+    draws = permutation.permutation_scores(bench, current, explored.slopes)
+    by_chance, ranked = permutation.threshold(draws, false_alarm_rate), explored.ranked
     if ranked and ranked[0].score > rules.MODEL_ERROR_SCORE:
         ranked = contest.fit_to_convergence(bench, current, ranked, progress)
         ranked = contest.prefer_closer_free_runs(bench, ranked)
         better = contest.better_calibration(bench, current, ranked[0])
         if better is not None:
-            progress("looking again beside a better calibration")
+            progress("repeating the round with a better calibration")
             return next_round(state.with_last_fit(better), progress, false_alarm_rate)
     ranked, choice, confirmed = contest.confirm_in_fine_limit(bench, current, ranked, by_chance, state.gained)
     judgements = contest.judge_round(confirmed, current, ranked, by_chance, state.gained)
@@ -177,16 +177,16 @@ def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) 
 
 
 def on_sound_channels(state: SearchState) -> tuple[SearchState, Workbench]:
-    """The state with its last fit made without sensors of the link that nothing explains, and the data of that fit.
+    """The state with its last fit repeated without faulty sensors of the link, and the data of that fit.
 
-    A fault of one sensor is no calibration: the parameters of the link would be fitted to it, and those of the hub with
-    them. Where no sensor of the link is explained, the fault may be in the link. An effect of a sensor that it does not
-    explain is withdrawn.
+    Faulty is a sensor whose residuals are not explained while those of another sensor of the link are: the parameters
+    would be fitted to its fault. If no sensor of the link is explained, the fault may be in the link, and all are kept.
+    An effect on a sensor whose residuals it does not explain is withdrawn.
     """
     bench, best = state.bench, state.best
     link = bench.channels() - {"hub_angle", "motor_torque"}
     faulty = link & set(remainder.unexplained_channels(state))
-    if state.adopted and _read_by(state.adopted[-1].name) & faulty:
+    if state.adopted and _sensors_of(state.adopted[-1].name) & faulty:
         return on_sound_channels(_without_last(state))
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return state, bench
@@ -205,7 +205,7 @@ def _without_last(state: SearchState) -> SearchState:
 
 
 def with_errors(state: SearchState, bench: Workbench) -> SearchState:
-    """The state with covariances of its last fit, on these data, and of the calibration."""
+    """The state with covariances of its last fit, for these data, and of the calibration."""
     best = _with_covariance(bench, state.best)
     if state.adopted:
         calibrated = jackknife.sure(state.start.bench, state.base)
@@ -214,9 +214,10 @@ def with_errors(state: SearchState, bench: Workbench) -> SearchState:
 
 
 def _with_covariance(bench: Workbench, best: Fit) -> Fit:
-    """The fit taken to its minimum along directions in which it is hardly determined, with its covariance.
+    """The fit refined along poorly determined directions, with its covariance.
 
-    Where only declarations tell the common scale of all inertias and stiffnesses, a search stops short of the minimum.
+    Where the common scale of inertias and stiffnesses is determined by their declared uncertainty alone, the optimiser
+    stops before the minimum.
     """
     smooth, by_roughness = refine.looked_along(bench, best)
     if refine.promised(bench, smooth) > refine.WORTH:
@@ -229,7 +230,7 @@ def _parameters(names: Iterable[str]) -> list[EffectParameter]:
     return [p for name in names for p in REGISTRY[name].parameters]
 
 
-def _read_by(name: str) -> set[str | None]:
-    """Channels of an effect that is one of sensors alone; empty for any other."""
+def _sensors_of(name: str) -> set[str | None]:
+    """Channels that an effect on sensors changes; empty for any other effect."""
     channels = {p.channel for p in _parameters([name])}
     return set() if None in channels else channels

@@ -1,7 +1,7 @@
-"""Which experiment would tell two explanations apart: realisable ones, simulated under both.
+"""Design of an experiment that discriminates between two fitted models: realisable ones, simulated under both.
 
-How far two are apart on a run is what is left of their difference when both are fitted to it: see `separation`. Runs
-that would wind the wires around the hub are left out.
+Experiments are ranked by the difference of the predictions that remains when both models are fitted to the new
+recording, see `separation`. Experiments that would turn the hub too far are left out.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from scipy.signal import chirp
 from twin.diagnosis.separation import Explanation, difference
 from twin.recording import Recording
 
-_PAYLOAD = 0.5  # share of the payload that is added
-_OPEN_LIMIT = 0.2  # N m, where the amplifier has no limit: that of a small servo
+_ADDED_PAYLOAD = 0.5  # added mass, as a share of the payload
+_DEFAULT_LIMIT = 0.2  # N m, if no torque limit is declared: that of a small servo
 EXTRA_SENSORS: Mapping[str, float] = {"motor_torque": 1e-3, "tip_deflection": 2e-4, "tip_acceleration": 0.05}
-"""Channels that a rig may be given, with the noise of an ordinary sensor, SI; assumed."""
+"""Sensors that could be added to a rig, with an ordinary standard deviation of their noise, SI; assumed."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Experiment:
     """One experiment that could be recorded.
 
     Attributes:
-      name: for people, and of its file.
-      how: what to do, a sentence.
-      recording: time [s] and torque_command [N m]; a locked hub has none that acts.
-      added_mass: payload added [kg].
+      name: short, in lower case.
+      how: what to do, a phrase.
+      recording: time [s] and torque_command [N m], which is zero with the hub locked.
+      added_mass: added payload [kg].
     """
 
     name: str
@@ -41,14 +41,14 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Plan:
-    """How well an experiment separates two explanations, once both are fitted to it.
+    """How well an experiment discriminates between two models after both are fitted to it.
 
     Attributes:
       experiment: what to record.
-      separation: largest RMS difference of a channel that the rig has [noise levels].
-      channel: that channel.
-      sensor: channel to add that would separate better, with the largest difference of any channel then
-        [noise levels]; None where none would.
+      separation: largest root-mean-square difference of the predictions of a channel [noise levels].
+      channel: this channel.
+      sensor: a sensor to add that would raise the separation by more than half, with the separation then [noise
+        levels]; None if there is none.
     """
 
     experiment: Experiment
@@ -57,18 +57,18 @@ class Plan:
     sensor: tuple[str, float] | None
 
 
-def experiments(declared: Mapping[str, float], period: float = 2e-3) -> list[Experiment]:
-    """Returns experiments that a rig like this can do: slews, sweeps, steps, ramps, a locked decay, a payload added.
+def possible_experiments(declared: Mapping[str, float], period: float = 2e-3) -> list[Experiment]:
+    """Experiments that a rig can do: slews, sweeps, steps, ramps, decays with the hub locked, slews with more payload.
 
     Args:
       declared: parameters of the rig, SI.
       period: sample period [s].
     """
-    limit = min(declared.get("torque_limit", np.inf), _OPEN_LIMIT / 0.93)
+    limit = min(declared.get("torque_limit", np.inf), _DEFAULT_LIMIT / 0.93)
     strong = 0.93 * limit
     gentle = max(1.3 * declared["static_friction"], 0.4 * limit)
     ramp = 1.1 * max(declared["static_friction"], 0.02 * limit)
-    mass = _PAYLOAD * declared["tip_mass"]
+    mass = _ADDED_PAYLOAD * declared["tip_mass"]
     slew = _slews(strong, (0.25, 0.4), period)
     return [
         Experiment("slews", "strong bang-bang slews of two lengths, there and back", slew),
@@ -93,47 +93,47 @@ def experiments(declared: Mapping[str, float], period: float = 2e-3) -> list[Exp
     ]
 
 
-def plan(
+def rank(
     first: Explanation,
     second: Explanation,
     noise: Mapping[str, float],
     pool: Executor,
     options: Sequence[Experiment] | None = None,
 ) -> list[Plan]:
-    """Ranks experiments by how far they drive two explanations apart, best first; at least the locked decays are left.
+    """Experiments by their separation of two explanations, largest first; those that turn the hub too far are left out.
 
     Args:
       first, second: the explanations.
       noise: channel -> standard deviation of its noise, SI: the channels that the rig has.
       pool: where the simulations run.
-      options: by default `experiments` of the declared rig.
+      options: the experiments; by default `possible_experiments` of the declared rig.
     """
-    options = experiments(first.model.declared) if options is None else options
-    plans = pool.map(lambda e: _planned(first, second, noise, e), options)
+    options = possible_experiments(first.model.declared) if options is None else options
+    plans = pool.map(lambda e: _plan_of(first, second, noise, e), options)
     return sorted((p for p in plans if p is not None), key=lambda p: -p.separation)
 
 
-def _planned(
+def _plan_of(
     first: Explanation, second: Explanation, noise: Mapping[str, float], experiment: Experiment
 ) -> Plan | None:
-    def shown(channels: Mapping[str, float]) -> dict[str, float]:
+    def usable(channels: Mapping[str, float]) -> dict[str, float]:
         return {c: s for c, s in channels.items() if not (experiment.recording.clamped and c in _NEEDS_HUB)}
 
-    known = shown(noise)
-    new = {c: s for c, s in shown(EXTRA_SENSORS).items() if c not in noise}
-    apart = difference(first, second, {**new, **known}, experiment.recording, experiment.added_mass)
-    if apart is None:
+    known = usable(noise)
+    new = {c: s for c, s in usable(EXTRA_SENSORS).items() if c not in noise}
+    predicted = difference(first, second, {**new, **known}, experiment.recording, experiment.added_mass)
+    if predicted is None:
         return None
-    left = apart.left(tuple(known))
-    channel = max(left, key=lambda c: left[c], default="hub_angle")
-    best = left.get(channel, 0.0)
-    beside = {c: max(apart.left((*known, c)).values()) for c in new}
-    sensor = max(beside, key=lambda c: beside[c], default=None)
-    added = (sensor, beside[sensor]) if sensor is not None and beside[sensor] > 1.5 * best else None
+    remaining = predicted.after_refit(tuple(known))
+    channel = max(remaining, key=lambda c: remaining[c], default="hub_angle")
+    best = remaining.get(channel, 0.0)
+    with_sensor = {c: max(predicted.after_refit((*known, c)).values()) for c in new}
+    sensor = max(with_sensor, key=lambda c: with_sensor[c], default=None)
+    added = (sensor, with_sensor[sensor]) if sensor is not None and with_sensor[sensor] > 1.5 * best else None
     return Plan(experiment, best, channel, added)
 
 
-_NEEDS_HUB = ("hub_angle", "motor_torque")
+_NEEDS_HUB = ("hub_angle", "motor_torque")  # channels without information if the hub is locked
 
 
 # Torques
@@ -144,7 +144,7 @@ def _recording(name: str, torque: np.ndarray, period: float, **more) -> Recordin
 
 
 def _slews(torque: float, halves: Sequence[float], period: float) -> Recording:
-    """Bang-bang pulses with these half lengths [s], each followed by a rest, and all done again the other way."""
+    """Bang-bang pulses with these half lengths [s], each followed by a rest; then the same in the other direction."""
     parts = [np.zeros(_samples(0.4, period))]
     for sign in (1, -1):
         for half in halves:
@@ -158,13 +158,13 @@ def _doublet(torque: float, half: float, period: float) -> np.ndarray:
 
 
 def _sweep(torque: float, start: float, end: float, duration: float, period: float) -> Recording:
-    """A cosine of growing frequency: its impulse has no mean, so that the hub stays near."""
+    """A cosine of rising frequency: the integral of the torque has no mean, so that the hub does not drift away."""
     time = period * np.arange(_samples(duration, period))
     return _recording("sweep", torque * chirp(time, start, duration, end, "logarithmic"), period)
 
 
 def _doublets(torque: float, duration: float, period: float) -> Recording:
-    """Pairs of steps without impulse, to and fro in turns, so that the hub stays near."""
+    """Pairs of opposite steps, in alternating directions, so that the hub does not drift away."""
     random, parts, length, sign = np.random.default_rng(0), [], 0, 1
     while length < _samples(duration, period):
         parts.append(_doublet(sign * torque * random.uniform(0.4, 1.0), random.uniform(0.05, 0.3), period))
@@ -173,7 +173,7 @@ def _doublets(torque: float, duration: float, period: float) -> Recording:
 
 
 def _ramp(torque: float, duration: float, period: float) -> Recording:
-    """A ramp over three quarters of the time; then nothing, so that the hub that broke away comes to rest."""
+    """A ramp over three quarters of the duration, then zero torque, in which the hub comes to rest."""
     count = _samples(0.75 * duration, period)
     rest = np.zeros(_samples(0.25 * duration, period))
     return _recording("ramp", np.r_[np.linspace(0.0, torque, count), rest], period)
@@ -189,7 +189,7 @@ def _samples(duration: float, period: float) -> int:
 
 
 def recommendation(plans: Sequence[Plan], names: Sequence[str]) -> str:
-    """Returns what to record, with the numbers, as a sentence or two."""
+    """The best experiment with its separation, as a sentence or two."""
     best = plans[0]
     pair = " and ".join(names)
     if best.separation < 3:
@@ -204,8 +204,10 @@ def recommendation(plans: Sequence[Plan], names: Sequence[str]) -> str:
         )
     sensors = [(p.sensor[1], p.sensor[0], p.experiment.name) for p in plans if p.sensor]
     if sensors and max(sensors)[0] > 1.5 * best.separation:
-        apart, channel, name = max(sensors)
-        text += f" With a sensor of {channel} added, {name} would separate them by {apart:.3g} noise levels."
+        separation, channel, name = max(sensors)
+        text += (
+            f" With a sensor of {channel} added, {name} would separate them by {separation:.3g} noise levels."
+        )
     return text
 
 
@@ -217,7 +219,7 @@ def _runner_up(plans: Sequence[Plan]) -> str:
 
 
 def rows(plans: Sequence[Plan]) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yields name, what to do, separation, channel and a sensor to add of each plan, as text."""
+    """Name, what to do, separation, channel and a sensor to add of each plan, as text."""
     for p in plans:
         sensor = f"{p.sensor[0]}: {p.sensor[1]:.3g}" if p.sensor else ""
         yield p.experiment.name, p.experiment.how, f"{p.separation:.3g}", p.channel, sensor

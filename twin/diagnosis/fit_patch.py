@@ -1,4 +1,4 @@
-"""What is outside the library as a lookup, and what that gains on held-out recordings."""
+"""Unexplained residuals as a lookup over one variable, and its effect on held-out recordings."""
 
 from __future__ import annotations
 
@@ -24,24 +24,32 @@ from twin.rigs.model import with_fine_chain
 from twin.rigs.patch import Patch
 from twin.rigs.simulate import simulate
 
-_LEAST_SHARE = 0.05  # of the variance that a variable must explain across recordings
+_LEAST_SHARE = 0.05  # of the variance that a variable has to explain, cross-validated between recordings
 
 
 def fit_patch(
     campaign: Campaign,
-    found: SearchState,
-    left: Mapping[str, Unexplained],
+    state: SearchState,
+    residuals: Mapping[str, Unexplained],
     polished: Polished,
     predictions: Mapping[str, Prediction],
     pool: ThreadPoolExecutor,
 ) -> Patched | None:
-    """Fits the worst unexplained channel as a function of the variable it depends on most.
+    """Fits the residuals of the worst channel as a function of the variable on which they depend most.
+
+    Args:
+      campaign: the recordings.
+      state: the end of the search.
+      residuals: channel -> residuals of the final model.
+      polished: the final model, to which the lookup is added.
+      predictions: file -> recording and simulations, with the errors without the lookup.
+      pool: where the simulations run.
 
     Returns:
-      The lookup with its held-out errors; None where what is left is no function of one variable that a simulation
-      knows.
+      The lookup with its held-out errors; None if the residuals are no function of one variable that a simulation can
+      evaluate.
     """
-    lookup = patch_of_worst_channel(found, left)
+    lookup = patch_of_worst_channel(state, residuals)
     if lookup is None:
         return None
     model = with_fine_chain(polished.augmented.model.replace(patch=lookup))
@@ -52,63 +60,67 @@ def fit_patch(
         before = predictions[prepared.recording.name].errors
         return {c: (before[c].after, _rms(prepared.recording[c] - after[c])) for c in prepared.channels}
 
-    ready = [made_ready(r, campaign.sensors, found.start.clock, noise)[0] for r in campaign.holdout()]
+    ready = [made_ready(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]
     starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
     unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == HUB_TORQUE else CHANNEL_UNITS[lookup.channel]
     gains = dict(zip((p.recording.name for p in ready), pool.map(errors, ready, starts), strict=True))
     return Patched(lookup, unit, gains)
 
 
-def patch_of_worst_channel(found: SearchState, left: Mapping[str, Unexplained]) -> Patch | None:
-    """The lookup of the first unexplained channel that is a function of one variable."""
-    for channel in remainder.large_residuals(found):
-        odd = left[channel]
-        for variable, share in sorted(dependence.step_shares(odd).items(), key=lambda pair: -pair[1]):
+def patch_of_worst_channel(state: SearchState, residuals: Mapping[str, Unexplained]) -> Patch | None:
+    """The lookup of the worst channel whose residuals are a function of one variable, or of the smooth hub torque."""
+    for channel in remainder.large_residuals(state):
+        unexplained = residuals[channel]
+        for variable, share in sorted(dependence.step_shares(unexplained).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
                 break
-            lookup = patch.fit_lookup(odd.values, odd.variables[variable], odd.recording, channel, variable)
+            values = unexplained.variables[variable]
+            lookup = patch.fit_lookup(unexplained.values, values, unexplained.recording, channel, variable)
             if lookup is not None and lookup.is_simulable:
                 return lookup
-    smooth = remainder.significant_function(found)
+    smooth = remainder.significant_function(state)
     return None if smooth is None else smooth.lookup
 
 
 def why_no_patch(
-    left: Mapping[str, Unexplained], depends: Sequence[str], smooth: UnnamedFunction | None = None
+    residuals: Mapping[str, Unexplained], depends: Sequence[str], smooth: UnnamedFunction | None = None
 ) -> str:
     """Why there is no lookup, in one sentence.
 
     Args:
-      left: channel -> what is left of it, of those that are not explained.
-      depends: variables on which that depends, the first most.
-      smooth: the torque on the hub that is behind it, if there is one.
+      residuals: channel -> its residuals, of channels that are not explained.
+      depends: variables on which they depend, the strongest first.
+      smooth: the smooth torque on the hub behind them, if it is significant.
     """
     if not depends:
-        return "There is no lookup, because what is left depends on none of the variables that were asked."
+        return "There is no lookup, because the residuals depend on none of the variables that were tested."
     first = depends[0]
     if first == dependence.TRAVEL:
         return (
-            "There is no lookup, because what is left depends on how far the hub has turned since it turned round: "
-            "no function that a simulation knows."
+            "There is no lookup, because the residuals depend on how far the hub has turned since its last reversal: "
+            "a simulation evaluates no such function."
         )
     if smooth is not None and smooth.law.sided and first in smooth.law.variables:
         name = labels.variable(smooth.law.variable).label
         return (
-            f"There is no lookup, because what is left depends on the {name} and turns its sign with the direction of "
-            "the hub: no function that a simulation knows."
+            f"There is no lookup, because the residuals depend on the {name} and change their sign with the direction "
+            "of the hub: a simulation evaluates no such function."
         )
-    told = [
+    explained = [
         channel
-        for channel, odd in left.items()
-        if dependence.step_shares(odd).get(first, 0.0) >= _LEAST_SHARE
+        for channel, unexplained in residuals.items()
+        if dependence.step_shares(unexplained).get(first, 0.0) >= _LEAST_SHARE
     ]
-    if not told and first == "time":
-        return "There is no lookup, because what is left is another at the same instant of another recording."
-    if not told:
-        return "There is no lookup, because no variable alone tells what is left in every recording."
+    if not explained and first == "time":
+        return "There is no lookup, because the residuals differ at the same instant of different recordings."
+    if not explained:
+        return "There is no lookup, because no single variable explains the residuals of every recording."
     name = labels.variable(first).label
-    if not any(Patch(channel, first, *np.zeros((3, 0))).is_simulable for channel in told):
-        return f"There is no lookup, because what is left depends on the {name}: no function that a simulation knows."
+    if not any(Patch(channel, first, *np.zeros((3, 0))).is_simulable for channel in explained):
+        return (
+            f"There is no lookup, because the residuals depend on the {name}: "
+            "a simulation evaluates no such function."
+        )
     return f"There is no lookup, because too little of the range of the {name} was seen in more than one recording."
 
 

@@ -1,4 +1,4 @@
-"""Rules as data: what a rule measures, against which limit, and where the limit comes from."""
+"""Decision rules as data: statistic, limit, and the source of the limit."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
 Source = Literal["derived", "measured", "assumed", "policy"]
-"""Where a limit comes from: an equation; a benchmark; the field's practice; a decision of the user or of ours."""
+"""Source of a limit: an equation; a benchmark; the practice of the field; a decision of the user or the authors."""
 
 Trial = TypeVar("Trial")
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What one rule said.
+    """Result of one rule for one trial.
 
     Attributes:
-      rule: its name.
+      rule: name of the rule.
       value: the statistic.
-      limit: what it was held against.
-      passed: whether it keeps the limit.
+      limit: its limit.
+      passed: whether the statistic is within the limit.
     """
 
     rule: str
@@ -34,16 +34,16 @@ class Rule(Generic[Trial]):
     """A condition of the diagnosis.
 
     Attributes:
-      name: identifies it in the answer.
-      asks: the question that it answers, for people.
-      statistic: name of what it measures, with its unit.
+      name: identifies the rule in the answer.
+      asks: the question that it answers.
+      statistic: name of the statistic, with its unit.
       measure: the statistic of a trial.
-      limit: what it is held against.
+      limit: the limit of a trial.
       limit_text: the limit in words.
-      source: where the limit comes from.
-      reference: equation, benchmark with its command, or literature.
-      at_least: whether the statistic has to reach the limit; else it may not exceed it.
-      above: whether it has to exceed the limit.
+      source: source of the limit.
+      reference: equation, benchmark or literature.
+      at_least: whether the statistic has to reach the limit; otherwise it must not exceed it.
+      above: whether the statistic has to exceed the limit.
     """
 
     name: str
@@ -58,19 +58,19 @@ class Rule(Generic[Trial]):
     above: bool = False
 
     def judge(self, trial: Trial) -> Judgement:
-        """Holds a trial against the limit."""
+        """Compares the statistic of a trial with the limit."""
         value, limit = float(self.measure(trial)), float(self.limit(trial))
         passed = value > limit if self.above else value >= limit if self.at_least else value <= limit
         return Judgement(self.name, value, limit, passed)
 
 
 def judge_all(rules: Sequence[Rule[Trial]], trial: Trial) -> tuple[Judgement, ...]:
-    """The judgement of each rule."""
+    """The judgement of a trial by each rule."""
     return tuple(rule.judge(trial) for rule in rules)
 
 
 def passes(judgements: Sequence[Judgement]) -> bool:
-    """Whether all rules are kept."""
+    """Whether all judgements passed."""
     return all(judgement.passed for judgement in judgements)
 
 
@@ -79,3 +79,11 @@ def table_rows(rules: Sequence[Rule]) -> Iterator[tuple[str, str, str, str, str]
     for rule in rules:
         sign = "" if rule.above else "at least " if rule.at_least else "at most "
         yield rule.name, rule.asks, f"{rule.statistic}: {sign}{rule.limit_text}", rule.source, rule.reference
+
+
+def markdown(rules: Sequence[Rule]) -> str:
+    """The rules as a Markdown table."""
+    head = ("rule", "question", "statistic: limit", "source of the limit", "reference")
+    rule = ("---",) * len(head)
+    rows = ((f"`{name}`", *cells) for name, *cells in table_rows(rules))
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, rule, *rows))

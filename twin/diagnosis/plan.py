@@ -1,4 +1,4 @@
-"""Plans the experiment that would tell two explanations of a campaign apart, from its recordings."""
+"""Plans the experiment that discriminates between two effects as explanations of a campaign."""
 
 from __future__ import annotations
 
@@ -27,50 +27,52 @@ from twin.recording import MEASURED
 
 
 @dataclass(frozen=True)
-class Planned:
-    """What would tell two effects apart.
+class ExperimentPlan:
+    """Experiments that discriminate between two effects.
 
     Attributes:
-      names: of the two.
+      names: of the effects.
       plans: experiments, best first.
-      score: the higher of what either gains in log likelihood over the calibrated model, less its parameters' price.
+      score: the larger score of the two, each alone beside the calibrated model.
     """
 
     names: tuple[str, str]
     plans: list[Plan]
     score: float
 
-    def said(self) -> str:
-        """Returns what to record, and whether these recordings speak for either effect at all."""
+    def recommendation(self) -> str:
+        """What to record, and whether the present recordings support either effect, as sentences."""
         text = experiments.recommendation(self.plans, self.names)
         if self.score >= rules.MODEL_ERROR_SCORE:
             return text
         return (
-            f"These recordings speak for neither {self.names[0]} nor {self.names[1]}: the better one gains "
-            f"{self.score:.1f}, less than the {rules.MODEL_ERROR_SCORE:g} that a diagnosis asks for. {text}"
+            f"These recordings support neither {self.names[0]} nor {self.names[1]}: the better one gains "
+            f"{self.score:.1f}, less than the {rules.MODEL_ERROR_SCORE:g} that a diagnosis requires. {text}"
         )
 
 
-def plan(campaign: Campaign, between: tuple[str, str] | None = None, progress: Progress = silent) -> Planned:
-    """Fits two effects to a campaign, each alone, and ranks experiments by how far they drive the two apart.
+def plan(
+    campaign: Campaign, between: tuple[str, str] | None = None, progress: Progress = silent
+) -> ExperimentPlan:
+    """Fits two effects to a campaign, each alone, and ranks experiments by how well they discriminate between them.
 
     Args:
-      campaign: its fit recordings are looked at.
-      between: names of two effects; None for the two that explain most.
-      progress: told of every stage.
+      campaign: the recordings; held-out ones are not used.
+      between: names of two effects; None for the two with the largest scores.
+      progress: called with a message at every stage.
 
     Raises:
-      InputError: a name is not that of an effect, or both are the same.
+      InputError: a name is no effect of the library, or both are the same.
     """
     if between is not None:
         _check_names(between)
     with threadpool_limits(1), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         start = calibrate(campaign, pool, progress)
-        pair = _best_two(start, progress) if between is None else _fitted(start, between, progress)
+        pair = _best_two(start, progress) if between is None else _fit_each(start, between, progress)
         progress("simulating experiments")
-        plans = planned(campaign, pair, pool)
+        plans = plans_for_pair(campaign, pair, pool)
     first, second = (c.effects[-1] for c in pair)
-    return Planned((first, second), plans, max(c.score for c in pair))
+    return ExperimentPlan((first, second), plans, max(c.score for c in pair))
 
 
 def _check_names(between: tuple[str, str]) -> None:
@@ -84,24 +86,24 @@ def _check_names(between: tuple[str, str]) -> None:
 
 
 def _best_two(start: Calibration, progress: Progress) -> tuple[Candidate, Candidate]:
-    names = candidates.candidates(start.base.model, start.bench.channels())
+    names = candidates.candidate_names(start.base.model, start.bench.channels())
     first, second, *_ = candidates.explore(start.bench, start.base, names, progress).ranked
     return first, second
 
 
-def _fitted(start: Calibration, names: tuple[str, str], progress: Progress) -> tuple[Candidate, Candidate]:
+def _fit_each(start: Calibration, names: tuple[str, str], progress: Progress) -> tuple[Candidate, Candidate]:
     progress(f"fitting {names[0]} and {names[1]}")
     first, second = (candidates.try_effect(start.bench, start.base, name) for name in names)
     return first, second
 
 
 def write_torque(plans: Sequence[Plan], path: Path) -> Plan:
-    """Writes time [s] and torque_command [N m] of the best experiment that a rig's card can play, and returns it.
+    """Writes time [s] and torque_command [N m] of the best experiment that has a torque as CSV; returns its plan.
 
-    A decay is let go by hand.
+    Decays with a locked hub have none: the tip is released by hand.
 
     Raises:
-      InputError: a torque makes none of them, or the path cannot be written.
+      InputError: no experiment has a torque, or the path cannot be written.
     """
     best = next((p for p in plans if np.any(p.experiment.recording["torque_command"])), None)
     if best is None:
@@ -116,11 +118,11 @@ def write_torque(plans: Sequence[Plan], path: Path) -> Plan:
     return best
 
 
-def to_json(planned: Planned) -> dict[str, Any]:
-    """Returns the plan as plain values."""
+def to_json(plan: ExperimentPlan) -> dict[str, Any]:
+    """The plan as plain values."""
     return {
-        "between": list(planned.names),
-        "score": planned.score,
+        "between": list(plan.names),
+        "score": plan.score,
         "experiments": [
             {
                 "name": p.experiment.name,
@@ -129,18 +131,18 @@ def to_json(planned: Planned) -> dict[str, Any]:
                 "channel": p.channel,
                 "sensor_to_add": p.sensor[0] if p.sensor else None,
             }
-            for p in planned.plans
+            for p in plan.plans
         ],
     }
 
 
-PLANNING_STEP = 1e-3  # s
+PLANNING_STEP = 1e-3  # s, time step of the simulations
 
 
-def planned(
+def plans_for_pair(
     campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ThreadPoolExecutor
 ) -> list[experiments.Plan]:
-    """Experiments that would tell two candidates apart, best first."""
+    """Experiments by how well they discriminate between two candidates, best first."""
     noise = {c: s for c, s in noise_levels(campaign).items() if c in MEASURED}
     first, second = (Explanation.of_fit(c.fit, PLANNING_STEP) for c in pair)
-    return experiments.plan(first, second, noise, pool)
+    return experiments.rank(first, second, noise, pool)

@@ -1,4 +1,4 @@
-"""Every recording beside the models of a report, running freely."""
+"""Simulation of every recording by the declared, the calibrated and the final model, without measured feedback."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
-_NEARBY = 1e-3  # relative change of the break-away torque by which a prediction's reach is told
+_BREAK_AWAY_CHANGE = 1e-3  # relative change of the break-away torque for `ChannelError.reach`
 
 
 def predict(
-    campaign: Campaign, found: SearchState, polished: Polished, pool: ThreadPoolExecutor
+    campaign: Campaign, state: SearchState, polished: Polished, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
-    """Every recording beside the declared, the calibrated and the augmented model, free-running."""
+    """File -> recording and its free-running simulations by the three models of `polished`."""
     noise = noise_levels(campaign)
     augmented = polished.augmented.model
     models = (polished.declared, polished.calibrated.model, augmented)
-    found_all: dict[str, Prediction] = {}
+    predictions: dict[str, Prediction] = {}
     roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
         ("fit", campaign.fit),
         ("holdout", campaign.holdout()),
     )
     for role, recordings in roles:
         for recording in recordings:
-            prepared, left_out = made_ready(recording, campaign.sensors, found.start.clock, noise)
+            prepared, left_out = made_ready(recording, campaign.sensors, state.start.clock, noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
             errors = {c: _error(prepared, c, runs, nearby) for c in prepared.channels}
-            found_all[recording.name] = Prediction(
+            predictions[recording.name] = Prediction(
                 role, recording, before, calibrated, after, errors, left_out
             )
-    return found_all
+    return predictions
 
 
 def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Recording]:
-    """The recording as each model predicts it from its first samples and its command alone.
+    """Simulations from the first samples and the command alone: one of each model, then two of the last model.
 
-    Behind these come two runs of the last model with its break-away torque changed a little.
+    These two have a break-away torque smaller and larger by `_BREAK_AWAY_CHANGE`.
     """
     exact = [with_fine_chain(m) for m in models]
     starts = [first_state.first_state(m, prepared, pool) for m in models]
-    for share in (1 - _NEARBY, 1 + _NEARBY):
+    for share in (1 - _BREAK_AWAY_CHANGE, 1 + _BREAK_AWAY_CHANGE):
         exact.append(exact[len(models) - 1].with_break_away(share))
         starts.append(starts[len(models) - 1])
     return list(

@@ -1,4 +1,4 @@
-"""What the model that stands at the end leaves unexplained, judged by `rules.EXPLANATION`."""
+"""Residuals of the final model, judged by `rules.EXPLANATION`."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from twin.recording import HUB_TORQUE
 from twin.residuals.data import SINGLE
 
 QUIET = 1 / 3
-"""Noise levels below which a channel's declared noise is too large to be true."""
+"""Residual size [noise levels] below which the declared noise of a channel is too large."""
 
 
 def judge_channels(state: SearchState) -> dict[str, tuple[Judgement, ...]]:
-    """Channel -> what each rule of explanation says of what the model leaves of it."""
+    """Channel -> judgement of its residuals by each rule of explanation."""
     return {channel: judge_all(EXPLANATION, left) for channel, left in _leftovers(state).items()}
 
 
@@ -30,7 +30,7 @@ def unexplained_channels(state: SearchState) -> tuple[str, ...]:
 
 
 def significant_function(state: SearchState) -> UnnamedFunction | None:
-    """The likeliest smooth function of one variable behind the torque on the hub, if it is significant."""
+    """The smooth function with the largest evidence, if it is significant."""
     if not state.unnamed:
         return None
     *_, function = judge_all(EXPLANATION, _with_function(state, Leftover((), (), 0)))
@@ -38,7 +38,7 @@ def significant_function(state: SearchState) -> UnnamedFunction | None:
 
 
 def large_residuals(state: SearchState) -> tuple[str, ...]:
-    """Channels whose residual exceeds what noise and a right model leave, in several recordings; the worst first."""
+    """Channels whose residuals exceed noise in several recordings, the largest first."""
     medians: dict[str, float] = {}
     for channel, left in _leftovers(state).items():
         worst, repeated, _ = judge_all(EXPLANATION, left)
@@ -49,54 +49,54 @@ def large_residuals(state: SearchState) -> tuple[str, ...]:
 
 
 def in_one_recording(state: SearchState) -> list[tuple[int, str, float]]:
-    """Recording, channel and size of each such residual that no other recording shows in that channel."""
-    repeated, found = large_residuals(state), []
+    """Recording, channel and size of each large residual that no other recording shows in that channel."""
+    repeated, single = large_residuals(state), []
     recordings = _recordings(state.bench)
     for channel, left in _leftovers(state).items():
         worst, *_ = judge_all(EXPLANATION, left)
         if channel in repeated or worst.passed:
             continue
         for k in np.flatnonzero(excesses(left, SOUND, SIZE_DEVIATIONS) > 1).tolist():
-            found.append((recordings[channel][k], channel, float(left.sizes[k])))
-    return found
+            single.append((recordings[channel][k], channel, float(left.sizes[k])))
+    return single
 
 
 def overstated_noise(state: SearchState) -> dict[str, float]:
-    """Channel -> size of its residual in declared noise levels, of those that are much quieter than declared."""
+    """Channel -> median size of its residuals [noise levels], of channels much quieter than declared."""
     sizes = residual_sizes(state.bench, state.best)
-    usual = {
+    medians = {
         channel: float(np.median([s for (_, c), s in sizes.items() if c == channel and s > 0] or [1.0]))
         for channel in {c for _, c in sizes} - set(SINGLE)
     }
-    return {channel: size for channel, size in sorted(usual.items()) if size < QUIET}
+    return {channel: size for channel, size in sorted(medians.items()) if size < QUIET}
 
 
 def residual_sizes(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
-    """Recording and channel -> root-mean-square residual in noise levels."""
+    """Recording and channel -> root-mean-square residual [noise levels]."""
     sizes = loss.group_sizes(fit.residual, bench.data.groups, bench.weight * known_weights(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 
 def _leftovers(state: SearchState) -> dict[str, Leftover]:
-    """Channel -> what is left of it, as the rules of explanation read it; channels of single instants left out."""
+    """Channel -> its residuals as a trial of `rules.EXPLANATION`; channels of single instants are left out."""
     before = residual_sizes(state.start.bench, state.base)
     after, samples = residual_sizes(state.bench, state.best), _independent_samples(state.bench)
-    found = {}
+    leftovers = {}
     for channel, recordings in _recordings(state.bench).items():
         keys = [(i, channel) for i in recordings]
-        # A right effect leaves a part of what it explains, by the chain's discretisation.
+        # Discretisation leaves a share of the residual that a right effect explains.
         sizes = [
             float(np.sqrt(max(after[k] ** 2 - (LEFT_SHARE * before.get(k, 0.0)) ** 2, 0.0))) for k in keys
         ]
-        # The root-mean-square of n normal deviates scatters by 1/sqrt(2 n).
+        # Standard deviation of the root-mean-square of n standard normal samples: 1/sqrt(2 n).
         deviations = [1 / float(np.sqrt(2 * max(samples[k], 1.0))) for k in keys]
         left = Leftover(sizes, deviations, len(state.bench.prepared))
-        found[channel] = _with_function(state, left) if channel == HUB_TORQUE else left
-    return found
+        leftovers[channel] = _with_function(state, left) if channel == HUB_TORQUE else left
+    return leftovers
 
 
 def _with_function(state: SearchState, left: Leftover) -> Leftover:
-    """The leftover of the hub with the evidence of the likeliest smooth function, if any was asked for."""
+    """The leftover of the hub with the largest evidence of a smooth function, if any was tested."""
     if not state.unnamed:
         return left
     best = state.unnamed[0]
@@ -104,17 +104,17 @@ def _with_function(state: SearchState, left: Leftover) -> Leftover:
 
 
 def _recordings(bench: Workbench) -> dict[str, list[int]]:
-    """Channel -> recordings in which it is compared; channels of single instants left out."""
-    found: dict[str, list[int]] = {}
+    """Channel -> recordings that have it; channels of single instants are left out."""
+    recordings: dict[str, list[int]] = {}
     for group in bench.data.groups:
         if group.channel not in SINGLE:
-            found.setdefault(group.channel, []).append(group.recording)
-    return found
+            recordings.setdefault(group.channel, []).append(group.recording)
+    return recordings
 
 
 def _independent_samples(bench: Workbench) -> dict[tuple[int, str], float]:
     """Recording and channel -> number of independent samples."""
-    found = {(g.recording, g.channel): 0.0 for g in bench.data.groups}
+    samples = {(g.recording, g.channel): 0.0 for g in bench.data.groups}
     for group, count in zip(bench.groups, bench.count, strict=True):
-        found[group.recording, group.channel] += float(count)
-    return found
+        samples[group.recording, group.channel] += float(count)
+    return samples

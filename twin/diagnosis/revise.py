@@ -1,6 +1,10 @@
-"""Adopted effects looked at again: needless beside a later one, an exchangeable first pick, or of untold size.
+"""Revision of adopted effects: removed, exchanged, or set to a whole order.
 
-An effect is adopted while others are still missing, and may have gained by standing in for them.
+An effect is adopted while others are still missing, and may have gained by imitating them. So it is removed if it is
+needless beside later ones, exchanged if a close candidate of its round is better beside later ones, and withdrawn if
+its size is not determined. A small effect takes the place of an unnamed smooth function that it explains as well. An
+order over the hub angle is set to a whole number if the recordings allow it: a motor's magnets, a bearing or an encoder
+disc repeat after one turn. Behind a belt or a gear an order may be any number; then the recordings have to show it.
 """
 
 from __future__ import annotations
@@ -8,33 +12,38 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from twin.diagnosis import candidates, contest, remainder, rules
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement
-from twin.diagnosis.rules import NEEDED, REPLACEABLE, SIZE_TOLD, TOLD, Standing
+from twin.diagnosis.rules import DETERMINED, NEEDED, REPLACEABLE, SIZE_DETERMINED, Standing
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
+from twin.estimation.slopes import normal_equations
+from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 
-_QUICK = 5  # iterations of a fit that only tells whether a full one is worth while
-_FAR = 10.0  # times the least score from which such a fit is enough to keep an effect
-_ALIKE = 0.8  # share of the best score from which another candidate of a round may take its place later
-_FUNCTION_PARAMETERS = 2  # numbers that a smooth function was fitted by: its size and its length
+_QUICK_ITERATIONS = 5  # of a fit that decides whether a fit to convergence is needed
+_CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which such a fit decides
+_CLOSE = 0.8  # share of the best score of a round from which another candidate may replace the adopted one
+_FUNCTION_PARAMETERS = 2  # hyperparameters of a smooth function: standard deviation and length scale
+_WHOLE_ORDER_ITERATIONS = 5
 
 
 def revise(state: SearchState, progress: Progress = silent) -> SearchState:
-    """The state after later effects have been allowed to replace an earlier one, or to make it needless."""
+    """The state with an earlier effect exchanged or removed, if the later ones justify it."""
     if len(state.adopted) < 2:
         return state
-    progress("looking back at what was adopted")
+    progress("revising the adopted effects")
     return _without_needless(_exchanged(state))
 
 
 def _without_needless(state: SearchState) -> SearchState:
-    """The state without the effect that the model loses least by, if that is less than `needed-beside-later` asks."""
+    """The state without the effect whose removal costs least score, if it fails `needed-beside-later`."""
     names = state.names
     least = NEEDED.limit(Standing(0.0, state.gained))
     without = {name: _fit_without(state, name, least) for name in names[:-1]}
@@ -48,38 +57,38 @@ def _without_needless(state: SearchState) -> SearchState:
 
 
 def _fit_without(state: SearchState, name: str, least: float) -> Fit:
-    """The fit of all effects but one; to convergence where its loss is not clearly above `least`."""
+    """The fit without one effect; to convergence unless the loss of score is clearly above `least`."""
     effects = {n: p for n, p in state.best.model.effects.items() if n != name}
-    quick = refit(state, effects, _QUICK, state.best)
-    if candidates.score_gain(state.bench, quick, state.best) > _FAR * least:
+    quick = refit(state, effects, _QUICK_ITERATIONS, state.best)
+    if candidates.score_gain(state.bench, quick, state.best) > _CLEARLY_NEEDED * least:
         return quick
     return refit(state, effects, contest.FULL_ITERATIONS, quick)
 
 
 def _exchanged(state: SearchState) -> SearchState:
-    """The state with another candidate of an earlier round in the place of its winner, if it explains more by now."""
+    """The state with the effect of an earlier round exchanged for a close candidate, if this raises the score."""
     effects = state.best.model.effects
     best, closest, reason = None, state.best, {}
-    for pick, earlier in zip(state.names[:-1], state.rounds, strict=False):
+    for adopted, earlier in zip(state.names[:-1], state.rounds, strict=False):
         for other in _close_candidates(earlier.ranked):
             if other.name in effects:
                 continue
-            tried = {other.name if n == pick else n: p for n, p in effects.items()}
+            tried = {other.name if n == adopted else n: p for n, p in effects.items()}
             tried[other.name] = other.fit.model.effects[other.name]
-            result = refit(state, tried, _QUICK, state.best)
+            result = refit(state, tried, _QUICK_ITERATIONS, state.best)
             fewer = len(closest.unknowns) - len(result.unknowns)
-            gained = closest.cost - result.cost + candidates.price(fewer, state.bench)
+            gained = closest.cost - result.cost + candidates.penalty(fewer, state.bench)
             judgement = REPLACEABLE.judge(Standing(gained, earlier.ranked[0].score))
             if not judgement.passed:
                 best, closest = [n for n in tried if n not in state.known], result
-                reason = {pick: judgement}
+                reason = {adopted: judgement}
     return state if best is None else rebuild(state, best, closest, reason)
 
 
 def _close_candidates(ranked: Sequence[Candidate]) -> list[Candidate]:
-    """Fitted candidates of a round that explained nearly as much as its winner."""
+    """Fitted candidates of a round whose scores are close to the best."""
     best = ranked[0].score
-    least = min(_ALIKE * best, best - rules.decisive_difference(best))
+    least = min(_CLOSE * best, best - rules.decisive_difference(best))
     return [c for c in ranked[1 : contest.CONTENDERS] if c.score > least and c.is_fitted]
 
 
@@ -90,20 +99,20 @@ def refit(
     near: Fit,
     bench: Workbench | None = None,
 ) -> Fit:
-    """Fits a model with these effects, from the values of another fit.
+    """Fits a model with these effects, starting at the values of another fit.
 
     Args:
       state: of the search.
       effects: of the model: name -> parameter -> value, SI.
-      iterations: at most so many; with few, the slopes of `near` are kept.
+      iterations: maximum; with `_QUICK_ITERATIONS`, the Jacobian of `near` is kept.
       near: the other fit.
       bench: the data; by default those of the state.
     """
     bench = bench or state.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
-    unknowns = candidates.unknowns_of(bench, model, state.base)
-    first = candidates.first_values(unknowns, model, state.base, near)
-    kept = near.slopes if iterations == _QUICK else None
+    unknowns = candidates.fit_unknowns(bench, model, state.base)
+    first = candidates.initial_values(unknowns, model, state.base, near)
+    kept = near.slopes if iterations == _QUICK_ITERATIONS else None
     return minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 
@@ -116,7 +125,7 @@ def rebuild(
       state: of the search.
       names: of the effects, in their order.
       result: the fit of all of them.
-      reason: effect that is withdrawn -> the judgement that says why.
+      reason: withdrawn effect -> the judgement by which it was withdrawn.
     """
     bench, fine = contest.refit_in_fine_limit(state.bench, result)
     bench, fine = contest.refit_with_own_noise(bench, state.best, fine)
@@ -125,9 +134,9 @@ def rebuild(
     for k, name in enumerate(names):
         last = k == len(names) - 1
         effects = {n: fine.model.effects[n] for n in (*state.known, *names[: k + 1])}
-        seen = bench if last else state.start.bench
-        here = fine if last else refit(state, effects, contest.FULL_ITERATIONS, fine, seen)
-        adopted = Candidate(tuple(effects), here, candidates.score_gain(seen, before, here))
+        data = bench if last else state.start.bench
+        here = fine if last else refit(state, effects, contest.FULL_ITERATIONS, fine, data)
+        adopted = Candidate(tuple(effects), here, candidates.score_gain(data, before, here))
         others = (c for c in state.rounds[k].ranked if c.name != name)
         own = bench if last else state.rounds[k].bench
         ranked = (adopted, *others)
@@ -136,18 +145,21 @@ def rebuild(
     return state.with_adoptions(rounds, reason or {})
 
 
-def without_untold(state: SearchState) -> SearchState | None:
-    """The state without effects whose sizes are not told, if there are two or more; None otherwise.
+def without_undetermined(state: SearchState) -> SearchState | None:
+    """The state without effects whose sizes are not determined, if there are two or more; None otherwise.
 
-    Two wrong laws may add up to a right one: a spring and a cogging of two periods a turn to a spring that gets
-    stiffer, each as large as one likes as long as the other takes it away again. The size of a right one is told.
+    Two wrong laws may add up to a right one: a spring and a cogging torque of two periods a turn imitate a hardening
+    spring. Their sizes are then nearly collinear, so that neither differs from neutral by `DETERMINED` standard errors.
 
     Args:
       state: whose last fit has its standard errors.
     """
     sizes = {name: size_in_errors(state.best, name) for name in state.names}
-    untold = sum(size < TOLD for size in sizes.values())
-    judged = {name: SIZE_TOLD.judge(Standing(size=size, untold=untold)) for name, size in sizes.items()}
+    undetermined = sum(size < DETERMINED for size in sizes.values())
+    judged = {
+        name: SIZE_DETERMINED.judge(Standing(size=size, undetermined=undetermined))
+        for name, size in sizes.items()
+    }
     reason = {name: judgement for name, judgement in judged.items() if not judgement.passed}
     if not reason:
         return None
@@ -160,35 +172,37 @@ def without_untold(state: SearchState) -> SearchState | None:
 
 
 def size_in_errors(best: Fit, name: str) -> float:
-    """Distance of an effect from neutral in standard errors, by the best told of its parameters that move it there."""
+    """Distance of an effect from neutral in standard errors, the largest of its parameters that vanish at neutral."""
     effect = REGISTRY[name]
     neutral = effect.neutral(best.model.declared)
-    open_ends = {p.name: p.turned(neutral[p.name]) for p in effect.parameters if p.name not in effect.along}
+    moving = [p for p in effect.parameters if p.name not in effect.undefined_at_neutral]
+    at_neutral = {p.name: p.turned(neutral[p.name]) for p in moving}
     return max(
         (
-            abs(value - open_ends[u.name]) / error if error > 0 else 0.0
+            abs(value - at_neutral[u.name]) / error if error > 0 else 0.0
             for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True)
-            if u.owner == name and u.name in open_ends
+            if u.owner == name and u.name in at_neutral
         ),
-        default=TOLD,
+        default=DETERMINED,
     )
 
 
-def named_instead(state: SearchState) -> SearchState | None:
-    """The state with an effect in the place of the significant function that explains no more; None without one.
+def replace_function_by_effect(state: SearchState) -> SearchState | None:
+    """The state with an effect adopted in place of a significant smooth function; None if no effect explains as much.
 
-    A small effect can be too little to be told from the model's own error by its score, and still be a smooth function
-    of one variable wherever that comes back. Something is missing then; which of the two it is, is decided by their
-    likelihoods, each fitted number at its price.
+    The score of a small effect can be within the discretisation error of the model while a smooth function of one
+    variable is significant. Then an effect is missing, and the best candidate is compared with the function: its score
+    has to reach the evidence less the penalty of the two hyperparameters, and the threshold of the permutation test.
+    Cross-validated, the recordings have to gain without the one that gains most.
 
     Args:
-      state: all of whose recordings are explained but for such a function, if any.
+      state: with no large residuals left.
     """
     smooth, last = remainder.significant_function(state), state.last
     if smooth is None or remainder.large_residuals(state) or last is None or not _has_fitted_best(last):
         return None
-    least = max(smooth.evidence - candidates.price(_FUNCTION_PARAMETERS, state.bench), last.by_chance)
-    # What was not worth adopting was only fitted quickly.
+    least = max(smooth.evidence - candidates.penalty(_FUNCTION_PARAMETERS, state.bench), last.by_chance)
+    # Candidates that could not be adopted were not fitted to convergence.
     ranked = contest.fit_to_convergence(state.bench, state.best, last.ranked)
     choice = ranked[0]
     gained = rules.gain_without_best_recording(state.bench, state.best, choice)
@@ -198,12 +212,12 @@ def named_instead(state: SearchState) -> SearchState | None:
     choice = replace(choice, fit=fine, score=candidates.score_gain(bench, state.best, fine))
     if choice.score < least:
         return None
-    bench, seen = contest.refit_with_own_noise(bench, state.best, fine)
+    bench, refitted = contest.refit_with_own_noise(bench, state.best, fine)
     adopting = replace(
         last,
         ranked=(choice, *ranked[1:]),
         threshold=least,
-        adopted=replace(choice, fit=seen),
+        adopted=replace(choice, fit=refitted),
         bench=bench,
     )
     return replace(state, rounds=(*state.rounds[:-1], adopting), instead=smooth)
@@ -211,3 +225,44 @@ def named_instead(state: SearchState) -> SearchState | None:
 
 def _has_fitted_best(last: Round) -> bool:
     return bool(last.ranked) and last.ranked[0].score > 0 and last.ranked[0].is_fitted
+
+
+def with_whole_orders(bench: Workbench, best: Fit) -> Fit:
+    """The fit with each order over the hub angle at the nearest whole number, if this costs less than one parameter."""
+    for u in best.unknowns:
+        if _is_order(u):
+            whole = _at_whole(bench, best, u)
+            if whole.cost < best.cost + candidates.penalty(1, bench):
+                best = whole
+    return best
+
+
+def _is_order(u: Unknown) -> bool:
+    effect = REGISTRY.get(u.owner)
+    return (
+        effect is not None
+        and effect.wave is not None
+        and effect.wave.by_angle
+        and u.name == effect.wave.order
+    )
+
+
+def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
+    """The fit with an order fixed at the nearest whole number."""
+    index = best.unknowns.index(order)
+    kept = [k for k in range(len(best.unknowns)) if k != index]
+    unknowns = [best.unknowns[k] for k in kept]
+    whole = float(np.round(best.values[index]))
+    values = best.values[kept] + _conditional_slope(bench, best, index)[kept] * (whole - best.values[index])
+    effects = {name: dict(p) for name, p in best.model.effects.items()}
+    effects[order.owner][order.name] = whole
+    model = best.model.replace(effects=effects)
+    return minimise(bench, model, best.starts, unknowns, values, best.slopes, _WHOLE_ORDER_ITERATIONS)
+
+
+def _conditional_slope(bench: Workbench, best: Fit, index: int) -> np.ndarray:
+    """Derivative of the maximum-likelihood values of all unknowns (p) by the value of one that is fixed."""
+    information, _ = normal_equations(bench, best)
+    covariance = np.linalg.pinv(information, hermitian=True)
+    variance = covariance[index, index]
+    return covariance[:, index] / variance if variance > 0 else np.zeros(len(best.unknowns))

@@ -1,8 +1,8 @@
 """The rules that decide a diagnosis, each with its statistic, limit, source and reference.
 
-`ADOPTION` decides whether the best candidate of a round is added to the model, `REVISION` whether an adopted effect
-stays beside later ones, `EXPLANATION` whether what is left is explained. `docs/diagnosis.md` has
-their tables.
+`SCREENING` decides whether a candidate is fitted, `ADOPTION` whether the best candidate of a round is added to the
+model, `REVISION` whether an adopted effect stays beside later ones, `EXPLANATION` whether the residuals of a channel
+are explained. `docs/diagnosis.md` has their tables, written by `twin.diagnosis.judgement.markdown`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.diagnosis import chance
+from twin.diagnosis import permutation
 from twin.diagnosis.candidates import Candidate, is_resolved
 from twin.diagnosis.judgement import Judgement, Rule, judge_all
 from twin.estimation import cross_validation, loss
@@ -23,29 +23,29 @@ from twin.estimation.loss import SOUND
 from twin.estimation.workbench import Workbench
 
 MODEL_ERROR_SCORE = 30.0
-"""Score that the chain's discretisation error does not reach: up to 23 on rigs without a missing effect."""
+"""Minimum score. The discretisation error of the chain reached 23 on rigs without a missing effect."""
 MODEL_ERROR_SHARE = 2e-3
-"""Share of what earlier effects gained that their own error may gain once more: it grows with what they explain."""
+"""Share of the scores of earlier effects that their discretisation error may gain: it grows with what they explain."""
 LEAST_SHARE = 0.05
-"""Share of the misfit that an effect has to explain: less is within what the model itself gets wrong."""
+"""Share of the misfit that an effect has to explain: less is within the error of the model."""
 LEAST_ELSEWHERE = 10.0
 """Cross-validated gain without the recording that gains most: odds of 20 000 to 1."""
-TOLD = 3.0
-"""Standard errors from neutral from which the size of an effect is told."""
+DETERMINED = 3.0
+"""Standard errors from neutral from which the size of an effect counts as determined."""
 TIE, TIE_SHARE, DECISIVE_SHARE = 5.0, 0.02, 0.05
-"""Score differences that decide nothing: 5 (odds of 150 to 1), or a share of the score, as the model's error grows with
-what there is to explain: 2 % for a simpler candidate to be preferred, 5 % for two candidates to be named together."""
+"""Largest score difference of a tie: 5 (odds of 150 to 1), or a share of the score, because the error of the model
+grows with the misfit: 2 % for a simpler candidate to be preferred, 5 % for two candidates to be named together."""
 WORST_RESIDUAL = 2.0
-"""Noise levels beyond which the worst residual of a channel is not explained."""
+"""Residual of a channel [noise levels] above which its worst recording is not explained."""
 LEFT_SHARE = 0.05
-"""Share of a residual before any effect was adopted that a right effect may leave: its discretisation."""
+"""Share of a residual without adopted effects that a right effect may leave, by discretisation."""
 SIZE_DEVIATIONS, WORST_DEVIATIONS = 3.0, 5.0
-"""Standard deviations by which the size of so much noise may seem too large, of any residual and of the worst."""
+"""Standard deviations of the estimated size of noise that any residual, and the worst one, may be above 1."""
 REPEATED = 2
-"""Recordings in which a channel must show such a residual: a lone recording may be odd."""
+"""Recordings in which a channel has to show such a residual: a single recording may be faulty."""
 LEAST_EVIDENCE = 7.0
-"""Log Bayes factor of a smooth function (1100 to 1). Seven functions are asked for in every campaign, each at its
-likeliest size and length: two of some 600 nulls came to 5.1 and 5.5."""
+"""Log Bayes factor of a smooth function (1100 to 1). Seven functions are tested in every campaign, each with its
+maximum-likelihood hyperparameters: two of some 600 rigs with nothing missing reached 5.1 and 5.5."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +53,10 @@ class Trial:
     """One candidate at the decision of one round.
 
     Attributes:
-      bench: the data, for the candidate to be adopted without the chain's own error where it stands.
-      base: the fit beside which it was sought.
+      bench: the data; for a candidate to be adopted, corrected for the discretisation error at its fit.
+      base: the fit without the candidate.
       candidate: what is judged.
-      place: its place in the round's ranking, 1 for the best.
+      place: its rank in the round, 1 for the best.
       by_chance: quantile of the permutation test at the false-alarm rate.
       gained: sum of the scores of the effects adopted before.
       least_fitted: lowest score of the candidates of the round that were fitted.
@@ -74,9 +74,9 @@ class Trial:
 def gain_without_best_recording(bench: Workbench, base: Fit, best: Candidate) -> float:
     """Cross-validated gain in log likelihood without the recording that gains most.
 
-    Each recording is predicted by the fit to the others (`twin.estimation.cross_validation`): with the whole
-    calibration, or by the effect's parameters alone, whichever gains more. Where another effect is still missing, the
-    calibration without one recording, a decay say, can be far off with any effect and without.
+    Leave-one-recording-out cross-validation (`twin.estimation.cross_validation`), with all parameters from the other
+    recordings or with those of the effect alone, whichever gains more. While another effect is missing, a calibration
+    without one recording, a decay for example, can be far off with and without this effect.
     """
     with_calibration = _gains(
         bench, cross_validation.residual(bench, base), cross_validation.residual(bench, best.fit)
@@ -95,7 +95,7 @@ def _gains(bench: Workbench, before: np.ndarray, after: np.ndarray) -> np.ndarra
 
 
 def _elsewhere(trial: Trial) -> float:
-    # Of a single recording nothing can be told by the others.
+    # A single recording cannot be cross-validated.
     if len(trial.bench.prepared) < 2:
         return math.inf
     return gain_without_best_recording(trial.bench, trial.base, trial.candidate)
@@ -105,24 +105,24 @@ _NULLS = "benchmarks/results/diagnosis.md, rigs with nothing missing"
 
 SCREENING: tuple[Rule[Trial], ...] = (
     Rule(
-        "promises-enough",
-        "Does the score test promise more than the candidates that were fitted?",
-        "score test at neutral, less the price of the parameters",
+        "large-score-test",
+        "Is the score test larger than the score of the worst candidate that was fitted?",
+        "penalised score test at neutral [nat]",
         lambda t: t.candidate.score,
         lambda t: t.least_fitted,
-        "more than the least of those fitted, 3 to 6 a round",
+        "above the smallest score of the 3 to 6 that are fitted a round",
         "policy",
         "twin.diagnosis.candidates.explore",
         above=True,
     ),
 )
-"""Whether a candidate is fitted at all."""
+"""Whether a candidate is fitted."""
 
 ADOPTION: tuple[Rule[Trial], ...] = (
     Rule(
         "best-of-round",
-        "Does no other candidate of the round explain the recordings better, or as well with fewer parameters?",
-        "place in the ranking",
+        "Has no other candidate of the round a larger score, or an equal one with fewer parameters?",
+        "rank in the round",
         lambda t: t.place,
         lambda t: 1,
         "1",
@@ -132,8 +132,8 @@ ADOPTION: tuple[Rule[Trial], ...] = (
     ),
     Rule(
         "is-resolved",
-        "Is the effect larger than what data sheets of good sensors and cards leave open?",
-        "1 if it is, 0 if not",
+        "Does the effect exceed the tolerances in the data sheets of good sensors and cards?",
+        "1 if it does, 0 if not",
         lambda t: is_resolved(t.bench, t.base, t.candidate.fit),
         lambda t: 1,
         "1",
@@ -142,18 +142,18 @@ ADOPTION: tuple[Rule[Trial], ...] = (
     ),
     Rule(
         "exceeds-chance",
-        "Is the score larger than chance gives at the false-alarm rate?",
-        "penalised log-likelihood ratio",
+        "Is the score larger than by chance at the false-alarm rate?",
+        "penalised log-likelihood ratio [nat]",
         lambda t: t.candidate.score,
         lambda t: t.by_chance,
         "the (1 - rate) quantile of a sign-flip permutation test",
         "derived",
-        "twin.diagnosis.chance",
+        "twin.diagnosis.permutation",
     ),
     Rule(
         "exceeds-model-error",
-        "Is it larger than the discretisation error of the chain gives on a rig with nothing missing?",
-        "penalised log-likelihood ratio",
+        "Is the score larger than by the discretisation error of the model?",
+        "penalised log-likelihood ratio [nat]",
         lambda t: t.candidate.score,
         lambda t: MODEL_ERROR_SCORE,
         f"{MODEL_ERROR_SCORE:g}",
@@ -162,17 +162,17 @@ ADOPTION: tuple[Rule[Trial], ...] = (
     ),
     Rule(
         "exceeds-earlier-error",
-        "Is it larger than what the error of the effects adopted before gives?",
-        "penalised log-likelihood ratio",
+        "Is the score larger than by the discretisation error of the effects adopted before?",
+        "penalised log-likelihood ratio [nat]",
         lambda t: t.candidate.score,
         lambda t: MODEL_ERROR_SHARE * t.gained,
-        f"{100 * MODEL_ERROR_SHARE:g} % of their scores",
+        f"{100 * MODEL_ERROR_SHARE:g} % of the sum of their scores",
         "measured",
         "benchmarks/results/diagnosis.md, rigs with large effects",
     ),
     Rule(
         "explains-a-share",
-        "Does it explain a fair share of what is left?",
+        "Does the effect explain a sufficient share of the misfit?",
         "score over misfit",
         lambda t: t.candidate.score / max(t.bench.misfit(t.base.residual), 1e-12),
         lambda t: LEAST_SHARE,
@@ -182,8 +182,8 @@ ADOPTION: tuple[Rule[Trial], ...] = (
     ),
     Rule(
         "gains-elsewhere",
-        "Do the other recordings gain by it, each predicted by the others, even without the one that gains most?",
-        "leave-one-recording-out gain in log likelihood",
+        "Does the effect improve the prediction of recordings that its fit did not use?",
+        "leave-one-recording-out cross-validated gain in log likelihood without the best recording [nat]",
         _elsewhere,
         lambda t: LEAST_ELSEWHERE,
         f"{LEAST_ELSEWHERE:g}",
@@ -191,7 +191,8 @@ ADOPTION: tuple[Rule[Trial], ...] = (
         "odds of 20 000 to 1; twin.estimation.cross_validation",
     ),
 )
-"""Whether a candidate is added to the model; of the one to be added all hold in the limit of a fine chain."""
+"""Whether a candidate is added to the model. The scores are those in the limit of a fine chain, see
+`contest.confirm_in_fine_limit`."""
 
 
 @dataclass(frozen=True)
@@ -199,63 +200,63 @@ class Standing:
     """An adopted effect beside those adopted later.
 
     Attributes:
-      difference: score that the model loses without it, or gains with another effect in its place.
+      difference: score that the model loses without it, or gains with another candidate in its place.
       gained: sum of the scores of all adopted effects, or the score of its own round.
       size: distance of the effect from neutral, in standard errors.
-      untold: number of adopted effects whose size is not told.
+      undetermined: number of adopted effects whose size is not determined.
     """
 
     difference: float = 0.0
     gained: float = 0.0
     size: float = math.inf
-    untold: int = 0
+    undetermined: int = 0
 
 
 NEEDED: Rule[Standing] = Rule(
     "needed-beside-later",
-    "Does the model without it explain the recordings worse, the later effects refitted?",
-    "penalised log-likelihood ratio",
+    "Is the effect still needed beside the later ones?",
+    "penalised log-likelihood ratio of the models with and without it, both fitted [nat]",
     lambda s: s.difference,
     lambda s: max(MODEL_ERROR_SCORE, MODEL_ERROR_SHARE * s.gained),
-    f"{MODEL_ERROR_SCORE:g}, and {100 * MODEL_ERROR_SHARE:g} % of all scores",
+    f"the larger of {MODEL_ERROR_SCORE:g} and {100 * MODEL_ERROR_SHARE:g} % of the sum of all scores",
     "measured",
     _NULLS,
 )
 REPLACEABLE: Rule[Standing] = Rule(
     "best-beside-later",
-    "Does no close candidate of its round explain the recordings better beside the later effects?",
-    "penalised log-likelihood ratio",
+    "Is the effect still the best candidate of its round beside the later ones?",
+    "penalised log-likelihood ratio of the models with another close candidate and with it, both fitted [nat]",
     lambda s: s.difference,
     lambda s: decisive_difference(s.gained),
-    f"{TIE:g}, and {100 * DECISIVE_SHARE:g} % of the score of its round",
+    f"the larger of {TIE:g} and {100 * DECISIVE_SHARE:g} % of the score in its round",
     "assumed",
     "odds of 150 to 1",
     at_least=False,
 )
-SIZE_TOLD: Rule[Standing] = Rule(
-    "size-is-told",
-    "Is its size told, where it stands beside another effect whose size is not?",
-    "distance from neutral in standard errors",
-    lambda s: s.size if s.untold > 1 else math.inf,
-    lambda s: TOLD,
-    f"{TOLD:g}",
+SIZE_DETERMINED: Rule[Standing] = Rule(
+    "size-is-determined",
+    "Is its size determined, if there is another effect whose size is not?",
+    "distance from neutral [standard errors]",
+    lambda s: s.size if s.undetermined > 1 else math.inf,
+    lambda s: DETERMINED,
+    f"{DETERMINED:g}",
     "assumed",
-    "0.3 % of a normal distribution",
+    "two-sided normal probability 0.3 %",
 )
-REVISION = (NEEDED, REPLACEABLE, SIZE_TOLD)
+REVISION = (NEEDED, REPLACEABLE, SIZE_DETERMINED)
 """Whether an adopted effect stays."""
 
 
 @dataclass(frozen=True)
 class Leftover:
-    """What the model that stands at the end leaves of one channel, as noise levels.
+    """Residuals of one channel under the final model.
 
     Attributes:
-      sizes: (r) root-mean-square of each recording, less what a right effect may leave of it.
-      deviations: (r) standard deviation of the size of so much noise.
-      recordings: number of recordings in all.
-      evidence: log Bayes factor of the likeliest smooth function, of the hub's torque balance.
-      by_chance: evidence that chance gives at the false-alarm rate.
+      sizes: (r) root-mean-square in each recording, less the part that a right effect may leave [noise levels].
+      deviations: (r) standard deviation of this size for noise alone.
+      recordings: number of all recordings.
+      evidence: largest log Bayes factor of a smooth function; of the torque balance of the hub alone.
+      by_chance: threshold of the evidence at the false-alarm rate, by the permutation test.
       gained: sum of the scores of the adopted effects.
     """
 
@@ -268,7 +269,7 @@ class Leftover:
 
 
 def excesses(leftover: Leftover, floor: float, deviations: float) -> np.ndarray:
-    """Residual sizes (r) over the larger of a floor and the size of noise, so many deviations up."""
+    """Residual sizes (r) over the larger of a floor and 1 plus so many standard deviations."""
     limits = np.maximum(floor, 1 + deviations * np.asarray(leftover.deviations))
     return np.asarray(leftover.sizes) / limits
 
@@ -276,35 +277,37 @@ def excesses(leftover: Leftover, floor: float, deviations: float) -> np.ndarray:
 EXPLANATION: tuple[Rule[Leftover], ...] = (
     Rule(
         "worst-residual",
-        "Is the worst residual of the channel no larger than noise and a right model leave?",
-        "largest residual over its limit",
+        "Is the largest residual of the channel consistent with noise?",
+        "largest root-mean-square residual of a recording over its limit",
         lambda x: float(excesses(x, WORST_RESIDUAL, WORST_DEVIATIONS).max(initial=0.0)),
         lambda x: 1,
-        f"1, the limit being {WORST_RESIDUAL:g} noise levels, or 1 + {WORST_DEVIATIONS:g} standard deviations",
+        f"1; the limit is {WORST_RESIDUAL:g} noise levels or 1 + {WORST_DEVIATIONS:g} standard deviations",
         "measured",
         _NULLS,
         at_least=False,
     ),
     Rule(
         "repeated-residual",
-        "Do fewer than two recordings show a residual of that channel that is not sound?",
-        "number of recordings",
+        "Do fewer than two recordings have a residual of the channel above noise?",
+        "number of recordings above the limit",
         lambda x: int((excesses(x, SOUND, SIZE_DEVIATIONS) > 1).sum()),
         lambda x: min(REPEATED, x.recordings) - 1,
-        f"{REPEATED - 1}, sound being {SOUND:g} noise levels or 1 + {SIZE_DEVIATIONS:g} standard deviations",
+        f"{REPEATED - 1}, with a single recording 0; the limit is {SOUND:g} noise levels or "
+        f"1 + {SIZE_DEVIATIONS:g} standard deviations",
         "policy",
-        "a lone recording may be odd; it is noted",
+        "a single recording may be faulty; a note names it",
         at_least=False,
     ),
     Rule(
         "no-smooth-function",
-        "Is what is left of the torque balance no smooth function of one variable?",
-        "log Bayes factor",
+        "Is no smooth torque on the hub over one variable significant?",
+        "log Bayes factor of a Gaussian process",
         lambda x: x.evidence,
         lambda x: max(LEAST_EVIDENCE, MODEL_ERROR_SHARE * x.gained, x.by_chance),
-        f"{LEAST_EVIDENCE:g}, {100 * MODEL_ERROR_SHARE:g} % of all scores, and what chance gives",
+        f"the largest of {LEAST_EVIDENCE:g}, {100 * MODEL_ERROR_SHARE:g} % of the sum of all scores, and the "
+        "(1 - rate) quantile of a sign-flip permutation test",
         "measured",
-        f"{_NULLS}: 5.1 and 5.5 in two of 600",
+        f"{_NULLS}: at most 5.5 in some 600",
         at_least=False,
     ),
 )
@@ -317,7 +320,7 @@ RULES: dict[str, Rule[Any]] = {rule.name: rule for rule in _ALL}
 
 
 def judge_candidate(trial: Trial) -> tuple[Judgement, ...]:
-    """What each rule of adoption says of a candidate; of one that was not fitted, why."""
+    """Judgement of a fitted candidate by the rules of adoption, of any other by the rule of screening."""
     return judge_all(ADOPTION if trial.candidate.is_fitted else SCREENING, trial)
 
 
@@ -327,12 +330,12 @@ def tie(score: float) -> float:
 
 
 def decisive_difference(score: float) -> float:
-    """Score difference from which one of two candidates is decided for."""
+    """Score difference from which the better of two candidates is decided on."""
     return max(TIE, DECISIVE_SHARE * score)
 
 
 def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]:
-    """Sets of effects of the adopting rounds whose scores differ by less than decides."""
+    """Sets of effects of one round whose scores are within `decisive_difference` of the best."""
     sets = []
     for ranked in rounds:
         alike = [c.name for c in ranked if c.score > ranked[0].score - decisive_difference(ranked[0].score)]
@@ -342,7 +345,7 @@ def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]
 
 
 def closest_pair(rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, Candidate] | None:
-    """The best two candidates of the first round in which their scores differ by less than decides."""
+    """The best two candidates of the first round in which their scores are within `decisive_difference`."""
     for ranked in rounds:
         if len(ranked) > 1 and ranked[1].score > ranked[0].score - decisive_difference(ranked[0].score):
             return ranked[0], ranked[1]
@@ -350,10 +353,10 @@ def closest_pair(rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, Cand
 
 
 def probabilities(ranked: Sequence[Candidate], draws: np.ndarray) -> dict[str, float]:
-    """Probability of each candidate of one round to be the missing effect.
+    """Posterior probability of each candidate of one round to be the missing effect.
 
-    Odds are exp(score difference), tempered by 2 % of the best score for the model's own error; what is left to chance
-    is bounded by the p-value of the permutation test (`chance.posterior_bound`).
+    Odds are exp(score difference / scale). The scale is 2 % of the best score, for the error of the model, and at least
+    1. The sum of the probabilities is `permutation.posterior_bound` of the p-value of the best score.
 
     Args:
       ranked: the candidates, best first.
@@ -362,5 +365,5 @@ def probabilities(ranked: Sequence[Candidate], draws: np.ndarray) -> dict[str, f
     scores = np.array([c.score for c in ranked])
     scale = max(1.0, TIE_SHARE * max(scores.max(), 0.0))
     weights = np.exp((scores - scores.max()) / scale)
-    weights *= chance.posterior_bound(chance.p_value(draws, scores.max())) / weights.sum()
+    weights *= permutation.posterior_bound(permutation.p_value(draws, scores.max())) / weights.sum()
     return {c.name: float(w) for c, w in zip(ranked, weights, strict=True)}

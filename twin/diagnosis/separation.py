@@ -1,16 +1,17 @@
-"""How far two explanations are apart on an experiment once both have given way to it, in noise levels.
+"""Difference of the predictions of two fitted models on a new experiment, after both are refitted to it.
 
-Whoever records it fits again: what parameters can do within the errors that the old recordings and the declaration
-leave them tells nothing apart. To first order an explanation predicts the channels y with the covariance J C J', C of
-its parameters, and what counts of the difference d is what the moves a, b of the two leave of it (G. E. P. Box and
-W. J. Hill, 1967):
+The new recording is fitted, too. So a difference that parameters can compensate within their covariance, which the old
+recordings and the declared uncertainty leave, does not discriminate. To first order the predictions have the
+covariance J C J', C that of the parameters, and of the difference d there remains (G. E. P. Box and W. J. Hill, 1967)
 
     min over a, b of |d + J2 b - J1 a|^2 / level^2 + a' C1^-1 a + b' C2^-1 b
 
-What cannot be predicted counts as noise in the level: what a break-away torque 0.1 % off changes, and what a move of
-all other parameters does beyond the slopes, such as a hub that sticks between two swings or does not. Break-away
-torques have a slope but no part in that move: the recording itself shows where the hub sticks.
-Of the hub angle, which drifts without end under the smallest torque, the change over a short time counts.
+where a, b are the changes of the parameters of the two models. Errors that cannot be predicted are added to the noise
+level: the change of the prediction by a break-away torque 0.1 % off, and its nonlinear change when all other parameters
+move by one standard deviation, as of a hub that sticks at another instant. Break-away torques have a derivative, but
+no part in this nonlinear change: the recording itself shows where the hub sticks.
+
+The hub angle drifts without bound under the smallest torque error; its change over a short time is compared instead.
 """
 
 from __future__ import annotations
@@ -28,24 +29,24 @@ from twin.recording import Recording
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
-_NEARBY = 1e-3  # relative change of the break-away torque
-_TURN = 2.8  # rad, how far a hub with wires may turn; assumed
-_MEMORY = 0.5  # s, over which the change of the hub angle is compared
-_SLOPES = 4  # axes of an explanation that have one; what the others do counts as noise
+_BREAK_AWAY_CHANGE = 1e-3  # relative change of the break-away torque
+_LARGEST_ANGLE = 2.8  # rad, to which the wires let the hub turn; assumed
+_ANGLE_SPAN = 0.5  # s, over which the change of the hub angle is compared
+_MOST_AXES = 4  # principal axes with a derivative; the changes by all others count as noise
 _BREAK_AWAY = ("static_friction", "static_positive", "static_negative")
-_RUNAWAY = 1e6  # noise levels, of a simulation that ran away
+_DIVERGED = 1e6  # noise levels, clip for diverged simulations
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A fitted model, and how far its parameters may yet move, each by one standard deviation.
+    """A fitted model with the covariance of its parameters, as moves of one standard deviation.
 
     Attributes:
       model: at the fitted values.
-      unknowns: parameters of the rig and of its effects (p).
-      values: (p) as a fit moves them.
-      axes: (k x p) principal axes of the covariance, break-away torques apart, the least known first.
-      break_away: (b x p) moves of the break-away torques, each alone; k + b = p.
+      unknowns: (p) parameters of the rig and of its effects.
+      values: (p) fitted numbers.
+      axes: (k x p) principal axes of the covariance without break-away torques, the largest first.
+      break_away: (b x p) standard deviation of each break-away torque; k + b = p.
     """
 
     model: Model
@@ -58,53 +59,53 @@ class Explanation:
     def of(
         model: Model, unknowns: Sequence[Unknown], values: np.ndarray, covariance: np.ndarray
     ) -> Explanation:
-        """That of unknowns at values (p) with a covariance (p x p), whose axes are in units of the unknowns' scales."""
-        sticks = np.array([u.name in _BREAK_AWAY for u in unknowns], dtype=bool)
+        """From values (p) of the unknowns and their covariance (p x p); principal axes in units of their scales."""
+        static = np.array([u.name in _BREAK_AWAY for u in unknowns], dtype=bool)
         scale = np.array([u.scale for u in unknowns])
-        own = scale[~sticks]
-        variances, vectors = np.linalg.eigh(covariance[np.ix_(~sticks, ~sticks)] / np.outer(own, own))
+        own = scale[~static]
+        variances, vectors = np.linalg.eigh(covariance[np.ix_(~static, ~static)] / np.outer(own, own))
         axes = np.zeros((len(own), len(scale)))
-        axes[:, ~sticks] = ((vectors * np.sqrt(np.maximum(variances, 0.0))).T * own)[::-1]
-        break_away = np.diag(np.sqrt(np.diag(covariance)))[sticks]
+        axes[:, ~static] = ((vectors * np.sqrt(np.maximum(variances, 0.0))).T * own)[::-1]
+        break_away = np.diag(np.sqrt(np.diag(covariance)))[static]
         return Explanation(model, tuple(unknowns), values, axes, break_away)
 
     @staticmethod
     def of_fit(fitted: Fit, step: float) -> Explanation:
-        """That of a fit, to be simulated with a step [s]; states at first samples and the card's clock are left out."""
+        """From a fit, without first states and clock; simulated with this time step [s]."""
         kept = [j for j, u in enumerate(fitted.unknowns) if u.of_rig]
         unknowns = [fitted.unknowns[j] for j in kept]
         covariance = fitted.covariance[np.ix_(kept, kept)]
         return Explanation.of(fitted.model.replace(step=step), unknowns, fitted.values[kept], covariance)
 
     def moved(self, move: np.ndarray) -> Model:
-        """The model with its unknowns moved (p), as far as their bounds let them."""
+        """The model with its unknowns changed by `move` (p), within their bounds."""
         low, high = np.array([u.bounds for u in self.unknowns]).T
         return placed(self.model, self.unknowns, np.clip(self.values + move, low, high))
 
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """What two explanations predict differently on an experiment; m samples.
+    """Difference of the predictions of two explanations on an experiment of m samples.
 
     Attributes:
-      apart: channel -> (m) second minus first [noise levels].
-      slopes: channel -> (m x s) what moves of either by one standard deviation change in it [noise levels].
-      evidence: independent pieces of evidence in a sample of a channel.
+      values: channel -> (m) second minus first [noise levels].
+      slopes: channel -> (m x s) change of it by a move of either of one standard deviation [noise levels].
+      independent: number of independent samples in one sample of a channel.
     """
 
-    apart: Mapping[str, np.ndarray]
+    values: Mapping[str, np.ndarray]
     slopes: Mapping[str, np.ndarray]
-    evidence: float
+    independent: float
 
-    def left(self, channels: Sequence[str]) -> dict[str, float]:
-        """Channel -> RMS difference [noise levels] that is left if these channels are recorded and fitted."""
+    def after_refit(self, channels: Sequence[str]) -> dict[str, float]:
+        """Channel -> root-mean-square difference that remains when these channels are fitted [noise levels]."""
         if not channels:
             return {}
-        apart = np.concatenate([self.apart[c] for c in channels])
+        values = np.concatenate([self.values[c] for c in channels])
         slopes = np.concatenate([self.slopes[c] for c in channels])
-        information = self.evidence * slopes.T @ slopes + np.eye(slopes.shape[1])
-        move = -np.linalg.solve(information, self.evidence * slopes.T @ apart)
-        return {c: _rms(self.apart[c] + self.slopes[c] @ move) for c in channels}
+        information = self.independent * slopes.T @ slopes + np.eye(slopes.shape[1])
+        move = -np.linalg.solve(information, self.independent * slopes.T @ values)
+        return {c: _rms(self.values[c] + self.slopes[c] @ move) for c in channels}
 
 
 def difference(
@@ -114,63 +115,66 @@ def difference(
     recording: Recording,
     added_mass: float = 0.0,
 ) -> Difference | None:
-    """Simulates an experiment under two explanations; None if the hub turns too far.
+    """Difference of the predictions of an experiment by two explanations; None if the hub turns too far.
 
     Args:
+      first, second: the explanations.
       noise: channel -> standard deviation of its noise, SI: the channels that are compared.
       recording: time [s] and torque_command [N m].
-      added_mass: payload added [kg].
+      added_mass: added payload [kg].
     """
-    asked = _with_channels(recording, {*noise, "hub_angle"})
+    template = _with_channels(recording, {*noise, "hub_angle"})
 
     def run(model: Model) -> Recording:
-        return simulate(loaded(model, added_mass), asked, Start())
+        return simulate(with_added_mass(model, added_mass), template, Start())
 
     one, other = run(first.model), run(second.model)
-    if any(np.abs(r["hub_angle"]).max() > _TURN for r in (one, other)):
+    if any(np.abs(r["hub_angle"]).max() > _LARGEST_ANGLE for r in (one, other)):
         return None
-    near = [run(first.model.with_break_away(share)) for share in (1 - _NEARBY, 1 + _NEARBY)]
+    near = [
+        run(first.model.with_break_away(share)) for share in (1 - _BREAK_AWAY_CHANGE, 1 + _BREAK_AWAY_CHANGE)
+    ]
     moves = [_Moves(e, at, run) for e, at in ((first, one), (second, other))]
-    apart, slopes = {}, {}
+    values, slopes = {}, {}
     for channel, sigma in noise.items():
         change = _compared(channel, recording.time, sigma)
         by_break_away = max(_rms(change(r[channel], one[channel])) for r in near)
-        level = np.linalg.norm([1.0, by_break_away, *(m.beyond(channel, change) for m in moves)])
+        level = np.linalg.norm([1.0, by_break_away, *(m.nonlinear(channel, change) for m in moves)])
         columns = [column for m in moves for column in m.slopes(channel, change)]
-        apart[channel] = change(other[channel], one[channel]) / level
+        values[channel] = change(other[channel], one[channel]) / level
         slopes[channel] = np.reshape(columns, (len(columns), len(recording))).T / level
-    return Difference(apart, slopes, recording.period / CORRELATION)
+    return Difference(values, slopes, recording.period / CORRELATION)
 
 
 Compared = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class _Moves:
-    """Runs of an explanation moved: along some axes, by each break-away torque, and along all axes the other way."""
+    """Simulations of an explanation moved along its first axes, by each break-away torque, and back along all axes."""
 
     def __init__(self, explanation: Explanation, at: Recording, run: Callable[[Model], Recording]):
         axes = explanation.axes
         self._at = at
-        self._along = [run(explanation.moved(axis)) for axis in axes[:_SLOPES]]
+        self._along = [run(explanation.moved(axis)) for axis in axes[:_MOST_AXES]]
         self._break_away = [run(explanation.moved(axis)) for axis in explanation.break_away]
         self._back = run(explanation.moved(-axes.sum(axis=0))) if len(axes) else at
 
     def slopes(self, channel: str, change: Compared) -> list[np.ndarray]:
-        """Change (m) of a channel along each axis, and with each break-away torque."""
+        """Change (m) of a channel by a move along each of the first axes, and of each break-away torque."""
         return [change(r[channel], self._at[channel]) for r in (*self._along, *self._break_away)]
 
-    def beyond(self, channel: str, change: Compared) -> float:
-        """RMS of what the move along all axes does beyond the slopes."""
+    def nonlinear(self, channel: str, change: Compared) -> float:
+        """Root-mean-square change by a move back along all axes that the slopes do not predict."""
         there = sum(change(r[channel], self._at[channel]) for r in self._along)
         return _rms(change(self._back[channel], self._at[channel]) + there)
 
 
 def _compared(channel: str, time: np.ndarray, sigma: float) -> Compared:
-    """Difference (m) of two runs in a channel whose noise is sigma, in that noise."""
-    earlier = np.searchsorted(time, time - _MEMORY)
+    """Function of two runs (m) of a channel: their difference in units of its noise sigma."""
+    earlier = np.searchsorted(time, time - _ANGLE_SPAN)
 
     def change(run: np.ndarray, other: np.ndarray) -> np.ndarray:
-        values = np.clip(np.nan_to_num((run - other) / sigma, nan=_RUNAWAY), -_RUNAWAY, _RUNAWAY)
+        values = np.clip(np.nan_to_num((run - other) / sigma, nan=_DIVERGED), -_DIVERGED, _DIVERGED)
         return (values - values[earlier]) / np.sqrt(2) if channel == "hub_angle" else values
 
     return change
@@ -181,13 +185,13 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _with_channels(recording: Recording, channels: Iterable[str]) -> Recording:
-    """The recording with empty channels: a simulation fills those that it is asked for."""
+    """The recording with these channels, all zero, as a template of what a simulation returns."""
     blank = np.zeros(len(recording))
     return recording.replace(channels={**recording.channels, **{c: blank for c in channels}})
 
 
-def loaded(model: Model, added_mass: float) -> Model:
-    """The model with more payload, whatever effect moved the payload before."""
+def with_added_mass(model: Model, added_mass: float) -> Model:
+    """The model with more payload [kg], also where an effect replaces the declared payload."""
     if added_mass == 0:
         return model
     declared = model.declared.replace(tip_mass=model.declared["tip_mass"] + added_mass)

@@ -1,7 +1,9 @@
-"""Orders and phases of effects that repeat with the angle or with time, from the spectrum of what is unexplained.
+"""Order and phase of effects that are periodic in the hub angle or in time, from a spectrum of the residuals.
 
-At neutral the order of a wave has no slope. For each order of a grid the residual is regressed on sine and cosine,
-the declared parameters free to give way; where the gain peaks, a fit can start.
+At neutral, where the amplitude is 0, the residual does not depend on the order of a wave, so that a fit cannot find
+it. For each order on a grid the residual is regressed on sine and cosine of the wave, with the unknowns of the fit as
+nuisance parameters (a least-squares spectrum). The gain in log likelihood over the order is the spectrum; a fit starts
+from its peaks.
 """
 
 from __future__ import annotations
@@ -26,81 +28,83 @@ from twin.residuals.filters import GRID, low_passed, passed
 from twin.residuals.view import View, move, whitened
 from twin.rigs.model import Model
 
-_PEAKS = 3
-_LOUDEST = 3  # frequencies at which a base is tried that shakes
-_ABOUT = 60  # frequencies to either side that tell how loud the noise is about one
-_AT_ONCE = 16  # orders of one piece of work
-_MODES = 3
-_FINEST = 0.05  # smallest step of an order
-_ON_LINK = ("reading", "resonance", "shake")  # what strains tell, too
+_PEAKS = 3  # peaks of a spectrum that are returned
+_MOST_BASE_FREQUENCIES = 3  # frequencies at which an acceleration of the base is tried
+_NEIGHBOURS = 60  # grid points to either side over which the local level of a spectrum is taken
+_CHUNK = 16  # orders of one task of a thread
+_MODES = 3  # clamped modes of a modal response
+_SMALLEST_STEP = 0.05  # of the order
+_SEEN_BY_STRAINS = ("reading", "resonance", "shake")
+"""Kinds of wave whose regression uses the sensors of the link, too."""
 _HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0}
 _LOWEST = {"torque": 1.0, "friction": 1.0, "reading": 1.0, "time": 0.1, "resonance": 5.0}
+"""Ends of the grid, per radian; of "time" and "resonance" [Hz]."""
 
 Columns = dict[int, np.ndarray]
-"""Index of a group -> (k, orders, rows) slopes of its residual."""
+"""Index of a group -> (k, orders, rows) derivatives of its residual."""
 
 
 @dataclass(frozen=True)
 class Peak:
-    """A place in the spectrum.
+    """A peak of a spectrum.
 
     Attributes:
-      order: of the wave, per radian; of a wave in time or a resonance its frequency [Hz].
-      coefficients: (k) by regression.
-      gain: drop of half the weighted squares.
-      rivals: number of peaks in the spectrum, this one among them.
-      level: how high the spectrum over time is about this place, in that of white noise; 1 of any other spectrum.
-      acts: as what: see `Wave`, or "shake", an acceleration of the base.
+      order: of the wave [per radian]; of a wave in time or a resonance its frequency [Hz].
+      coefficients: (k) of the regression.
+      gain: drop of half the weighted sum of squares.
+      comparisons: number of peaks of the spectrum.
+      level: local level of a spectrum over time in units of white noise; 1 of any other spectrum.
+      acts: kind of the wave, see `Wave.acts`; "shake" is an acceleration of the base.
     """
 
     order: float
     coefficients: tuple[float, ...]
     gain: float
-    rivals: int = 1
+    comparisons: int = 1
     level: float = 1.0
     acts: str = ""
 
 
 def spectral_peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, ...]:
-    """The highest peaks of the spectrum, best first."""
+    """The highest peaks of the spectrum of an effect with a wave, by gain, highest first."""
     scan = _Scan.of(bench, base, _wave(effect).acts)
     if scan is None:
         return ()
     orders = _grid(scan.acts, list(scan.motions.values()))
-    chunks = np.array_split(orders, max(1, len(orders) // _AT_ONCE))
-    found = [peak for some in bench.pool.map(scan.at, chunks) for peak in some]
-    gains = np.array([peak.gain for peak in found])
-    tops = _tops(gains)
-    best = tops[np.argsort(-gains[tops])[:_PEAKS]]
+    chunks = np.array_split(orders, max(1, len(orders) // _CHUNK))
+    points = [point for some in bench.pool.map(scan.at, chunks) for point in some]
+    gains = np.array([point.gain for point in points])
+    maxima = _local_maxima(gains)
+    best = maxima[np.argsort(-gains[maxima])[:_PEAKS]]
     in_time = scan.acts == "time"
     highest = [
-        replace(found[k], rivals=len(tops), level=_level(gains, k) if in_time else 1.0)
+        replace(points[k], comparisons=len(maxima), level=_local_level(gains, k) if in_time else 1.0)
         for k in best
-        if found[k].gain > 0
+        if points[k].gain > 0
     ]
-    shaken = _shaken(bench, base, orders) if in_time else []
-    # By chance a coefficient gains a half.
-    return tuple(sorted([*highest, *shaken], key=lambda peak: -peak.gain + 0.5 * len(peak.coefficients)))
+    of_base = _base_acceleration_peaks(bench, base, orders) if in_time else []
+    # The expected gain of a coefficient in noise is 1/2.
+    return tuple(sorted([*highest, *of_base], key=lambda peak: -peak.gain + 0.5 * len(peak.coefficients)))
 
 
-def _shaken(bench: Workbench, base: Fit, frequencies: np.ndarray) -> list[Peak]:
-    """The best frequency for an acceleration of the base along x and y, among those at which most is unexplained."""
+def _base_acceleration_peaks(bench: Workbench, base: Fit, frequencies: np.ndarray) -> list[Peak]:
+    """The best of the few frequencies with the strongest residuals, for an acceleration of the base; or none."""
     scan = _Scan.of(bench, base, "shake")
     if scan is None:
         return []
-    loud = _loudness(scan, frequencies)
-    tops = _tops(loud)
-    about = np.array([_usual(loud, k) for k in tops])
-    chosen = np.argsort(-loud[tops] / about)[:_LOUDEST]
-    peaks = scan.at(frequencies[tops[chosen]])
+    power = _residual_power(scan, frequencies)
+    maxima = _local_maxima(power)
+    levels = np.array([_local_median(power, k) for k in maxima])
+    chosen = np.argsort(-power[maxima] / levels)[:_MOST_BASE_FREQUENCIES]
+    peaks = scan.at(frequencies[maxima[chosen]])
     best = int(np.argmax([peak.gain for peak in peaks]))
     if peaks[best].gain <= 0:
         return []
-    return [replace(peaks[best], rivals=len(tops), level=max(1.0, float(about[chosen[best]])))]
+    return [replace(peaks[best], comparisons=len(maxima), level=max(1.0, float(levels[chosen[best]])))]
 
 
-def _loudness(scan: _Scan, frequencies: np.ndarray) -> np.ndarray:
-    """Power of what is unexplained (f) at evenly spaced frequencies [Hz], in that of most of them."""
+def _residual_power(scan: _Scan, frequencies: np.ndarray) -> np.ndarray:
+    """Power spectrum (f) of the residuals at evenly spaced frequencies [Hz], relative to its median."""
     size = next_fast_len(round(1 / ((frequencies[1] - frequencies[0]) * GRID)))
     total = np.zeros(len(frequencies))
     for group in (scan.bench.data.groups[k] for k in scan.groups):
@@ -111,46 +115,46 @@ def _loudness(scan: _Scan, frequencies: np.ndarray) -> np.ndarray:
     return total / np.median(total)
 
 
-def _tops(spectrum: np.ndarray) -> np.ndarray:
-    """Indices of the peaks of a spectrum (o), its ends among them."""
-    inner = np.r_[-np.inf, spectrum, -np.inf]
-    return np.flatnonzero((inner[1:-1] >= inner[:-2]) & (inner[1:-1] > inner[2:]))
+def _local_maxima(spectrum: np.ndarray) -> np.ndarray:
+    """Indices of the local maxima of a spectrum (o), its ends included."""
+    padded = np.r_[-np.inf, spectrum, -np.inf]
+    return np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]))
 
 
-def _level(gains: np.ndarray, place: int) -> float:
-    """Median of a spectrum (o) of sine and cosine about a place, over that of white noise; at least 1."""
-    return max(1.0, _usual(gains, place) / float(np.log(2)))
+def _local_level(gains: np.ndarray, index: int) -> float:
+    """Local median of a spectrum (o) of two coefficients over that of white noise, log 2; at least 1."""
+    return max(1.0, _local_median(gains, index) / float(np.log(2)))
 
 
-def _usual(spectrum: np.ndarray, place: int) -> float:
-    """Median of a spectrum (o) about a place."""
-    return float(np.median(spectrum[max(place - _ABOUT, 0) : place + _ABOUT + 1]))
+def _local_median(spectrum: np.ndarray, index: int) -> float:
+    """Median of a spectrum (o) over the neighbours of an index."""
+    return float(np.median(spectrum[max(index - _NEIGHBOURS, 0) : index + _NEIGHBOURS + 1]))
 
 
 def wave_slopes(bench: Workbench, base: Fit, effect: Effect, peak: Peak) -> np.ndarray:
-    """Slopes (n x k) of the residual for the wave at one of its `spectral_peaks`, for `fit.slope_gain`."""
+    """Derivatives (n x k) of the residual by the coefficients of the wave at one of its `spectral_peaks`."""
     scan = _Scan.of(bench, base, peak.acts)
     if scan is None:
         return np.zeros((len(base.residual), 0))
     parts = scan.columns(np.array([peak.order]))
-    found = np.zeros((len(base.residual), len(next(iter(parts.values())))))
+    slopes = np.zeros((len(base.residual), len(next(iter(parts.values())))))
     for index, columns in parts.items():
-        found[bench.data.groups[index].rows] = columns[:, 0].T
-    return found
+        slopes[bench.data.groups[index].rows] = columns[:, 0].T
+    return slopes
 
 
 @dataclass(frozen=True)
 class _Scan:
-    """The base's part of the regressions, computed once.
+    """The part of the regressions that is the same at all orders.
 
     Attributes:
-      bench, base: the fit to look beyond.
+      bench, base: the data and the fit whose residuals are regressed.
       weights: (n) of the residual.
-      information, gradient: of the base's unknowns (p x p), (p).
-      acts: see `Peak`.
-      groups: indices of those that are told anything.
-      motions: recording -> motion of those.
-      columns: orders (o) to slopes: index of a group -> (k, o, rows).
+      information, gradient: of the unknowns of the fit (p x p), (p).
+      acts: kind of the wave, see `Peak.acts`.
+      groups: indices of the groups of residuals that the wave changes.
+      motions: recording -> its motion, of the recordings of these groups.
+      columns: from orders (o) to derivatives: index of a group -> (k, o, rows).
     """
 
     bench: Workbench
@@ -166,10 +170,12 @@ class _Scan:
     @staticmethod
     def of(bench: Workbench, base: Fit, acts: str) -> _Scan | None:
         data = cast(DrivenData, bench.data)
-        seen = [(k, g) for k, g in enumerate(data.groups) if g.channel not in (*SINGLE, "motor_torque")]
-        free = {i for i, p in enumerate(data.prepared) if p.hub is not None or acts == "shake"}
+        usable = [(k, g) for k, g in enumerate(data.groups) if g.channel not in (*SINGLE, "motor_torque")]
+        moving = {i for i, p in enumerate(data.prepared) if p.hub is not None or acts == "shake"}
         groups = [
-            (k, g) for k, g in seen if g.recording in free and (acts in _ON_LINK or g.channel == "hub_torque")
+            (k, g)
+            for k, g in usable
+            if g.recording in moving and (acts in _SEEN_BY_STRAINS or g.channel == "hub_torque")
         ]
         if not groups:
             return None
@@ -180,29 +186,29 @@ class _Scan:
         views = {i: data.views[i] for i in motions}
 
         def columns(orders: np.ndarray) -> Columns:
-            found: Columns = {}
+            slopes: Columns = {}
             for i, motion in motions.items():
                 waves = _waves(acts, orders, motion)
                 parts = _responses(acts, orders, waves, views[i], base.model)
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
-                        found[k] = (
+                        slopes[k] = (
                             parts[g.channel] * bench.weight[g.rows] / views[i].swell.get(g.channel, 1.0)
                         )
-            return found
+            return slopes
 
         weights = row_weights(bench, base.residual)
         information, gradient = normal_equations(bench, base)
-        told = tuple(k for k, _ in groups)
-        return _Scan(bench, base, weights, information, gradient, acts, told, motions, columns)
+        indices = tuple(k for k, _ in groups)
+        return _Scan(bench, base, weights, information, gradient, acts, indices, motions, columns)
 
     def at(self, orders: np.ndarray) -> list[Peak]:
-        """The regressions at some orders (o)."""
+        """The points of the spectrum at some orders (o)."""
         J, r, w = self.base.jacobian, self.base.residual, self.weights
-        found = self.columns(orders)
-        k, count, p = len(next(iter(found.values()))), len(orders), J.shape[1]
+        slopes = self.columns(orders)
+        k, count, p = len(next(iter(slopes.values()))), len(orders), J.shape[1]
         squares, mixed, slope = np.zeros((count, k, k)), np.zeros((k, count, p)), np.zeros((k, count))
-        for index, columns in found.items():
+        for index, columns in slopes.items():
             rows = self.bench.data.groups[index].rows
             weighted = columns * w[rows]
             squares += weighted.transpose(1, 0, 2) @ columns.transpose(1, 2, 0)
@@ -226,12 +232,20 @@ def _regression(
     inverse: np.ndarray,
     gradient: np.ndarray,
 ) -> Peak:
-    """The wave's normal equations with the base's unknowns (p) eliminated, solved."""
-    left = squares - mixed @ inverse @ mixed.T
-    pull = slope - mixed @ inverse @ gradient
-    scale = np.sqrt(np.maximum(np.diag(left), 1e-300))
-    move = -np.linalg.lstsq(left / np.outer(scale, scale), pull / scale, rcond=1e-6)[0] / scale
-    return Peak(order, tuple(move.tolist()), float(-0.5 * pull @ move))
+    """Least squares for the wave, the unknowns of the fit (p) eliminated by their Schur complement.
+
+    Args:
+      order: of the wave.
+      squares, slope: information (k x k) and gradient (k) of its coefficients.
+      mixed: (k x p) information shared with the unknowns.
+      inverse, gradient: inverse information (p x p) and gradient (p) of the unknowns.
+    """
+    reduced = squares - mixed @ inverse @ mixed.T
+    reduced_gradient = slope - mixed @ inverse @ gradient
+    scale = np.sqrt(np.maximum(np.diag(reduced), 1e-300))
+    system, right = reduced / np.outer(scale, scale), reduced_gradient / scale
+    move = -np.linalg.lstsq(system, right, rcond=1e-6)[0] / scale
+    return Peak(order, tuple(move.tolist()), float(-0.5 * reduced_gradient @ move))
 
 
 def _wave(effect: Effect) -> Wave:
@@ -241,30 +255,33 @@ def _wave(effect: Effect) -> Wave:
 
 
 def _grid(acts: str, motions: Sequence[Motion]) -> np.ndarray:
-    """Orders close enough that no peak falls between two."""
+    """Orders (o) at a distance of less than the width of a peak."""
     if acts == "resonance":
         return np.arange(_LOWEST[acts], _HIGHEST[acts], 0.25)
     if acts == "time":
         step = 0.35 / max(m.time[-1] - m.time[0] for m in motions)
         return np.arange(_LOWEST[acts], _HIGHEST[acts], step)
     widest = max(float(np.ptp(m.angles[:, 0])) for m in motions)
-    low = _LOWEST[acts]  # what repeats with a turning part does so at least once a turn
-    return np.arange(low, max(_HIGHEST[acts], 2 * low), max(1.0 / max(widest, 1e-3), _FINEST))
+    low = _LOWEST[acts]  # a rotating part has at least one period a turn
+    return np.arange(low, max(_HIGHEST[acts], 2 * low), max(1.0 / max(widest, 1e-3), _SMALLEST_STEP))
 
 
 def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
-    """Sine and cosine (k, o, m) of the orders, as they act; of a level of friction its mean as well.
+    """Sine and cosine (k, o, m) of each order, as a function of the variable on which the wave depends.
 
-    Of a resonance, the angle (1, o, m) against the hub.
+    Of a friction level they are multiplied by the direction, with a constant as third column. Of a resonance, it is the
+    angle (1, o, m) of an oscillator of this frequency against the hub.
     """
     if acts == "resonance":
         push = -np.gradient(motion.rates[:, 0], motion.time)
-        return np.stack([[lfilter(*_sampled(2 * np.pi * f, RESONANCE_DAMPING), push) for f in orders]])
+        return np.stack(
+            [[lfilter(*_discretised_oscillator(2 * np.pi * f, RESONANCE_DAMPING), push) for f in orders]]
+        )
     x = 2 * np.pi * motion.time if acts in ("time", "shake") else motion.angles[:, 0]
     angle = orders[:, None] * x
     waves = np.stack([np.sin(angle), np.cos(angle)])
     if acts == "shake":
-        # Along x and along y, as the link feels it across.
+        # Components across the link of an acceleration along x and along y.
         across = -np.sin(motion.angles[:, 0]), np.cos(motion.angles[:, 0])
         return np.concatenate([waves * across[0], waves * across[1]])
     if acts == "friction":
@@ -275,24 +292,26 @@ def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
 def _responses(
     acts: str, orders: np.ndarray, waves: np.ndarray, view: View, model: Model
 ) -> dict[str, np.ndarray]:
-    """Channel -> (k, o, m) change of the residual, noise units."""
+    """Channel -> (k, o, m) derivative of the residual by the coefficients of the waves, noise units."""
     if acts == "time":
         share = passed(orders, GRID)[:, None]
         return {"hub_torque": -share * waves / view.noise["hub_torque"]}
     if acts == "resonance":
         return _resonances(waves[0], view, model)
     if acts == "shake":
-        return _changes(_under_base(model, waves), view, 1.0)
+        return _changes(_response_to_base(model, waves), view, 1.0)
     if acts != "reading":
         return {"hub_torque": -low_passed(waves, GRID) / view.noise["hub_torque"]}
-    # What the sensor's error lets the hub seem to do was never there.
-    return _changes(_under_hub(model, _second(low_passed(waves, GRID, view.band))), view, -1.0)
+    # The error of the sensor is a motion of the modelled link that the rig did not make.
+    return _changes(
+        _response_to_hub(model, _second_derivative(low_passed(waves, GRID, view.band))), view, -1.0
+    )
 
 
 def _changes(responses: dict[str, np.ndarray], view: View, size: float) -> dict[str, np.ndarray]:
-    """Channel -> (..., m) change of the residual, noise units, if so much of this is there: measured less simulated.
+    """Channel -> (..., m) change of the whitened residual, measured minus simulated, by `size` times the responses.
 
-    A torque that the motion takes is measured, a strain simulated.
+    The torque balance counts as measured, by the measured motion; a strain is simulated: their signs differ.
     """
     return {
         channel: whitened(
@@ -304,58 +323,71 @@ def _changes(responses: dict[str, np.ndarray], view: View, size: float) -> dict[
 
 
 def _resonances(angles: np.ndarray, view: View, model: Model) -> dict[str, np.ndarray]:
-    """Channel -> (3, o, m): what a share of the hub's inertia that swings (o, m) takes, and what the bridges see."""
-    found = {}
-    seen = ("hub_torque", "strain_base", "strain_mid")
+    """Channel -> (3, o, m) derivative of the residual by inertia share and both strain sensitivities of an oscillator.
+
+    Args:
+      angles: (o, m) of the oscillator against the hub [rad].
+      view: the recording.
+      model: of the rig.
+    """
+    responses = {}
+    order = ("hub_torque", "strain_base", "strain_mid")
     for channel in {"hub_torque", *model.curvature_rows} & {"hub_torque", *view.measured}:
-        columns = np.zeros((len(seen), *angles.shape))
+        columns = np.zeros((len(order), *angles.shape))
         if channel == "hub_torque":
-            swing = model.plant.hub_inertia * _second(angles)
-            columns[0] = low_passed(swing, GRID) / view.noise["hub_torque"]
+            torque = model.plant.hub_inertia * _second_derivative(angles)
+            columns[0] = low_passed(torque, GRID) / view.noise["hub_torque"]
         else:
             filtered = low_passed(angles, GRID)
-            columns[seen.index(channel)] = -whitened(filtered, view, channel)
-        found[channel] = columns
-    return found
+            columns[order.index(channel)] = -whitened(filtered, view, channel)
+        responses[channel] = columns
+    return responses
 
 
-def _second(values: np.ndarray) -> np.ndarray:
-    """Second derivative (..., m) on the grid."""
+def _second_derivative(values: np.ndarray) -> np.ndarray:
+    """Second derivative (..., m) in time, on the uniform grid."""
     return np.gradient(np.gradient(values, GRID, axis=-1), GRID, axis=-1)
 
 
-def _under_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and strains (..., m) that small hub accelerations (..., m) [rad/s^2] take."""
-    return _under(model, acceleration, model.chain.mass_matrix()[0])
+def _response_to_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
+    """Torque on the hub and strains (..., m) for small accelerations of the hub (..., m) [rad/s^2]."""
+    return _clamped_response(model, acceleration, model.chain.mass_matrix()[0])
 
 
-def _under_base(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and strains (..., m) that accelerations (..., m) of the base across the link [m/s^2] take."""
-    return _under(model, acceleration, np.cumsum(model.chain.first_moment[::-1])[::-1])
+def _response_to_base(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
+    """Torque on the hub and strains (..., m) for accelerations of the base across the link (..., m) [m/s^2]."""
+    return _clamped_response(model, acceleration, np.cumsum(model.chain.first_moment[::-1])[::-1])
 
 
-def _under(model: Model, acceleration: np.ndarray, pulled: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and strains (..., m) that hold a hub where an acceleration (..., m) pulls at its coordinates.
+def _clamped_response(model: Model, acceleration: np.ndarray, load: np.ndarray) -> dict[str, np.ndarray]:
+    """Torque that holds the hub and strains (..., m), by clamped modes, under an acceleration a (..., m).
 
-    In clamped modes q'' + 2 zeta omega q' + omega^2 q = -p a, and the torque is p_0 a + sum g q'', with p what an
-    acceleration pulls (n + 1), on the hub and each hinge behind it.
+    q'' + 2 zeta omega q' + omega^2 q = -p a and torque = p_0 a + sum g q'', where p is the inertial load on hub and
+    hinges for a unit acceleration, and g is the row of the hub in the mass matrix; both in modal coordinates.
+
+    Args:
+      model: of the rig.
+      acceleration: a.
+      load: (n + 1) p in the coordinates of the chain, the hub first.
     """
     mass = model.chain.mass_matrix()
     frequencies, shapes = model.chain.modes("clamped")
     ratios = model.chain.damping_ratios("clamped")
-    torque = pulled[0] * acceleration
+    torque = load[0] * acceleration
     strains = {c: np.zeros_like(acceleration) for c in model.curvature_rows}
     for omega, zeta, shape in list(zip(frequencies, ratios, shapes[1:].T, strict=True))[:_MODES]:
-        q = lfilter(*_sampled(float(omega), float(zeta)), -float(pulled[1:] @ shape) * acceleration)
-        torque = torque + float(mass[0, 1:] @ shape) * _second(q)
+        q = lfilter(
+            *_discretised_oscillator(float(omega), float(zeta)), -float(load[1:] @ shape) * acceleration
+        )
+        torque = torque + float(mass[0, 1:] @ shape) * _second_derivative(q)
         for channel, row in model.curvature_rows.items():
             strains[channel] += model.sensors[channel].half_thickness * float(row @ shape) * q
     return {"hub_torque": torque, **strains}
 
 
 @functools.lru_cache(maxsize=1024)
-def _sampled(omega: float, zeta: float) -> tuple[np.ndarray, np.ndarray]:
-    """1/(s^2 + 2 zeta omega s + omega^2) on the grid, its input linear in between."""
+def _discretised_oscillator(omega: float, zeta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator of 1/(s^2 + 2 zeta omega s + omega^2), discretised on the grid, first-order hold."""
     system = (np.array([1.0]), np.array([1.0, 2 * zeta * omega, omega**2]))
     numerator, denominator, _ = cont2discrete(system, GRID, method="foh")
     return np.ravel(numerator), denominator

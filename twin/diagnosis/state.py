@@ -1,4 +1,4 @@
-"""What a search has come to: its rounds, the effects that they adopted, and what is left."""
+"""State of a search: its rounds, the effects that they adopted, and the test for unnamed functions."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Round:
 
     Attributes:
       ranked: the candidates, best first.
-      by_chance: score that the best candidate exceeds at the false-alarm rate where nothing is missing.
-      threshold: score that was asked for.
-      draws: scores of the permutation test (d), ascending, see `twin.diagnosis.chance`.
-      judgements: candidate that was fitted -> its judgements by the rules of adoption.
+      by_chance: threshold of the permutation test at the false-alarm rate.
+      threshold: score that an effect has to exceed: the largest of `by_chance` and the limits of the model error.
+      draws: (d) scores of the permutation test, ascending, see `twin.diagnosis.permutation`.
+      judgements: candidate -> its judgement by each rule.
       adopted: the adopted candidate, its fit that to `bench`; None where none was.
       bench: the data whitened for the adopted model.
     """
@@ -46,14 +46,15 @@ class Round:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """What a search has come to, before any held-out recording is looked at.
+    """State of a search; held-out recordings have no part in it.
 
     Attributes:
       start: the calibrated model from which the search started.
       rounds: of the search; those that adopted an effect come first, one that adopted none may follow.
-      unnamed: functions of one variable that may be behind what is left, the likeliest first.
-      withdrawn: effects that were adopted and taken back, with the judgement that says why.
-      instead: function without a name in whose place the last effect was adopted, see `twin.diagnosis.revise`.
+      unnamed: smooth functions that were tested, the largest evidence first.
+      withdrawn: effects that were adopted and withdrawn, with the judgement by which they were.
+      instead: smooth function in whose place the last effect was adopted, see
+        `twin.diagnosis.revise.replace_function_by_effect`.
     """
 
     start: Calibration
@@ -94,7 +95,7 @@ class SearchState:
 
     @property
     def bench(self) -> Workbench:
-        """The data whitened for the model that stands at the end."""
+        """The data whitened for the final model."""
         return next((r.bench for r in reversed(self.rounds) if r.bench is not None), self.start.bench)
 
     @property
@@ -110,7 +111,7 @@ class SearchState:
 
     @property
     def best(self) -> Fit:
-        """The fit of the model that stands at the end."""
+        """The fit of the final model."""
         return self.adopted[-1].fit if self.adopted else self.base
 
     def with_round(self, more: Round) -> SearchState:
@@ -118,7 +119,7 @@ class SearchState:
         return replace(self, rounds=(*self.rounds, more))
 
     def with_last_fit(self, best: Fit) -> SearchState:
-        """The state with another fit of the model that stands at its end."""
+        """The state with another fit of the final model."""
         if not self.adopted:
             return replace(self, start=replace(self.start, base=best))
         k = len(self.adopted) - 1
@@ -127,18 +128,18 @@ class SearchState:
         return replace(self, rounds=(*self.rounds[:k], changed, *self.rounds[k + 1 :]))
 
     def with_adoptions(self, kept: Sequence[Round], reason: Mapping[str, Judgement]) -> SearchState:
-        """The state with these adopting rounds alone; `reason` is why each of the other effects was withdrawn."""
+        """The state with these adopting rounds alone; `reason`: withdrawn effect -> the judgement by which it was."""
         return replace(self, rounds=tuple(kept), withdrawn=(*self.withdrawn, *reason.items()))
 
 
 @dataclass(frozen=True)
 class FunctionOf:
-    """What a torque on the hub without a name is a function of.
+    """Arguments of an unnamed torque on the hub.
 
     Attributes:
       variable: on which it depends.
-      sided: whether it changes its sign with the hub's direction, as friction does.
-      drive: whether it is a fault of the drive, which a sensor of its torque reads too.
+      sided: whether it changes its sign with the direction of the hub, as friction.
+      drive: whether it is a fault of the drive, so that the motor torque sensor reads it.
     """
 
     variable: str
@@ -147,21 +148,21 @@ class FunctionOf:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """On which it depends, its own first."""
+        """All variables on which it depends, `variable` first."""
         return (self.variable, "hub_rate") if self.sided else (self.variable,)
 
 
 @dataclass(frozen=True, eq=False)
 class UnnamedFunction:
-    """A torque on the hub as a smooth function of one variable, and how much likelier it makes the recordings.
+    """A torque on the hub as a smooth function of one variable, with its evidence.
 
     Attributes:
-      law: what it is a function of.
+      law: its arguments.
       evidence: log Bayes factor of the function against none.
-      by_chance: evidence that chance exceeds at the false-alarm rate, by any of the functions asked for.
+      by_chance: threshold of the largest evidence of all tested functions at the false-alarm rate.
       x: (k) values of the variable, SI, ascending.
-      y: (k) the function there that corrects the model as it is fitted [N m].
-      samples: (k) number of samples about each of them.
+      y: (k) the function that corrects the model as it is fitted [N m].
+      samples: (k) number of samples nearest to each.
     """
 
     law: FunctionOf
@@ -173,5 +174,5 @@ class UnnamedFunction:
 
     @property
     def lookup(self) -> Patch | None:
-        """The function as a correction; None of one that a simulation cannot look up."""
+        """The function as a correction; None if a simulation cannot evaluate it."""
         return None if self.law.sided else Patch(HUB_TORQUE, self.law.variable, self.x, self.y, self.samples)

@@ -1,4 +1,4 @@
-"""What is shown of the unexplained: its history, and over what it depends on."""
+"""Residuals over time and over the variable that explains them, for the plots of a report."""
 
 from __future__ import annotations
 
@@ -8,59 +8,57 @@ from dataclasses import replace
 import numpy as np
 
 from twin.diagnosis.answer import Trace
-from twin.diagnosis.dependence import (
-    _FEWEST_SHOWN,
-    TRAVEL,
-    Unexplained,
-    _travel,
-    unexplained_residuals,
-    variance_shares,
-)
+from twin.diagnosis.dependence import TRAVEL, Unexplained, travel, unexplained_residuals, variance_shares
 from twin.diagnosis.state import SearchState
 from twin.recording import HUB_TORQUE
 
+FEWEST = 50
+"""Samples from which the residuals of a channel are plotted."""
 _SHOWN = (HUB_TORQUE, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
+_EXPLAINED = 0.1  # share of the variance from which a variable is named
 
 
-def traces_of(found: SearchState, behind: Mapping[str, Unexplained]) -> tuple[Trace, ...]:
-    """What the calibrated model leaves unexplained of each channel, those that the effects explain best first.
+def explained_traces(state: SearchState, residuals: Mapping[str, Unexplained]) -> tuple[Trace, ...]:
+    """Residuals of the calibrated model without adopted effects, the channels that the effects improve most first.
 
-    `behind` is what the model leaves that stands at the end.
+    Args:
+      state: the end of the search.
+      residuals: channel -> residuals of the final model.
     """
     traces = []
-    before = unexplained_residuals(found.bench, found.data, found.base) if found.adopted else behind
+    before = unexplained_residuals(state.bench, state.data, state.base) if state.adopted else residuals
     for channel in _SHOWN:
-        if channel not in before or len(before[channel].values) < _FEWEST_SHOWN:
+        if channel not in before or len(before[channel].values) < FEWEST:
             continue
-        left, after = before[channel], behind[channel]
+        left, after = before[channel], residuals[channel]
         gained = float(np.log(np.std(left.values) / max(np.std(after.values), 1e-30)))
-        order = variance_shares(left)
-        explained = order[0][0] if order and order[0][1] > 0.1 else None
+        shares = variance_shares(left)
+        explained = shares[0][0] if shares and shares[0][1] > _EXPLAINED else None
         trace = _trace(channel, left, explained)
-        fitted = left.values - after.values if found.adopted else None
+        fitted = left.values - after.values if state.adopted else None
         traces.append((gained, replace(trace, fitted=fitted)))
     return tuple(trace for _, trace in sorted(traces, key=lambda pair: -pair[0]))
 
 
-def remaining(
-    behind: Mapping[str, Unexplained], worst: Sequence[str], depends: Sequence[str]
+def final_traces(
+    residuals: Mapping[str, Unexplained], worst: Sequence[str], depends: Sequence[str]
 ) -> tuple[Trace, ...]:
-    """What the model that stands at the end leaves of each channel.
+    """Residuals of the final model.
 
     Args:
-      behind: channel -> its residuals.
+      residuals: channel -> its residuals.
       worst: channels that are not explained; they come first.
-      depends: variables on which what is left of these depends, the first most.
+      depends: variables on which the residuals of these depend, the strongest first.
     """
-    channels = [c for c in dict.fromkeys((*worst, *_SHOWN)) if c in behind]
+    channels = [c for c in dict.fromkeys((*worst, *_SHOWN)) if c in residuals]
     return tuple(
-        _trace(c, behind[c], depends[0] if depends and c in worst else None)
+        _trace(c, residuals[c], depends[0] if depends and c in worst else None)
         for c in channels
-        if len(behind[c].values) >= _FEWEST_SHOWN
+        if len(residuals[c].values) >= FEWEST
     )
 
 
 def _trace(channel: str, left: Unexplained, explained_by: str | None) -> Trace:
-    variables = left.variables | (_travel(left) if explained_by == TRAVEL else {})
+    variables = left.variables | (travel(left) if explained_by == TRAVEL else {})
     since_start = left.variables["time"]
     return Trace(channel, left.time, left.values, variables, left.recording, since_start, explained_by)

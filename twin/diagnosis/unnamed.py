@@ -1,13 +1,13 @@
-"""What no effect of the library explains, sought as a torque on the hub that is a smooth function of one variable.
+"""Test for a missing torque on the hub that is a smooth function of one variable, but no effect of the library.
 
-A fault without a name may leave a residual that is small everywhere, and still the same function of the command, of
-the hub's angle or of time wherever that comes back. Such a function is a Gaussian process here, as large and as smooth
-as the recordings like it best, with declared parameters and adopted effects free to give way; what counts is its
-evidence, see `twin.estimation.gaussian_process`. What chance gives comes from random signs, as in
-`twin.diagnosis.chance`.
+Such a torque may leave residuals that are small at each instant, but the same function of command, hub angle or time
+in all recordings. It is a Gaussian process over the variable, whose standard deviation and length scale maximise the
+marginal likelihood; the unknowns of the fit are nuisance parameters. The statistic is its log Bayes factor against no
+function (evidence, see `twin.estimation.gaussian_process`). Its distribution where nothing is missing comes from the
+sign-flip permutation test of `twin.diagnosis.permutation`.
 
-Only the hub is asked, and the sensor of the drive's torque about what the drive does with its command: where readings
-of the link differ a little from the model's, so do sound links on other engines.
+Only the torque balance of the hub is tested, and the sensor of the motor torque for faults of the drive. Strains are
+not: they differ by small smooth functions between simulators of the same sound rig.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.diagnosis import chance, regressors
+from twin.diagnosis import dependence, permutation
 from twin.diagnosis.state import FunctionOf, UnnamedFunction
 from twin.estimation.fit import Fit
 from twin.estimation.gaussian_process import Evidence, likeliest, likely
@@ -31,9 +31,9 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.view import View
 from twin.rigs.model import Model
 
-_KNOTS = 32
-_RANGE = (0.002, 0.998)  # quantiles of the variable between which the knots lie
-_LEAST = 1e-9  # part of a variance that keeps a matrix regular
+_KNOTS = 32  # of the piecewise linear function
+_RANGE = (0.002, 0.998)  # quantiles of the variable at the first and the last knot
+_REGULARISATION = 1e-9  # added to an information matrix that is scaled to a unit diagonal
 
 
 _TORQUE, _COMMAND = "motor_torque", "torque_command"
@@ -45,43 +45,46 @@ _LAWS = (
 
 
 def find_functions(bench: Workbench, best: Fit, rate: float) -> tuple[UnnamedFunction, ...]:
-    """The functions of one variable that may be behind what a model leaves on the hub, the likeliest first.
+    """The smooth functions behind the torque balance of the hub, that with the largest evidence first.
 
     Args:
       bench: the data.
-      best: the fit of the model, with its slopes there.
-      rate: how often chance may give the evidence that it is held against.
+      best: the fit of the model, with its Jacobian.
+      rate: false-alarm rate of the threshold `by_chance`.
+
+    Returns:
+      All functions that were tested; empty if no recording has a free hub.
     """
     data = bench.data
     assert isinstance(data, DrivenData)
-    moving = {
-        g.recording: regressors.of_motion(data, best, g.recording)
+    variables = {
+        g.recording: dependence.motion_variables(data, best, g.recording)
         for g in data.groups
         if g.channel == HUB_TORQUE
     }
-    if not moving:
+    if not variables:
         return ()
-    signs = chance.random_signs(bench, chance.DRAWS, np.random.default_rng(0))
-    given = _Given.of(bench, best)
-    bases = [(law, _basis(bench, best, moving, law)) for law in _LAWS]
-    asked = [(law, b, _evidences(given, b, signs)) for law, b in bases if b is not None]
-    if not asked:
+    signs = permutation.random_signs(bench, permutation.DRAWS, np.random.default_rng(0))
+    linearised = _Linearised.of(bench, best)
+    bases = [(law, _basis(bench, best, variables, law)) for law in _LAWS]
+    tested = [(law, b, _evidence(linearised, b, signs)) for law, b in bases if b is not None]
+    if not tested:
         return ()
-    largest = np.max([e.by_draw for _, _, (e, _) in asked], axis=0, initial=0.0)
-    by_chance = chance.threshold(np.sort(largest), rate)
-    named = [UnnamedFunction(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in asked]
-    return tuple(sorted(named, key=lambda n: -n.evidence))
+    largest = np.max([e.by_draw for _, _, (e, _) in tested], axis=0, initial=0.0)
+    by_chance = permutation.threshold(np.sort(largest), rate)
+    functions = [UnnamedFunction(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in tested]
+    return tuple(sorted(functions, key=lambda n: -n.evidence))
 
 
 @dataclass(frozen=True, eq=False)
 class _Basis:
-    """Change of the residual with each knot's value.
+    """A piecewise linear function of one variable, as derivatives of the residual.
 
     Attributes:
-      x: (k) the knots.
-      columns: (r x k).
-      rows: (r) of the residual, ascending.
-      samples: (k) about each knot.
+      x: (k) the knots, SI.
+      columns: (r x k) derivative of the residual by the value at each knot.
+      rows: (r) indices of these rows of the residual, ascending.
+      samples: (k) number of samples nearest to each knot.
     """
 
     x: np.ndarray
@@ -91,52 +94,58 @@ class _Basis:
 
 
 def _basis(
-    bench: Workbench, best: Fit, moving: Mapping[int, Mapping[str, np.ndarray]], law: FunctionOf
+    bench: Workbench, best: Fit, variables: Mapping[int, Mapping[str, np.ndarray]], law: FunctionOf
 ) -> _Basis | None:
-    """The columns of a function, by how each recording with a free hub moves; None where nothing tells of it."""
+    """The basis of a function; None if its variable does not vary or the drive has no torque sensor.
+
+    Args:
+      bench, best: the data and the fit.
+      variables: recording with a free hub -> variable -> (m) its values.
+      law: what the function depends on, and where it acts.
+    """
     data = bench.data
     assert isinstance(data, DrivenData)
     on_hub = [g for g in data.groups if g.channel == HUB_TORQUE]
     read = [g for g in data.groups if g.channel == _TORQUE and law.drive]
     if law.drive and not read:
         return None
-    seen = np.concatenate([moving[g.recording][law.variable][bench.weight[g.rows] > 0] for g in on_hub])
-    low, high = np.quantile(seen, _RANGE)
+    values = np.concatenate([variables[g.recording][law.variable][bench.weight[g.rows] > 0] for g in on_hub])
+    low, high = np.quantile(values, _RANGE)
     if not high > low:
         return None
     x = np.linspace(low, high, _KNOTS)
     groups = sorted([*on_hub, *read], key=lambda g: g.rows.start)
     parts = [
-        _on_hub(data.views[g.recording], moving[g.recording], law, x) / best.model.torque_gain
+        _on_hub(data.views[g.recording], variables[g.recording], law, x) / best.model.torque_gain
         if g.channel == HUB_TORQUE
         else _on_reading(data.views[g.recording], data.prepared[g.recording], best.model, x)
         for g in groups
     ]
     columns = [bench.weight[g.rows, None] * part.T for g, part in zip(groups, parts, strict=True)]
     rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
-    nearest = np.round((np.clip(seen, low, high) - low) / (x[1] - x[0])).astype(int)
+    nearest = np.round((np.clip(values, low, high) - low) / (x[1] - x[0])).astype(int)
     return _Basis(x, np.concatenate(columns), rows, np.bincount(nearest, minlength=_KNOTS))
 
 
 def _hats(values: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Share (k x m) of each knot in a function at some values (m): straight lines between knots, constant beyond."""
-    place = np.clip((values - x[0]) / (x[1] - x[0]), 0, len(x) - 1)
-    return np.maximum(1 - np.abs(place - np.arange(len(x))[:, None]), 0.0)
+    """Weight (k x m) of each knot at some values (m): linear interpolation, constant beyond the ends."""
+    position = np.clip((values - x[0]) / (x[1] - x[0]), 0, len(x) - 1)
+    return np.maximum(1 - np.abs(position - np.arange(len(x))[:, None]), 0.0)
 
 
-def _on_hub(view: View, known: Mapping[str, np.ndarray], law: FunctionOf, x: np.ndarray) -> np.ndarray:
-    """Change of what the hub of one recording leaves (k x m) with the value at each knot."""
-    added = _hats(known[law.variable], x)
+def _on_hub(view: View, variables: Mapping[str, np.ndarray], law: FunctionOf, x: np.ndarray) -> np.ndarray:
+    """Derivative (k x m) of the whitened torque balance of one recording by the value at each knot."""
+    added = _hats(variables[law.variable], x)
     if law.sided:
-        added *= np.sign(known["hub_rate"])
+        added *= np.sign(variables["hub_rate"])
     if law.sided or law.variable == _COMMAND:
-        # As friction and the drive's torque, which pass the filter of the motion, too.
+        # In the balance, friction and drive torque pass the low-pass of the motion as well.
         added = low_passed(added, GRID, view.band)
     return -residual.white_of(view.sliding * low_passed(added, GRID), view, HUB_TORQUE)
 
 
 def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:
-    """Change of what a reading of the drive's torque leaves (k x m) with the value at each knot."""
+    """Derivative (k x m) of the whitened residual of the motor torque sensor by the value at each knot."""
     time = prepared.recording.time
     read = _hats(model.read_torque(prepared.recording), x)
     added = low_passed(np.array([np.interp(view.time, time, row) for row in read]), GRID)
@@ -144,58 +153,63 @@ def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class _Given:
-    """What a fit's own unknowns can do about a residual.
+class _Linearised:
+    """A fit linearised about its unknowns, the nuisance parameters of the test.
 
     Attributes:
-      weights: (n) of the residual's rows.
-      pulls: (n) the residual in noise units, weighted.
-      slopes: (n x p) of the unknowns, each of size one.
+      weights: (n) of the residual.
+      weighted: (n) the residual times its weights.
+      slopes: (n x p) derivatives of the residual by the unknowns, scaled to unit information.
       information: (p x p) of the unknowns.
-      gradients: (g x p) of each stretch.
-      pulled: (p) by how much their priors pull at them.
-      block: (n) index of the stretch of each row.
+      gradients: (g x p) of the cost of each stretch.
+      prior_gradient: (p) of the priors.
+      stretch: (n) index of the stretch of each row.
     """
 
     weights: np.ndarray
-    pulls: np.ndarray
+    weighted: np.ndarray
     slopes: np.ndarray
     information: np.ndarray
     gradients: np.ndarray
-    pulled: np.ndarray
-    block: np.ndarray
+    prior_gradient: np.ndarray
+    stretch: np.ndarray
 
     @classmethod
-    def of(cls, bench: Workbench, base: Fit) -> _Given:
+    def of(cls, bench: Workbench, base: Fit) -> _Linearised:
         weights = row_weights(bench, base.residual) * known_weights(bench, base)
         prior = prior_precision(base.unknowns)
-        known = base.jacobian.T**2 @ weights + prior
-        scale = np.sqrt(np.where(known > 0, known, 1.0))
+        diagonal = base.jacobian.T**2 @ weights + prior
+        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         slopes = base.jacobian / scale
         away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])
-        information = slopes.T @ (weights[:, None] * slopes) + np.diag(prior / scale**2 + _LEAST)
+        information = slopes.T @ (weights[:, None] * slopes) + np.diag(prior / scale**2 + _REGULARISATION)
         lengths = [g.rows.stop - g.rows.start for g in bench.groups]
-        block = np.repeat(np.arange(len(bench.groups)), lengths)
-        pulls = base.residual * weights
-        gradients = _by_block(slopes * pulls[:, None], block, len(lengths))
-        return cls(weights, pulls, slopes, information, gradients, prior * away / scale, block)
+        stretch = np.repeat(np.arange(len(bench.groups)), lengths)
+        weighted = base.residual * weights
+        gradients = _sums_by_stretch(slopes * weighted[:, None], stretch, len(lengths))
+        return cls(weights, weighted, slopes, information, gradients, prior * away / scale, stretch)
 
 
-def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> tuple[Evidence, np.ndarray]:
-    """Evidence of a function with the fit's own unknowns free, and the function (k) that corrects the fit as it is."""
-    weights, columns = given.weights[basis.rows], basis.columns
-    shared = given.slopes[basis.rows].T @ (weights[:, None] * columns)
-    beside = np.linalg.solve(given.information, shared)
+def _evidence(linearised: _Linearised, basis: _Basis, signs: np.ndarray) -> tuple[Evidence, np.ndarray]:
+    """Evidence of a function beside the unknowns of the fit, and the function (k) that corrects the fit as it is [N m].
+
+    The unknowns are eliminated from information and gradient by their Schur complement.
+    """
+    weights, columns = linearised.weights[basis.rows], basis.columns
+    shared = linearised.slopes[basis.rows].T @ (weights[:, None] * columns)
+    eliminated = np.linalg.solve(linearised.information, shared)
     alone = columns.T @ (weights[:, None] * columns)
-    own = _by_block(columns * given.pulls[basis.rows, None], given.block[basis.rows], signs.shape[1])
-    gradient = own.sum(0) - (given.gradients.sum(0) + given.pulled) @ beside
-    found = likeliest(alone - shared.T @ beside, gradient, signs @ (own - given.gradients @ beside))
-    return found, likely(alone, own.sum(0), found.length, found.size)
+    weighted, stretch = linearised.weighted[basis.rows, None], linearised.stretch[basis.rows]
+    own = _sums_by_stretch(columns * weighted, stretch, signs.shape[1])
+    gradient = own.sum(0) - (linearised.gradients.sum(0) + linearised.prior_gradient) @ eliminated
+    flipped = signs @ (own - linearised.gradients @ eliminated)
+    evidence = likeliest(alone - shared.T @ eliminated, gradient, flipped)
+    return evidence, likely(alone, own.sum(0), evidence.length, evidence.size)
 
 
-def _by_block(values: np.ndarray, block: np.ndarray, count: int) -> np.ndarray:
-    """Sums of rows (r x k) over each stretch (g x k); rows of one stretch follow one another."""
-    found = np.zeros((count, values.shape[1]))
-    first = np.flatnonzero(np.diff(block, prepend=-1))
-    found[block[first]] = np.add.reduceat(values, first)
-    return found
+def _sums_by_stretch(values: np.ndarray, stretch: np.ndarray, count: int) -> np.ndarray:
+    """Sums (g x k) of rows (r x k) over each stretch, whose rows are contiguous."""
+    sums = np.zeros((count, values.shape[1]))
+    first = np.flatnonzero(np.diff(stretch, prepend=-1))
+    sums[stretch[first]] = np.add.reduceat(values, first)
+    return sums

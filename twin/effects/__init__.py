@@ -1,7 +1,7 @@
-"""The vocabulary of missing effects: one file each, and its line in the registry.
+"""The library of effects: one file each, and its line in the registry.
 
-Effects of other packages join it by `register`, or by an entry point of the group "twin.effects" that names an
-`Effect` class or object:
+Other packages add effects by `register`, or by an entry point of the group "twin.effects" that names an `Effect` class
+or object:
 
     [project.entry-points."twin.effects"]
     magnetic-brake = "my_package.effects:MagneticBrake"
@@ -39,7 +39,7 @@ from twin.effects.torsional_mode import TorsionalMode
 from twin.effects.viscous_friction import ViscousFriction
 from twin.mechanics.hub_law import HubLaw
 
-_OWN: tuple[Effect, ...] = (
+_BUILT_IN: tuple[Effect, ...] = (
     ViscousFriction(),
     StribeckFriction(),
     AsymmetricFriction(),
@@ -68,19 +68,20 @@ _OWN: tuple[Effect, ...] = (
 )
 
 REGISTRY: dict[str, Effect] = {}
-"""Every effect by its name, in the order in which a search tries them."""
+"""Name -> effect, in the order in which a search tries them."""
 
 ENTRY_POINTS = "twin.effects"
-"""Group of entry points whose effects are registered when this package is imported."""
+"""Group of entry points whose effects are registered on import of this package."""
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
 def register(effect: Effect) -> Effect:
-    """Adds an effect to the vocabulary; returns it.
+    """Adds an effect to the registry; returns it.
 
     Raises:
-      ValueError: its name is taken or is not like "cable-torsion", or it lacks what every effect says of itself.
+      ValueError: the object is no `Effect`, its name is taken or not of the form "cable-torsion", or its `meaning`,
+        `acts_on` or `parameters` are missing.
     """
     name = getattr(effect, "name", None)
     if not isinstance(effect, Effect):
@@ -101,28 +102,28 @@ def register(effect: Effect) -> Effect:
 
 
 def unregister(name: str) -> None:
-    """Takes an effect out of the vocabulary: for tests, and for a search without it.
+    """Removes an effect from the registry: for tests, and for a search without it.
 
     Raises:
-      KeyError: there is none of this name.
+      KeyError: no effect has this name.
     """
     del REGISTRY[name]
 
 
 def meaning(name: str) -> str:
-    """What a model lacks that lacks this effect, in words; "" where the vocabulary does not have it."""
+    """`Effect.meaning` by name; "" for a name that is not in the registry."""
     return REGISTRY[name].meaning if name in REGISTRY else ""
 
 
 def _register_all() -> None:
-    for effect in _OWN:
+    for effect in _BUILT_IN:
         register(effect)
     for point in entry_points(group=ENTRY_POINTS):
         try:
-            found = point.load()
-            register(found() if isinstance(found, type) else found)
+            loaded = point.load()
+            register(loaded() if isinstance(loaded, type) else loaded)
         except Exception as error:
-            # Another package's fault must not stop this one.
+            # A faulty effect of another package must not stop this one.
             warnings.warn(f"effect '{point.name}' of {point.value} was not registered: {error}", stacklevel=2)
 
 

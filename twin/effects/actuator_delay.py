@@ -1,18 +1,18 @@
-"""Dead time between command and torque."""
+"""Dead time between commanded and delivered torque."""
 
-from twin.effects.base import OPEN, Effect, EffectParameter
+from twin.effects.base import TIMING_TOLERANCE, Effect, EffectParameter
 
 
 class ActuatorDelay(Effect):
-    """delivered(t) = commanded(t - delay)."""
+    """Delivered torque(t) = commanded torque(t - delay)."""
 
     name = "actuator-delay"
     meaning = "a drive that follows its command after a dead time"
     acts_on = "drive"
     parameters = (EffectParameter("delay", "s", 0.0, (0.0, 0.2), 2e-3),)
 
-    def resolved(self, values, period):
-        return values["delay"] >= OPEN * period
+    def is_resolved(self, values, period):
+        return values["delay"] >= TIMING_TOLERANCE * period
 
     def drive(self, drive, p):
         return drive.replace(time=drive.time + p["delay"])

@@ -1,13 +1,13 @@
-"""A drive whose torque follows the command with a lag."""
+"""First-order lag between commanded and delivered torque."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class ActuatorLag(Effect):
-    """time_constant d(delivered)/dt = commanded - delivered."""
+    """time_constant d(delivered)/dt = commanded - delivered torque."""
 
     name = "actuator-lag"
-    meaning = "a drive that follows its command with a lag"
+    meaning = "a drive that follows its command with a first-order lag"
     acts_on = "drive"
     parameters = (EffectParameter("time_constant", "s", 0.0, (0.0, 0.5), 1e-3),)
 

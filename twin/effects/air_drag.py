@@ -1,13 +1,13 @@
-"""Air resistance of the tip."""
+"""Quadratic air drag on the tip."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class AirDrag(Effect):
-    """Force -coefficient |v| v on the tip: turbulent drag."""
+    """Force -coefficient |v| v on the tip, v its velocity: turbulent drag."""
 
     name = "air-drag"
-    meaning = "drag on the tip, growing with the square of its speed"
+    meaning = "drag on the tip, proportional to the square of its speed"
     acts_on = "payload"
     parameters = (EffectParameter("coefficient", "N*s^2/m^2", 0.0, (0.0, 10.0), 2e-3),)
 

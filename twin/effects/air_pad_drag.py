@@ -1,10 +1,10 @@
-"""Drag of an air-pad on the tip."""
+"""Linear drag on the tip, as an air-pad causes it."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class AirPadDrag(Effect):
-    """Force -viscous v on the tip: a film of air in shear."""
+    """Force -viscous v on the tip, v its velocity: an air film in shear."""
 
     name = "air-pad-drag"
     meaning = "drag on the tip, proportional to its speed"

@@ -1,13 +1,13 @@
-"""Friction levels that differ by the direction of motion."""
+"""Friction levels that depend on the direction of rotation."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class AsymmetricFriction(Effect):
-    """Static and Coulomb level of each direction in the place of the declared ones."""
+    """Static and Coulomb friction level of each direction of rotation, in place of the declared ones."""
 
     name = "asymmetric-friction"
-    meaning = "friction that differs between the two directions"
+    meaning = "friction levels that differ between the two directions of rotation"
     acts_on = "hub"
     parameters = (
         EffectParameter("static_positive", "N*m", None, (0.0, 1e3), 1e-3),
@@ -21,7 +21,7 @@ class AsymmetricFriction(Effect):
         return {p.name: rig[p.name.split("_")[0] + "_friction"] for p in self.parameters}
 
     def plant(self, plant, p):
-        # A hub cannot slide against more than it withstands at rest.
+        # The static level is at least the Coulomb level.
         return plant.with_friction(
             coulomb_positive=p["coulomb_positive"],
             coulomb_negative=p["coulomb_negative"],

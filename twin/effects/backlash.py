@@ -1,4 +1,4 @@
-"""Play between the motor and the hub."""
+"""Backlash between the motor and the hub."""
 
 import numpy as np
 
@@ -7,11 +7,12 @@ from twin.mechanics.plant import CONTACT_LOSS
 
 
 class Backlash(Effect):
-    """The motor turns by `gap` in all before it drives the hub; it has a share of the hub's inertia.
+    """The motor, an inertia of motor_inertia_share times the hub's, turns freely within the total play `gap`.
 
-    Its torque and its magnets act on the motor, friction and everything else on the hub. The stiffness of the flanks is
-    assumed, `CONTACT_STIFFNESS`: half or twice of it moves a gap by about its standard error. What they lose
-    moves it by several and is seen in how often the motor comes back from them: `contact_loss` is fitted.
+    Drive torque and cogging act on the motor; friction and all other torques act on the hub. A flank in contact is a
+    spring of the assumed stiffness `CONTACT_STIFFNESS` with a damper: half or twice this stiffness changes a fitted
+    gap by about one standard error. The damping ratio `contact_loss` changes it by several, and the number of rebounds
+    identifies it: it is fitted.
     """
 
     name = "backlash"
@@ -23,9 +24,10 @@ class Backlash(Effect):
         EffectParameter("contact_loss", "1", CONTACT_LOSS, (0.02, 0.8), 0.03),
     )
     linearisable = False
-    along = ("motor_inertia_share", "contact_loss")
-    # A wide gap with a light motor does much what a narrow one with a heavy motor does: a fit settles in either.
-    multiples = tuple(np.geomspace(1, 300, 13).tolist())
+    undefined_at_neutral = ("motor_inertia_share", "contact_loss")
+    # A wide gap with a light motor and a narrow one with a heavy motor are alike: the likelihood has a local maximum at
+    # either, so several gaps are tried.
+    search_multiples = tuple(np.geomspace(1, 300, 13).tolist())
 
     def starts(self, rig):
         own = {"gap": 2e-3, "contact_loss": CONTACT_LOSS}

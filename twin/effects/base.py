@@ -1,4 +1,4 @@
-"""What a missing effect is: parameters with a neutral value at which it vanishes, and where it acts."""
+"""The interface of an effect: parameters with a neutral value at which it vanishes, and hooks that change the model."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from mujoco import MjSpec
 
 TORSION = "torsion"
-"""Name under which `Effect.sensing` finds the angle of a torsional mode against the hub [rad]."""
+"""Channel in which `Effect.sensing` receives the angle of a torsional mode against the hub [rad]."""
 
-OPEN = 0.1
-"""Share of a sample period within which nobody declares when a command is put out or a reading is taken."""
+TIMING_TOLERANCE = 0.1
+"""Share of a sample period within which the instants of output and sampling of a card are not declared."""
 
-FAR = tuple(np.geomspace(1, 3000, 28).tolist())
-"""`Effect.multiples` of what is told to parts in ten thousand, and may take the link to quite another frequency."""
+FAR_MULTIPLES = tuple(np.geomspace(1, 3000, 28).tolist())
+"""`Effect.search_multiples` of effects that change the frequencies of the link: visible from a relative change of 1e-4,
+and possibly far larger."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +36,15 @@ class EffectParameter:
     """One parameter of an effect.
 
     Attributes:
-      name: as in the vocabulary.
+      name: of the parameter.
       unit: SI unit.
-      neutral: value at which the effect vanishes; None where that is the declared value of a rig parameter.
-      bounds: range in which it is searched for.
-      step: a small but visible size, from which a search starts.
-      channel: channel without which the parameter means nothing, or None.
-      inverse: whether a fit moves one over the value: a stiffness whose neutral value is infinite. `bounds` are of
-        the value, `step` is of one over it.
-      choice: whether it only says which of several laws acts: a start gives it, no fit moves it.
+      neutral: value at which the effect vanishes; None if this is the declared value of the rig parameter.
+      bounds: of a fit.
+      step: small change that is visible in the data, from which a search starts.
+      channel: channel without which the parameter has no influence, or None.
+      inverse: whether a fit uses the reciprocal of the value, as of a stiffness whose neutral value is infinite.
+        `bounds` are of the value, `step` is of the reciprocal.
+      choice: whether it selects one of several laws: it is given by `Effect.starts` and never fitted.
     """
 
     name: str
@@ -56,27 +57,27 @@ class EffectParameter:
     choice: bool = False
 
     def turned(self, value: float) -> float:
-        """What a fit moves for a value, and the value for what a fit moves: itself, or one over it."""
+        """The value, or its reciprocal if `inverse`: from value to fitted number and back."""
         if not self.inverse:
             return value
         return 1 / value if value else math.inf
 
     @property
     def span(self) -> tuple[float, float]:
-        """Range of what a fit moves."""
+        """Bounds of the fitted number."""
         low, high = sorted(self.turned(value) for value in self.bounds)
         return low, high
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Torque that the drive delivers: held values behind a first-order lag.
+    """Torque that the drive delivers: a zero-order hold followed by a first-order lag.
 
     Attributes:
-      time: (k) instants [s] from which each value is held; before the first, the torque is `before`.
+      time: (k) instants [s] from which each value is held.
       torque: (k) [N m].
       before: torque before the first instant [N m].
-      lag: time constant with which the torque follows [s].
+      lag: time constant [s].
     """
 
     time: np.ndarray
@@ -85,7 +86,7 @@ class Drive:
     lag: float = 0.0
 
     def replace(self, **changes) -> Drive:
-        """Returns a drive with some attributes changed."""
+        """A drive with some attributes changed."""
         return replace(self, **changes)
 
     def at(self, t: np.ndarray) -> np.ndarray:
@@ -100,7 +101,7 @@ class Drive:
 
     @functools.cached_property
     def reached(self) -> np.ndarray:
-        """Delivered torque at the instants (k) at which the command changes, behind the lag [N m]."""
+        """Delivered torque after the lag at the instants (k) at which the command changes [N m]."""
         targets = np.r_[self.before, self.torque[:-1]]
         if self.lag <= 0:
             return targets
@@ -111,9 +112,9 @@ class Drive:
         return reached
 
     def impulse(self, t: np.ndarray) -> np.ndarray:
-        """Integral of the delivered torque up to the instants t (m,) [N m s], up to a constant.
+        """Integral of the delivered torque up to the instants t (m,), up to a constant [N m s].
 
-        Of a first-order lag, lag * y' = u - y: the integral of y is that of u less lag * y.
+        By the first-order lag, lag y' = u - y, the integral of y is the integral of u minus lag y.
         """
         first = min(t[0], self.time[0]) - 1.0
         knots = np.maximum.accumulate(np.r_[first, self.time, max(t[-1], self.time[-1]) + 1.0])
@@ -123,31 +124,31 @@ class Drive:
 
 
 class Effect:
-    """A physical effect that the model may lack. Every hook is the identity unless a subclass says otherwise.
+    """A physical effect that the model may lack. Each hook is the identity unless a subclass overrides it.
 
-    Where it acts is where it overrides a hook:
+    A subclass overrides the hooks of the part of the model that it changes:
 
         rig, links     parameters of the rig, its chain of segments
         plant          mechanisms of the equations of motion: friction, link, motor
         hub_law        a torque on the hub, a function of time, angle and rate
-        drive          the way from commanded to delivered torque
-        sensing        what sensors report
+        drive          from commanded to delivered torque
+        sensing        from true values to sensor readings
 
     Class attributes:
-      name: as in the vocabulary.
-      meaning: what the model lacks, in words that follow "The model lacks ...: ".
-      acts_on: the part of the rig that it belongs to, for people.
+      name: key in the registry, lower case with hyphens.
+      meaning: what the model lacks, to follow "The model lacks NAME: ".
+      acts_on: the part of the rig that it belongs to.
       parameters: the `EffectParameter`s.
-      hub_law: torque on the hub, see `twin.mechanics.hub_law`; it reads the values of the parameters in their order.
-      on_motor: where there is a play between motor and hub, `hub_law` acts on the motor.
+      hub_law: torque on the hub, see `twin.mechanics.hub_law`; its values are the parameters in their order.
+      on_motor: whether, with backlash, `hub_law` acts on the motor.
       mjcf_is_exact: whether the element that `write_mjcf` adds is exact with any time step.
-      linearisable: whether a model that is linear about one place can stand for it. What `hub_law` says of that is
-        found by evaluating it.
-      along: parameters that say where or how the effect acts and mean nothing at neutral (a phase, a rest angle):
-        a start gives them as they are, it does not scale them.
-      wave: how the effect repeats, if it does with an order that a search has to look for.
-      replaces: declared parameters that the effect takes over: they no longer count as calibration.
-      multiples: of the first visible size, at which a search looks before it fits.
+      linearisable: whether a model linearised about a state can represent it. Whether `hub_law` is linear is found by
+        evaluating it.
+      undefined_at_neutral: parameters without influence at neutral, such as a phase or a rest angle. A search takes
+        them from `starts` as they are; all other parameters are scaled along a ray from neutral.
+      wave: how the effect is periodic, if a spectrum has to give its order.
+      replaces: declared parameters that the effect replaces: they are no longer calibrated within their uncertainty.
+      search_multiples: multiples of the smallest visible size at which a search evaluates the effect before a fit.
     """
 
     name: str
@@ -159,51 +160,51 @@ class Effect:
     mjcf_is_exact = True
     linearisable = True
     replaces: tuple[str, ...] = ()
-    along: tuple[str, ...] = ()
+    undefined_at_neutral: tuple[str, ...] = ()
     wave: Wave | None = None
-    multiples: tuple[float, ...] = (1.0, 20.0, 300.0)
+    search_multiples: tuple[float, ...] = (1.0, 20.0, 300.0)
 
     @property
-    def joint(self) -> bool:
-        """Whether the parameters make no sense one by one."""
-        return bool(self.along)
+    def is_coupled(self) -> bool:
+        """Whether the parameters have to be varied together, because some are undefined at neutral."""
+        return bool(self.undefined_at_neutral)
 
     @property
-    def misreads(self) -> bool:
-        """Whether it is in what sensors report."""
+    def acts_on_readings(self) -> bool:
+        """Whether it changes sensor readings."""
         return type(self).sensing is not Effect.sensing
 
     def neutral(self, rig: Mapping[str, float]) -> dict[str, float]:
-        """Values at which the model is exactly the one without this effect."""
+        """Values at which the model equals the one without this effect."""
         return {p.name: rig[p.name] if p.neutral is None else p.neutral for p in self.parameters}
 
-    def free(self, values: Mapping[str, float]) -> tuple[EffectParameter, ...]:
-        """Parameters that a fit may move where the effect stands at these values."""
+    def free_parameters(self, values: Mapping[str, float]) -> tuple[EffectParameter, ...]:
+        """Parameters that a fit varies when the effect has these values."""
         return tuple(p for p in self.parameters if not p.choice)
 
     def units(self, values: Mapping[str, float]) -> dict[str, str]:
-        """Parameter -> SI unit where the effect stands at these values."""
+        """Parameter -> SI unit when the effect has these values."""
         return {p.name: p.unit for p in self.parameters}
 
-    def resolved(self, values: Mapping[str, float], period: float) -> bool:
-        """Whether an effect of this size is more than what good sensors, and a card of this period [s], leave open."""
+    def is_resolved(self, values: Mapping[str, float], period: float) -> bool:
+        """Whether the effect exceeds the tolerance of good sensors and of a card with this sample period [s]."""
         return True
 
     def starts(self, rig: Mapping[str, float]) -> tuple[dict[str, float], ...]:
-        """Values close to neutral from which a search can leave it: one per direction that it should try."""
+        """Values near neutral, one for each direction in which a search should leave it."""
         neutral = self.neutral(rig)
         return ({p.name: p.turned(p.turned(neutral[p.name]) + p.step) for p in self.parameters},)
 
-    def linear(self, p: Mapping[str, float]) -> tuple[float, ...]:
-        """Coefficients in which its force is linear, small ones; none where parameters that are free have no such."""
+    def linear_coefficients(self, p: Mapping[str, float]) -> tuple[float, ...]:
+        """Coefficients in which the force of the effect is linear; empty if there are none."""
         return ()
 
-    def of_linear(self, coefficients: Sequence[float]) -> dict[str, float] | None:
-        """Parameters of these coefficients; None where there are none."""
+    def from_linear_coefficients(self, coefficients: Sequence[float]) -> dict[str, float] | None:
+        """Inverse of `linear_coefficients`; None where no parameters have these coefficients."""
         return None
 
-    def at_order(self, order: float, coefficients: tuple[float, ...]) -> dict[str, float]:
-        """Parameters of a wave of this order whose sine and cosine have these coefficients."""
+    def wave_parameters(self, order: float, coefficients: tuple[float, ...]) -> dict[str, float]:
+        """Parameters of the wave of this order with these coefficients of sine and cosine."""
         assert self.wave is not None
         sine, cosine = coefficients[:2]
         return {
@@ -213,19 +214,19 @@ class Effect:
         }
 
     def rig(self, rig: Rig, p: Mapping[str, float]) -> Rig:
-        """Changes parameters of the rig itself."""
+        """The rig with its parameters changed."""
         return rig
 
     def links(self, links: Chain, rig: Rig, p: Mapping[str, float]) -> Chain:
-        """Changes the chain of the rig."""
+        """The chain of segments, changed."""
         return links
 
     def plant(self, plant: Plant, p: Mapping[str, float]) -> Plant:
-        """Switches on a mechanism of the equations of motion."""
+        """The equations of motion with a mechanism switched on."""
         return plant
 
     def hub_torque(self, p: Mapping[str, float]) -> HubTorque | None:
-        """Torque on the hub; None where the effect adds none."""
+        """Torque on the hub by `hub_law`; None if there is none."""
         if self.hub_law is None:
             return None
         writes = type(self).write_mjcf is not Effect.write_mjcf
@@ -234,31 +235,32 @@ class Effect:
         return HubTorque(self.name, self.hub_law, values, self.on_motor, write, self.mjcf_is_exact)
 
     def write_mjcf(self, spec: MjSpec, joint: str, p: Mapping[str, float]) -> None:
-        """Writes a `hub_law` that is not linear into a MuJoCo specification, for the joint of this name.
+        """Adds a nonlinear `hub_law` to a MuJoCo specification, at the joint of this name.
 
-        Linear ones become stiffness and damping of the joint without it; what is not written is said to be left out.
+        Linear laws become stiffness and damping of the joint without this hook. A law that is not written is reported
+        as left out.
         """
 
     def reading(self, reading: Reading, channel: str, p: Mapping[str, float]) -> Reading | None:
-        """What `sensing` makes of the reading of a channel, in terms that MJCF has; None where it has none."""
-        return None if self.misreads else reading
+        """The reading of a channel after `sensing`, in terms of MJCF elements; None where there are none."""
+        return None if self.acts_on_readings else reading
 
     def drive(self, drive: Drive, p: Mapping[str, float]) -> Drive:
-        """Turns commanded torque (after saturation) into delivered torque."""
+        """Delivered torque for the commanded torque after saturation."""
         return drive
 
     def sensing(
         self, time: np.ndarray, channels: dict[str, np.ndarray], p: Mapping[str, float]
     ) -> dict[str, np.ndarray]:
-        """Turns true channel values (name -> (m,), SI) into what the sensors report."""
+        """Sensor readings for true channel values (name -> (m,), SI)."""
         return channels
 
-    def hub_late(self, p: Mapping[str, float]) -> float:
-        """By how much the hub's reading lags behind its angle [s]."""
+    def hub_delay(self, p: Mapping[str, float]) -> float:
+        """Delay of the hub angle reading [s]."""
         return 0.0
 
     def hub_angle_of(self, time: np.ndarray, reading: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Hub angle (m,) that the sensor reports as `reading`: the fixed point of reading + angle - report."""
+        """Hub angle (m,) for a sensor reading (m,): the inverse of `sensing`, by fixed-point iteration."""
         angle = np.array(reading, dtype=float)
         for _ in range(50):
             off = reading - self.sensing(time, {"hub_angle": angle}, p)["hub_angle"]

@@ -1,4 +1,4 @@
-"""Wires that pull the hub back."""
+"""A linear spring on the hub: the torsional stiffness of its wires."""
 
 import math
 
@@ -13,9 +13,9 @@ def torque(t, theta, omega, values):
 
 
 class CableTorsion(Effect):
-    """Torque -stiffness * (theta - rest_angle) on the hub.
+    """Torque -stiffness (theta - rest_angle) on the hub.
 
-    A cable at rest more than a turn away would pull with an all but constant torque: that is no cable.
+    The rest angle is limited to one turn: with one farther away the torque is nearly constant, as a `torque-bias`.
     """
 
     name = "cable-torsion"
@@ -27,15 +27,15 @@ class CableTorsion(Effect):
     )
 
     hub_law = torque
-    along = ("rest_angle",)
+    undefined_at_neutral = ("rest_angle",)
 
     def starts(self, rig):
-        # The spring's two linear coefficients, stiffness and stiffness * rest_angle, need three points.
+        # Three points determine the two linear coefficients, stiffness and stiffness * rest_angle.
         return tuple({"stiffness": 1e-3, "rest_angle": angle} for angle in (0.0, 1.0, -1.0))
 
-    def linear(self, p):
+    def linear_coefficients(self, p):
         return p["stiffness"], p["stiffness"] * p["rest_angle"]
 
-    def of_linear(self, coefficients):
+    def from_linear_coefficients(self, coefficients):
         stiffness, at_zero = coefficients
         return {"stiffness": stiffness, "rest_angle": at_zero / stiffness} if stiffness > 0 else None

@@ -1,4 +1,4 @@
-"""Magnets of the motor that pull it to their own positions."""
+"""Cogging torque of a permanent-magnet motor."""
 
 import math
 
@@ -14,14 +14,14 @@ def torque(t, theta, omega, values):
 
 
 class Cogging(Effect):
-    """Torque amplitude sin(order theta + phase) on the hub.
+    """Torque amplitude sin(order theta + phase) on the hub; with backlash, on the motor.
 
-    Its periods in a turn are the least common multiple of the numbers of poles and slots, and poles come in pairs:
-    two at least, by which it differs from a spring.
+    The order is the number of periods a turn, the least common multiple of the numbers of poles and slots. Poles come
+    in pairs, so it is at least 2; with a lower one it could not be distinguished from a spring.
     """
 
     name = "cogging"
-    meaning = "a torque of the motor's magnets that repeats with the angle"
+    meaning = "a torque of the motor's magnets, periodic in the angle"
     acts_on = "drive"
     parameters = (
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
@@ -30,7 +30,7 @@ class Cogging(Effect):
     )
     hub_law = torque
     on_motor = True
-    along = ("order", "phase")
+    undefined_at_neutral = ("order", "phase")
     wave = Wave("torque", "order")
 
     def write_mjcf(self, spec, joint, p):

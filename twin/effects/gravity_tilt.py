@@ -1,4 +1,4 @@
-"""Gravity that acts in a plane which is not level."""
+"""Gravity in the plane of motion of a rig that is not level."""
 
 import numpy as np
 from scipy.constants import g
@@ -7,25 +7,25 @@ from twin.effects.base import Effect, EffectParameter
 
 
 class GravityTilt(Effect):
-    """Acceleration g sin(tilt) along `direction`, an angle fixed in the plane, on every mass of link and payload."""
+    """Gravity g sin(tilt) on all masses of link and payload, along the angle `direction` fixed in the plane."""
 
     name = "gravity-tilt"
-    meaning = "gravity, because the plane is not level"
+    meaning = "gravity in the plane of motion, which is not level"
     acts_on = "link"
     parameters = (
         EffectParameter("tilt", "rad", 0.0, (0.0, 0.8), 1e-3),
         EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1),
     )
-    along = ("direction",)
+    undefined_at_neutral = ("direction",)
 
     def starts(self, rig):
-        # Two components of one vector, none of which can be negative alone.
+        # Three directions determine both components of the vector; its length, the tilt, is not negative.
         return tuple({"tilt": 1e-3, "direction": angle} for angle in np.deg2rad([0.0, 120.0, -120.0]))
 
-    def linear(self, p):
+    def linear_coefficients(self, p):
         return p["tilt"] * np.cos(p["direction"]), p["tilt"] * np.sin(p["direction"])
 
-    def of_linear(self, coefficients):
+    def from_linear_coefficients(self, coefficients):
         along, across = coefficients
         return {"tilt": float(np.hypot(along, across)), "direction": float(np.arctan2(across, along))}
 

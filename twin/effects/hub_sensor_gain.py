@@ -1,13 +1,13 @@
-"""A potentiometer that reads too much or too little."""
+"""Gain error of the hub angle sensor."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class HubSensorGain(Effect):
-    """reading = gain * theta."""
+    """Reading = gain theta."""
 
     name = "hub-sensor-gain"
-    meaning = "an angle sensor with another gain than declared"
+    meaning = "a gain error of the hub angle sensor"
     acts_on = "sensors"
     parameters = (EffectParameter("gain", "1", 1.0, (0.1, 10.0), 5e-3, "hub_angle"),)
 

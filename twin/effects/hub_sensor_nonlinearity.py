@@ -1,4 +1,4 @@
-"""An angle sensor whose error repeats with the angle: a potentiometer's track, an encoder off its centre."""
+"""Periodic error of the hub angle sensor: the track of a potentiometer, the eccentricity of an encoder disc."""
 
 from dataclasses import replace
 
@@ -9,17 +9,17 @@ from twin.effects.wave import Wave
 
 
 class HubSensorNonlinearity(Effect):
-    """reading = theta + amplitude sin(order theta + phase)."""
+    """Reading = theta + amplitude sin(order theta + phase)."""
 
     name = "hub-sensor-nonlinearity"
-    meaning = "an angle sensor that is not linear"
+    meaning = "an error of the hub angle sensor, periodic in the angle"
     acts_on = "sensors"
     parameters = (
         EffectParameter("amplitude", "rad", 0.0, (0.0, 0.5), 1e-3, "hub_angle"),
         EffectParameter("order", "1", 1.0, (0.9, 40.0), 0.02, "hub_angle"),
         EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, "hub_angle"),
     )
-    along = ("order", "phase")
+    undefined_at_neutral = ("order", "phase")
     wave = Wave("reading", "order")
 
     def reading(self, reading, channel, p):

@@ -1,17 +1,17 @@
-"""A payload that is not the declared one."""
+"""A payload mass outside its declared uncertainty."""
 
-from twin.effects.base import FAR, Effect, EffectParameter
+from twin.effects.base import FAR_MULTIPLES, Effect, EffectParameter
 
 
 class PayloadMass(Effect):
-    """tip_mass, free of its declared uncertainty."""
+    """tip_mass without the prior of its declared uncertainty."""
 
     name = "payload-mass"
-    meaning = "another payload than the declared one"
+    meaning = "a payload mass other than the declared one"
     acts_on = "payload"
     parameters = (EffectParameter("tip_mass", "kg", None, (0.0, 1e3), 1e-3),)
     replaces = ("tip_mass",)
-    multiples = FAR
+    search_multiples = FAR_MULTIPLES
 
     def rig(self, rig, p):
         return rig.replace(tip_mass=p["tip_mass"])

@@ -1,4 +1,4 @@
-"""A disturbance of one frequency: a fan, a pump, a mains hum in the amplifier, a table that shakes."""
+"""A sinusoidal disturbance: a fan, a pump, mains hum in the amplifier, a vibrating table."""
 
 import math
 
@@ -16,14 +16,15 @@ def torque(t, theta, omega, values):
 
 
 class PeriodicDisturbance(Effect):
-    """Torque amplitude sin(2 pi frequency t + phase) on the hub, or acceleration of the base along `direction`.
+    """Torque amplitude sin(2 pi frequency t + phase) on the hub; with base = 1, acceleration of the base.
 
-    t is from the start of each recording. Where the choice `base` is 1 the base is accelerated, along an angle fixed in
-    the plane, and every mass of link and payload feels a field the other way round.
+    t counts from the start of each recording. The base accelerates along the angle `direction` fixed in the plane;
+    in the frame of the base this is a field of the opposite sign on all masses of link and payload. `amplitude` is
+    then in m/s^2.
     """
 
     name = "periodic-disturbance"
-    meaning = "a disturbance at one fixed frequency"
+    meaning = "a sinusoidal disturbance of one frequency"
     acts_on = "hub"
     parameters = (
         EffectParameter("frequency", "Hz", 1.0, (0.05, 60.0), 0.002),
@@ -34,19 +35,19 @@ class PeriodicDisturbance(Effect):
     )
     hub_law = torque
     mjcf_is_exact = False
-    along = ("frequency", "phase", "base", "direction")
+    undefined_at_neutral = ("frequency", "phase", "base", "direction")
     wave = Wave("time", "frequency")
 
-    def free(self, values):
-        return tuple(p for p in super().free(values) if values["base"] or p.name != "direction")
+    def free_parameters(self, values):
+        return tuple(p for p in super().free_parameters(values) if values["base"] or p.name != "direction")
 
     def units(self, values):
         return {**super().units(values), "amplitude": "m/s^2" if values["base"] else "N*m"}
 
-    def at_order(self, order, coefficients):
+    def wave_parameters(self, order, coefficients):
         if len(coefficients) == 2:
-            return {**super().at_order(order, coefficients), "base": 0.0, "direction": 0.0}
-        # Of an acceleration along x and y the part that swings along one line.
+            return {**super().wave_parameters(order, coefficients), "base": 0.0, "direction": 0.0}
+        # The best approximation of the (axis x sine, cosine) coefficients by an oscillation along one line: rank 1.
         axes, sizes, parts = np.linalg.svd(np.reshape(coefficients, (2, 2)))
         sign = -1.0 if axes[0, 0] < 0 else 1.0
         line, (sine, cosine) = sign * axes[:, 0], sign * parts[0]

@@ -1,21 +1,21 @@
-"""A bearing that grips more at some angles than at others."""
+"""Friction that is periodic in the hub angle: an eccentric bearing."""
 
 from twin.effects.base import Effect, EffectParameter
 from twin.effects.wave import Wave
 
 
 class PositionDependentFriction(Effect):
-    """Both friction levels raised by amplitude (1 + sin(order theta + phase))/2."""
+    """Static and Coulomb level raised by amplitude (1 + sin(order theta + phase))/2."""
 
     name = "position-dependent-friction"
-    meaning = "friction that depends on where the hub stands"
+    meaning = "friction levels that are periodic in the hub angle"
     acts_on = "hub"
     parameters = (
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
         EffectParameter("order", "1", 1.0, (0.9, 80.0), 0.02),
         EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
     )
-    along = ("order", "phase")
+    undefined_at_neutral = ("order", "phase")
     wave = Wave("friction", "order")
 
     def plant(self, plant, p):

@@ -1,4 +1,4 @@
-"""What a sensor reports of a true value, in terms that MJCF has elements for."""
+"""The reading of a sensor as a function of the true value, in terms that MJCF has elements for."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Reading:
-    """r + rate t + offset + amplitude sin(order r + phase), all of it `delay` late.
+    """Reading r + rate t + offset + amplitude sin(order r + phase), delayed by `delay`.
 
     Attributes:
-      gain, twist: r = gain * truth + twist * angle of a torsional mode [rad].
-      rate: [1/s].
+      gain, twist: r = gain * true value + twist * angle of a torsional mode [rad].
+      rate: drift, in the unit of the channel per second.
       offset: in the unit of the channel.
-      amplitude, order, phase: of a wave over r.
+      amplitude, order, phase: of a periodic error; the amplitude in the unit of the channel.
       delay: [s].
     """
 
@@ -28,11 +28,11 @@ class Reading:
 
     @property
     def is_sum(self) -> bool:
-        """Whether there is more to it than r."""
+        """Whether drift or periodic error are added to r."""
         return self.rate != 0 or self.amplitude != 0
 
     def scaled(self, factor: float) -> Reading:
-        """The reading times a factor."""
+        """The reading multiplied by a factor."""
         scaled = {
             name: factor * getattr(self, name) for name in ("gain", "rate", "offset", "amplitude", "twist")
         }

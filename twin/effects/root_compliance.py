@@ -1,19 +1,19 @@
-"""A clamp between hub and link that gives."""
+"""Elastic clamp between hub and link."""
 
 import math
 
-from twin.effects.base import FAR, Effect, EffectParameter
+from twin.effects.base import FAR_MULTIPLES, Effect, EffectParameter
 from twin.mechanics import chain
 
 
 class RootCompliance(Effect):
-    """A spring between hub and link that takes the root's bending moment: M = stiffness * angle, without losses."""
+    """Undamped rotary spring between hub and link: bending moment at the root M = stiffness angle."""
 
     name = "root-compliance"
-    meaning = "a clamp between hub and link that gives"
+    meaning = "an elastic clamp between hub and link"
     acts_on = "link"
     parameters = (EffectParameter("stiffness", "N*m/rad", math.inf, (0.5, math.inf), 1e-3, inverse=True),)
-    multiples = FAR
+    search_multiples = FAR_MULTIPLES
 
     def links(self, links, rig, p):
         if p["stiffness"] == math.inf:

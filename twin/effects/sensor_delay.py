@@ -1,18 +1,18 @@
-"""Channels that arrive late."""
+"""Delay of sensor readings."""
 
 from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from twin.effects.base import OPEN, Effect, EffectParameter
+from twin.effects.base import TIMING_TOLERANCE, Effect, EffectParameter
 
 
 class SensorDelay(Effect):
-    """reading(t) = value(t - delay), of the hub angle, the link's sensors and the torque where their choice is 1."""
+    """Reading(t) = value(t - delay) of the channels whose choice is 1: hub angle, sensors of the link, motor torque."""
 
     name = "sensor-delay"
-    meaning = "channels that arrive late"
+    meaning = "a delay of sensor readings"
     acts_on = "sensors"
     parameters = (
         EffectParameter("delay", "s", 0.0, (0.0, 0.05), 1e-3),
@@ -20,39 +20,41 @@ class SensorDelay(Effect):
         EffectParameter("strain", "1", 1.0, (0.0, 1.0), 1.0, choice=True),
         EffectParameter("motor_torque", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),
     )
-    along = ("hub_angle", "strain", "motor_torque")
+    undefined_at_neutral = ("hub_angle", "strain", "motor_torque")
 
     def starts(self, rig):
         which = ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-        return tuple({"delay": 1e-3, **dict(zip(self.along, late, strict=True))} for late in which)
+        return tuple(
+            {"delay": 1e-3, **dict(zip(self.undefined_at_neutral, late, strict=True))} for late in which
+        )
 
-    def resolved(self, values, period):
-        return values["delay"] >= OPEN * period
+    def is_resolved(self, values, period):
+        return values["delay"] >= TIMING_TOLERANCE * period
 
     def reading(self, reading, channel, p):
         return replace(reading, delay=self._delay_of(channel, p))
 
     def sensing(self, time, channels, p):
-        late = {ch: self._delay_of(ch, p) for ch in channels}
-        said = {ch: _read_at(time, v, time - late[ch]) for ch, v in channels.items()}
+        delays = {ch: self._delay_of(ch, p) for ch in channels}
+        delayed = {ch: _interpolated(time, v, time - delays[ch]) for ch, v in channels.items()}
         if "motor_torque" in channels:
-            said["motor_torque"] = _held(time, channels["motor_torque"], time - late["motor_torque"])
-        return said
+            delayed["motor_torque"] = _held(time, channels["motor_torque"], time - delays["motor_torque"])
+        return delayed
 
     def _delay_of(self, channel, p):
         return p[channel if channel in ("hub_angle", "motor_torque") else "strain"] * p["delay"]
 
-    def hub_late(self, p):
+    def hub_delay(self, p):
         return p["delay"] if p["hub_angle"] else 0.0
 
     def hub_angle_of(self, time, reading, p):
-        return _read_at(time, reading, time + self.hub_late(p))
+        return _interpolated(time, reading, time + self.hub_delay(p))
 
 
-def _read_at(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (m) at other instants; the first and the last one hold beyond the ends.
+def _interpolated(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values (m) interpolated at other instants by a cubic spline; constant beyond the ends.
 
-    A simulation that ran away stays as it is.
+    Values of a diverged simulation, not all finite, are returned unchanged.
     """
     if len(time) < 2 or np.array_equal(at, time) or not np.isfinite(values).all():
         return values
@@ -60,5 +62,5 @@ def _read_at(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray
 
 
 def _held(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (m) that are held from each instant to the next, at other instants."""
+    """Values (m) at other instants, with a zero-order hold from each instant to the next."""
     return values[np.maximum(np.searchsorted(time, at + 1e-9, side="right") - 1, 0)]

@@ -1,19 +1,22 @@
-"""A link whose bending moment grows less than linearly with its curvature."""
+"""Bending stiffness that decreases with curvature."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class SofteningStiffness(Effect):
-    """M = EI kappa (1 - softening kappa^2/(kappa^2 + curvature^2)): Bossi et al. 2009, Fig. 3, moves that way."""
+    """Bending moment M = EI kappa (1 - softening kappa^2/(kappa^2 + curvature^2)), kappa the curvature.
+
+    The resonances of Bossi et al. 2009, Fig. 3, decrease with growing amplitude, as with this law.
+    """
 
     name = "softening-stiffness"
-    meaning = "a link that gets softer the more it bends"
+    meaning = "a bending stiffness that decreases with curvature"
     acts_on = "link"
     parameters = (
         EffectParameter("softening", "1", 0.0, (0.0, 0.95), 0.01),
         EffectParameter("curvature", "1/m", 1.0, (0.02, 20.0), 0.05),
     )
-    along = ("curvature",)
+    undefined_at_neutral = ("curvature",)
 
     def starts(self, rig):
         return tuple({"softening": 0.01, "curvature": kappa} for kappa in (0.2, 0.6, 2.0))

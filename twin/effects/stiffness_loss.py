@@ -1,17 +1,17 @@
-"""A link of another stiffness than declared everywhere, mostly softer."""
+"""A bending stiffness of the whole link outside its declared uncertainty."""
 
-from twin.effects.base import FAR, Effect, EffectParameter
+from twin.effects.base import FAR_MULTIPLES, Effect, EffectParameter
 
 
 class StiffnessLoss(Effect):
-    """bending_stiffness, free of its declared uncertainty: ageing of a composite link."""
+    """bending_stiffness without the prior of its declared uncertainty: ageing of a composite link."""
 
     name = "stiffness-loss"
-    meaning = "a link that is softer than declared all along, or stiffer"
+    meaning = "a bending stiffness of the whole link other than the declared one"
     acts_on = "link"
     parameters = (EffectParameter("bending_stiffness", "N*m^2", None, (1e-6, 1e6), -2e-3),)
     replaces = ("bending_stiffness",)
-    multiples = FAR
+    search_multiples = FAR_MULTIPLES
 
     def rig(self, rig, p):
         return rig.replace(bending_stiffness=p["bending_stiffness"])

@@ -1,18 +1,18 @@
-"""Strain bridges that drift: an amplifier that warms up."""
+"""Linear drift of the strain bridges, as of an amplifier that warms up."""
 
 from dataclasses import replace
 
 from twin.effects.base import Effect, EffectParameter
 
 RATES = {"strain_base": "rate_base", "strain_mid": "rate_mid"}
-"""Channel -> parameter with the rate of its drift."""
+"""Channel -> parameter that is its drift rate."""
 
 
 class StrainDrift(Effect):
-    """reading = strain + rate t, a rate for each bridge, t from the start of each recording."""
+    """Reading = strain + rate t, t from the start of each recording; one rate for each bridge."""
 
     name = "strain-drift"
-    meaning = "strain bridges that drift in time"
+    meaning = "a drift of the strain bridges, linear in time"
     acts_on = "sensors"
     parameters = tuple(
         EffectParameter(rate, "1/s", 0.0, (-1e-2, 1e-2), 1e-6, ch) for ch, rate in RATES.items()
@@ -22,7 +22,7 @@ class StrainDrift(Effect):
         if channel not in RATES:
             return reading
         rate = p[RATES[channel]]
-        # The drift itself is not late, and the sensor's delay holds all of the reading back.
+        # `Reading` delays the drift too: rate (t - delay) + offset has to be rate t.
         return replace(reading, rate=rate, offset=rate * reading.delay)
 
     def sensing(self, time, channels, p):

@@ -1,23 +1,23 @@
-"""Strain bridges that read too much or too little."""
+"""Gain errors of the strain bridges."""
 
 from twin.effects.base import Effect, EffectParameter
 
-_SOLD = 5e-3
-"""Relative tolerance of gauge factors, as data sheets of good foil gauges have it: less is no fault of a bridge."""
+_GAUGE_FACTOR_TOLERANCE = 5e-3
+"""Relative tolerance of gauge factors in data sheets of good foil gauges: a smaller gain error is no fault."""
 GAINS = {"strain_base": "gain_base", "strain_mid": "gain_mid"}
-"""Channel -> parameter with its gain."""
+"""Channel -> parameter that is its gain."""
 
 
 class StrainGain(Effect):
-    """reading = gain * strain, a gain for each bridge."""
+    """Reading = gain strain; one gain for each bridge."""
 
     name = "strain-gain"
-    meaning = "strain bridges with another gain than declared"
+    meaning = "a gain error of the strain bridges"
     acts_on = "sensors"
     parameters = tuple(EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch) for ch, gain in GAINS.items())
 
-    def resolved(self, values, period):
-        return max(abs(values[gain] - 1) for gain in GAINS.values()) >= _SOLD
+    def is_resolved(self, values, period):
+        return max(abs(values[gain] - 1) for gain in GAINS.values()) >= _GAUGE_FACTOR_TOLERANCE
 
     def reading(self, reading, channel, p):
         return reading.scaled(p[GAINS[channel]]) if channel in GAINS else reading

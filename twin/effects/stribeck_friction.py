@@ -1,13 +1,13 @@
-"""Friction that falls smoothly from the break-away to the Coulomb level."""
+"""Stribeck effect: sliding friction that decreases with speed."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class StribeckFriction(Effect):
-    """Sliding level coulomb + (static - coulomb) exp(-(omega/stribeck_velocity)^2)."""
+    """Sliding friction level coulomb + (static - coulomb) exp(-(omega/stribeck_velocity)^2)."""
 
     name = "stribeck-friction"
-    meaning = "friction that falls smoothly from break-away to Coulomb level"
+    meaning = "sliding friction that decreases with speed from the static to the Coulomb level"
     acts_on = "hub"
     parameters = (EffectParameter("stribeck_velocity", "rad/s", 0.0, (0.0, 20.0), 0.1),)
 

@@ -1,10 +1,10 @@
-"""A torque that is always there."""
+"""Constant offset of the delivered torque."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class TorqueBias(Effect):
-    """delivered = commanded + bias: an amplifier with an offset."""
+    """Delivered torque = commanded torque + bias: an amplifier with an offset."""
 
     name = "torque-bias"
     meaning = "a constant torque on the hub"

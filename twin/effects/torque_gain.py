@@ -1,13 +1,13 @@
-"""A drive that delivers more or less than it was asked for."""
+"""Gain error of the drive."""
 
 from twin.effects.base import Effect, EffectParameter
 
 
 class TorqueGain(Effect):
-    """delivered = gain * commanded, behind the saturation."""
+    """Delivered torque = gain * commanded torque, after its saturation."""
 
     name = "torque-gain"
-    meaning = "a drive that delivers another multiple of the commanded torque"
+    meaning = "a gain error of the drive"
     acts_on = "drive"
     parameters = (EffectParameter("gain", "1", 1.0, (0.1, 10.0), 1e-2),)
 

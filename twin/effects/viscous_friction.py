@@ -1,4 +1,4 @@
-"""Friction that grows with the speed."""
+"""Viscous friction of the hub."""
 
 from twin.effects.base import Effect, EffectParameter
 from twin.mechanics.hub_law import HubLaw
@@ -11,10 +11,10 @@ def torque(t, theta, omega, values):
 
 
 class ViscousFriction(Effect):
-    """f += viscous * omega: bearing grease, or the back-EMF of a voltage drive."""
+    """Torque -viscous omega on the hub: bearing grease, or the back-EMF of a voltage drive."""
 
     name = "viscous-friction"
-    meaning = "friction that grows with the speed of the hub"
+    meaning = "friction proportional to the rate of the hub"
     acts_on = "hub"
     parameters = (EffectParameter("viscous", "N*m*s/rad", 0.0, (0.0, 10.0), 1e-4),)
     hub_law = torque

@@ -1,20 +1,23 @@
-"""What repeats with the angle or with time, and how a search can look for its frequency."""
+"""Effects that are periodic in the hub angle or in time, whose order or frequency is found from a spectrum."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 RESONANCE_DAMPING = 0.02
-"""Damping ratio with which a resonance is looked for."""
+"""Damping ratio assumed in the spectral search for a resonance."""
 
 
 @dataclass(frozen=True)
 class Wave:
-    """An effect amplitude * sin(order * variable + phase) of unknown order, which no slope at neutral can tell.
+    """An effect amplitude * sin(order * variable + phase) of unknown order.
+
+    At neutral, where the amplitude is 0, the derivative by the order is 0: no score test can find it.
 
     Attributes:
-      acts: as a "torque" of the hub angle, as a level of "friction" over it, as a "time" signal on the hub's
-        torque, or on the "reading" of the hub angle; a "resonance" answers to the hub's acceleration.
-      order: name of the parameter that is the order, or the frequency [Hz].
+      acts: "torque" of the hub as a function of its angle, "friction" level as a function of the angle, torque of
+        the hub as a function of "time", or error of the "reading" of the hub angle as a function of the angle;
+        "resonance" is an oscillator excited by the acceleration of the hub.
+      order: name of the parameter that is the order [per radian], or the frequency [Hz].
     """
 
     acts: Literal["torque", "friction", "time", "reading", "resonance"]
@@ -22,5 +25,5 @@ class Wave:
 
     @property
     def by_angle(self) -> bool:
-        """Whether it repeats with the angle of the hub."""
+        """Whether it is periodic in the hub angle, not in time."""
         return self.acts in ("torque", "friction", "reading")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin.effects import REGISTRY
-from twin.effects.base import OPEN
+from twin.effects.base import TIMING_TOLERANCE
 from twin.mechanics.state import Start
 from twin.parameters import declared_range, relative_uncertainty
 from twin.residuals.prepared import Prepared, shortest_period
@@ -89,7 +89,7 @@ def clock_unknown(prepared: Sequence[Prepared]) -> Unknown:
 
     Nothing that the model lacks follows from it. An effect may look like it, so that it stays open beside all of them.
     """
-    most = OPEN * shortest_period(prepared)
+    most = TIMING_TOLERANCE * shortest_period(prepared)
     return Unknown("clock", "late", 0.0, most / 2, True, (-most, most))
 
 
@@ -97,7 +97,7 @@ def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen
     """Parameters of an effect that these channels can say something about."""
     return [
         Unknown(effect, p.name, p.turned(values[p.name]), abs(p.step), False, p.span, inverse=p.inverse)
-        for p in REGISTRY[effect].free(values)
+        for p in REGISTRY[effect].free_parameters(values)
         if p.channel is None or p.channel in seen
     ]
 

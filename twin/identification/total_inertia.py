@@ -71,7 +71,7 @@ def momentum_balance(data: DrivenData, model: Model) -> MomentumBalance | None:
       model: its sensors, effects and torque limit are used; its rig for the averaging window and for N, a correction of
         some parts in a thousand.
     """
-    if model.plant.motor.gap > 0 or any(REGISTRY[name].misreads for name in model.effects):
+    if model.plant.motor.gap > 0 or any(REGISTRY[name].acts_on_readings for name in model.effects):
         return None
     pairs = zip(data.prepared, data.views, strict=True)
     runs = [run for p, v in pairs if _usable(p, model) for run in _runs(p, v, model)]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import labels
-from twin.diagnosis.answer import UNSEEN, Diagnosis, Prediction, Trace
+from twin.diagnosis.answer import LONGEST_GAP, Diagnosis, Prediction, Trace
 from twin.recording import HUB_TORQUE, Recording, Sensor
 from twin.report import display
 from twin.report import rerun_parts as parts
@@ -189,10 +189,10 @@ def _has_arrow(diagnosis: Diagnosis) -> bool:
 
 
 def _between_close_samples(instants: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Whether instants (k) [s] lie between two samples, at times (n) [s], that are at most `UNSEEN` apart."""
+    """Whether instants (k) [s] lie between two samples, at times (n) [s], that are at most `LONGEST_GAP` apart."""
     behind = np.searchsorted(time, instants, side="right")
     last, next_one = time[np.clip(behind - 1, 0, None)], time[np.clip(behind, None, len(time) - 1)]
-    return (last <= instants) & (instants <= next_one) & (next_one - last <= UNSEEN)
+    return (last <= instants) & (instants <= next_one) & (next_one - last <= LONGEST_GAP)
 
 
 def _arrows(entry: _RecordingView, frames: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.diagnosis.answer import UNSEEN, Patched, Prediction, Trace
+from twin.diagnosis.answer import LONGEST_GAP, Patched, Prediction, Trace
 from twin.labels import channel, over_noise, unmodelled, variable
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report import pages
@@ -421,7 +421,7 @@ def _broken_line(trace: Trace, values: np.ndarray, points: int) -> dict[str, np.
     """Returns values (n) of a trace over time as a line that breaks between recordings and at gaps."""
     order = np.argsort(trace.time, kind="stable")
     time, values = np.asarray(trace.time)[order], values[order]
-    anew = (np.diff(time) > UNSEEN) | (np.diff(np.asarray(trace.recording)[order]) != 0)
+    anew = (np.diff(time) > LONGEST_GAP) | (np.diff(np.asarray(trace.recording)[order]) != 0)
     pieces = np.split(np.arange(len(time)), np.flatnonzero(anew) + 1)
     kept = [piece[decimate(values[piece], max(2, points * len(piece) // len(time)))] for piece in pieces]
     breaks = np.cumsum([len(piece) for piece in kept])[:-1]

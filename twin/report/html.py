@@ -264,7 +264,7 @@ def _ranking(diagnosis: Diagnosis, most: int = 12) -> dict[str, Any]:
 
 def _rejection(diagnosis: Diagnosis, name: str) -> dict[str, str] | None:
     """Returns the rule by which a candidate was rejected, with its question, statistic and limit; None without one."""
-    rejected = diagnosis.turned_down(name)
+    rejected = diagnosis.failed_rule(name)
     if rejected is None:
         return None
     rule = RULES[rejected.judgement.rule]

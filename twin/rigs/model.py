@@ -162,7 +162,7 @@ class Model:
     @property
     def hub_late(self) -> float:
         """Delay of the hub's reading [s]; the last motion of a recording within it is not measured."""
-        return sum(REGISTRY[name].hub_late(p) for name, p in self.effects.items())
+        return sum(REGISTRY[name].hub_delay(p) for name, p in self.effects.items())
 
     def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Returns the hub angle (m) [rad] for which the sensor reports `reading` (m)."""

@@ -1,15 +1,16 @@
-"""How large a score chance alone gives: the threshold of a search at a false-alarm rate that the user states.
+"""Sign-flip permutation test: the distribution of the best score of a round where no effect is missing.
 
-Where nothing is missing, what the calibrated model leaves is noise and the chain's own error. Neither knows the sign
-that an effect would give it: turned over at random, stretch by stretch and all channels of a recording together, it
-is as likely as it was (a randomisation test). In each such draw every candidate is scored by its slopes as in the
-search, against declared parameters that may give way too; the largest score of all candidates is what chance gives.
-The (1 - rate) quantile of it is the threshold. It depends on this campaign alone: on its recordings, its channels,
-the library, and the size and correlation of what is left.
+Null hypothesis: the residuals of the calibrated model are noise and discretisation error, whose sign is independent of
+the sign that an effect would give them. Then the sign of each stretch of a recording, all channels together, can be
+flipped at random without a change of the distribution. For each draw of signs every candidate is scored by the
+linearised model, as in the search: the calibration is free to compensate, and the penalty of the parameters is
+subtracted. The statistic of a draw is the largest score of all candidates, so that the test corrects for their number.
+The threshold is the (1 - rate) quantile over the draws. It depends on the recordings, channels and residuals of this
+campaign and on the library of effects, on no other campaign.
 
-Orders of waves are chosen from a spectrum, which the draws do not repeat: the largest of n equally likely peaks of
-two coefficients exceeds one of them by log n on average, which is added; where noise is not white, by as much more as
-the spectrum there is usually higher than that of white noise.
+The order of a wave is chosen from a spectrum, which is not computed again for each draw. The largest of n independent
+peaks of two coefficients exceeds one of them by log n on average. This is added, multiplied by the level of the
+spectrum near the peak in units of white noise.
 """
 
 from __future__ import annotations
@@ -25,40 +26,41 @@ from twin.estimation.slopes import prior_precision, row_weights
 from twin.estimation.workbench import Workbench
 
 DRAWS = 400
+"""Number of sign patterns; the smallest false-alarm rate is 1/DRAWS."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """What a candidate promises to first order.
+    """A candidate to first order, for the score test and the permutation test.
 
     Attributes:
-      columns: (n x k) change of the residual with each of its parameters.
-      replaces: declared parameters that it takes the place of.
-      price: of its parameters.
-      rivals: number of equally likely places from which these columns were chosen.
-      level: gain that is usual about the place, in that of white noise.
-      coefficients: (k x c) of `Effect.linear`, of each column; empty where the effect has none.
+      columns: (n x k) derivative of the residual with respect to each of its parameters.
+      replaces: declared parameters that it replaces.
+      penalty: of its parameters, see `candidates.penalty`.
+      comparisons: number of peaks of a spectrum from which the columns were chosen.
+      spectral_level: level of the spectrum near the peak, in units of white noise.
+      coefficients: (k x c) `Effect.linear_coefficients` of each column; empty if the effect has none.
     """
 
     columns: np.ndarray
     replaces: tuple[str, ...]
-    price: float
-    rivals: int = 1
-    level: float = 1.0
+    penalty: float
+    comparisons: int = 1
+    spectral_level: float = 1.0
     coefficients: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def permutation_scores(
     bench: Workbench, base: Fit, slopes: Mapping[str, Slopes], draws: int = DRAWS, seed: int = 0
 ) -> np.ndarray:
-    """Largest score over all candidates in each draw (draws), ascending.
+    """Largest score of all candidates in each draw (draws), ascending.
 
     Args:
       bench: the data.
-      base: the fit beyond which effects were sought.
-      slopes: candidate -> its slopes at this fit.
+      base: the fit of the model without the candidates.
+      slopes: candidate -> its derivatives at this fit.
       draws: number of random sign patterns.
-      seed: of the signs: the same campaign gets the same threshold.
+      seed: of the signs; a fixed seed makes the threshold reproducible.
     """
     signs = random_signs(bench, draws, np.random.default_rng(seed))
     weights = row_weights(bench, base.residual)
@@ -68,25 +70,31 @@ def permutation_scores(
         if not candidate.columns.shape[1]:
             continue
         if candidate.replaces not in alone:
-            alone[candidate.replaces] = _losses(bench, base, weights, signs, candidate.replaces, None)
-        with_it = _losses(bench, base, weights, signs, candidate.replaces, candidate.columns)
-        gain = (
-            alone[candidate.replaces] - with_it - candidate.price + candidate.level * np.log(candidate.rivals)
-        )
+            alone[candidate.replaces] = _linearised_costs(
+                bench, base, weights, signs, candidate.replaces, None
+            )
+        with_it = _linearised_costs(bench, base, weights, signs, candidate.replaces, candidate.columns)
+        selection = candidate.spectral_level * np.log(candidate.comparisons)
+        gain = alone[candidate.replaces] - with_it - candidate.penalty + selection
         largest = np.maximum(largest, gain)
     return np.sort(largest)
 
 
 def threshold(ascending: Sequence[float] | np.ndarray, rate: float) -> float:
-    """Score that chance exceeds at this rate: the (1 - rate) quantile of the draws, rounded up."""
+    """The (1 - rate) quantile of the draws, rounded up to the next draw."""
     values = np.asarray(ascending)
     return float(values[min(len(values) - 1, int(np.ceil((1 - rate) * len(values))))])
 
 
 def p_value(ascending: np.ndarray, score: float) -> float:
-    """Probability that chance gives a score as large: beyond the upper tenth of the draws it falls exponentially.
+    """Probability of a score at least as large under the null hypothesis.
 
-    By as much as the draws there do, but no faster than the log likelihood ratio of one more parameter.
+    Above the upper tenth of the draws the tail is exponential, with the mean excess of these draws as its scale. The
+    scale is at least 1, that of the log-likelihood ratio of one more parameter.
+
+    Args:
+      ascending: (d) the draws.
+      score: the observed score.
     """
     begin = len(ascending) - max(1, len(ascending) // 10)
     tail = ascending[begin:]
@@ -97,7 +105,7 @@ def p_value(ascending: np.ndarray, score: float) -> float:
 
 
 def posterior_bound(p: float) -> float:
-    """Largest probability that what chance exceeds with probability p is not chance, at even odds before.
+    """Largest posterior probability that the null hypothesis is false, for a p-value and even prior odds.
 
     1/(1 - e p log p) below 1/e; T. Sellke, M. J. Bayarri, J. O. Berger, The American Statistician 55 (2001).
     """
@@ -107,7 +115,7 @@ def posterior_bound(p: float) -> float:
 
 
 def random_signs(bench: Workbench, draws: int, random: np.random.Generator) -> np.ndarray:
-    """Random signs (draws x g) of the groups; stretches of one recording at one time share theirs."""
+    """Random signs (draws x g) of the groups; the channels of one stretch of a recording have the same sign."""
     place: dict[tuple[int, str], int] = {}
     stretch = []
     for group in bench.groups:
@@ -119,7 +127,7 @@ def random_signs(bench: Workbench, draws: int, random: np.random.Generator) -> n
     return drawn[:, [names[name] for name in stretch]]
 
 
-def _losses(
+def _linearised_costs(
     bench: Workbench,
     base: Fit,
     weights: np.ndarray,
@@ -127,7 +135,7 @@ def _losses(
     replaces: Sequence[str],
     columns: np.ndarray | None,
 ) -> np.ndarray:
-    """Cost (draws) after the best linear move of the base's unknowns and the columns, residuals signed."""
+    """Cost (draws) of the sign-flipped residuals after one Gauss-Newton step of the base's unknowns and the columns."""
     kept = np.array([u.owner != "rig" or u.name not in replaces for u in base.unknowns], dtype=bool)
     J = base.jacobian[:, kept] if columns is None else np.hstack([base.jacobian[:, kept], columns])
     scale = np.sqrt(np.maximum(J.T**2 @ weights, 1e-300))
@@ -135,20 +143,20 @@ def _losses(
     prior = prior_precision(base.unknowns)[kept]
     ridge = np.full(J.shape[1], 1e-9)
     ridge[: len(prior)] += prior / scale[: len(prior)] ** 2
-    slopes, products, normal = _by_group(bench, base.residual, J, weights)
-    moves = -np.linalg.solve(normal + np.diag(ridge), (signs @ slopes[0]).T).T
-    # Squares of each group: |r|^2 + 2 sign m.J'r + m.J'J m.
+    gradients, products, normal = _group_sums(bench, base.residual, J, weights)
+    steps = -np.linalg.solve(normal + np.diag(ridge), (signs @ gradients[0]).T).T
+    # Sum of squares of each group: |r|^2 + 2 sign m.J'r + m.J'J m.
     squares = np.maximum(bench.sizes(base.residual) ** 2 * products[1], 0.0)
-    squares = squares + 2 * signs * (moves @ slopes[1].T)
-    squares += np.einsum("di,gij,dj->dg", moves, products[0], moves, optimize=True)
+    squares = squares + 2 * signs * (steps @ gradients[1].T)
+    squares += np.einsum("di,gij,dj->dg", steps, products[0], steps, optimize=True)
     sizes = np.sqrt(np.maximum(squares, 0.0) / products[1])
     return loss.loss(sizes) @ bench.count
 
 
-def _by_group(
+def _group_sums(
     bench: Workbench, residual: np.ndarray, J: np.ndarray, weights: np.ndarray
 ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
-    """Sums over each group: J'wr and J'r (g x p); J'J (g x p x p) and the number of samples (g); and J'wJ (p x p)."""
+    """J'wr and J'r of each group (g x p); J'J of each (g x p x p) and its number of samples (g); J'wJ (p x p)."""
     p, count = J.shape[1], len(bench.groups)
     weighted, plain = np.zeros((count, p)), np.zeros((count, p))
     products, samples = np.zeros((count, p, p)), np.ones(count)
