@@ -27,9 +27,9 @@ NOISE = {"hub_angle": 1e-4, "strain_base": 2e-6, "strain_mid": 2e-6, "motor_torq
 
 
 def planned(seed: int, *names: str) -> list[Experiment]:
-    """Experiments of the random plan of a campaign whose names begin with one of these."""
+    """Experiments of the random plan of a campaign: those whose names begin with one of these, or all."""
     plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(seed))
-    return [e for e in plan if e.name.startswith(names)]
+    return [e for e in plan if not names or e.name.startswith(names)]
 
 
 def planned_fit(seed: int, *names: str) -> list[Experiment]:

@@ -1,10 +1,10 @@
 """What the documents promise: commands, files, formats and tables are those of the program."""
 
-import importlib.util
 import re
 import shlex
 import tomllib
 
+import fill_readme
 import pytest
 import typer.main
 from paths import ROOT
@@ -38,14 +38,6 @@ def rows(text: str, header: str) -> list[list[str]]:
     """Returns the cells of the table whose first column is called `header`."""
     table = re.search(rf"^\| {header} \|.*\n\|[-| :]+\n((?:\|.*\n)+)", text, re.MULTILINE).group(1)
     return [[cell.strip().strip("`") for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
-
-
-@pytest.fixture(scope="module")
-def fill_readme():
-    spec = importlib.util.spec_from_file_location("fill_readme", ROOT / "benchmarks" / "fill_readme.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_first_command_comes_early():
@@ -82,12 +74,12 @@ def test_links_lead_somewhere(name):
             assert ((ROOT / name).parent / target).exists(), target
 
 
-def test_effects_are_those_of_the_registry(fill_readme):
+def test_effects_are_those_of_the_registry():
     hint = "python benchmarks/fill_readme.py effects"
     assert fill_readme.part(README, "effects") == fill_readme.effects(), hint
 
 
-def test_demo_shown_has_an_answer_and_the_files(fill_readme):
+def test_demo_shown_has_an_answer_and_the_files():
     from twin.report.deliver import FILES
 
     printed = fill_readme.part(README, "demo")

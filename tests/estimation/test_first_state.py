@@ -7,25 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates, remainder
 from twin.diagnosis.predict import free_runs
 from twin.estimation.calibrate import calibrate, made_ready, noise_levels
 from twin.estimation.minimise import minimise
 from twin.residuals import static_levels
 from twin.residuals.data import SINGLE
-from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang, break_away, free_vibration, random_steps
 
 CABLE = {"stiffness": 0.012, "rest_angle": 0.15}
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory):
-    folder, draw = tmp_path_factory.mktemp("moving") / "rig", np.random.default_rng(1)
+def campaign(rig_campaign):
+    draw = np.random.default_rng(1)
     plan = [make(Rig(), Sensors(), draw) for make in (free_vibration, random_steps)]
-    make_campaign(folder, {}, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 90.0)])
-    return read_campaign(folder)
+    return rig_campaign({}, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 90.0)]).read()
 
 
 def from_sample(recording, first):
@@ -86,13 +84,12 @@ def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
 
 
 @pytest.fixture(scope="module")
-def with_cable(tmp_path_factory):
+def with_cable(rig_campaign):
     """Two recordings that begin in motion beside one that begins with a rest."""
-    folder, draw = tmp_path_factory.mktemp("cable") / "rig", np.random.default_rng(1)
+    draw = np.random.default_rng(1)
     plan = [make(Rig(), Sensors(), draw) for make in (random_steps, break_away)]
     plan.append(bang_bang(Rig(), Sensors(), draw, 90.0))
-    make_campaign(folder, {"cable-torsion": CABLE}, 3, experiments=plan)
-    campaign = read_campaign(folder)
+    campaign = rig_campaign({"cable-torsion": CABLE}, 3, experiments=plan).read()
     steps, ramps, bang = campaign.fit
     return calibrated(campaign, [from_sample(steps, 1200), ramps, from_sample(bang, 700)])
 

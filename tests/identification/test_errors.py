@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from twin.campaigns import rests
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import spectrum
 from twin.estimation import chain_limit, jackknife, loss, refine, sandwich
 from twin.estimation.fit import Fit
@@ -43,8 +43,7 @@ from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 from twin.virtual_rig import Rig as VirtualRig
-from twin.virtual_rig import Sensors, make_campaign
-from twin.virtual_rig.experiments import Experiment, planned_campaign
+from twin.virtual_rig.experiments import Experiment
 
 RIG = preset("bossi2009")
 GAUGES = {
@@ -110,12 +109,9 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory):
+def sweep(rig_campaign):
     """A sweep through the first resonance, on the rig that is declared: recording, noise, model."""
-    folder = tmp_path_factory.mktemp("sweep") / "rig"
-    plan = planned_campaign(VirtualRig(), Sensors(), np.random.default_rng(5))
-    make_campaign(folder, {}, 5, experiments=[e for e in plan if e.name == "torque-sweep"])
-    campaign = read_campaign(folder)
+    campaign = rig_campaign({}, 5, experiments=planned(5, "torque-sweep")).read()
     noise = {name: sensor.noise for name, sensor in campaign.sensors.items()}
     shape = chain.fit_shape(campaign.rig, 5)
     return campaign.fit[0], noise, Model(campaign.rig, campaign.sensors, shape, step=2e-3)
@@ -540,19 +536,17 @@ FIGURE_4 = {
 
 
 @pytest.fixture(scope="module")
-def figure_4(tmp_path_factory):
+def figure_4(rig_campaign):
     """The campaigns of Fig. 4, a torque sweep each."""
     t = np.arange(0, 22, 0.002)
     age = np.clip(t - 0.5, 0, 20)
     taper = np.clip(age / 0.5, 0, 1) * np.clip((20 - age) / 0.3, 0, 1)
     torque = 0.15 * taper * np.sin(2 * np.pi * (2 * age + 46 * age**2 / 40))
-    folder = tmp_path_factory.mktemp("figure-4")
-    found = {}
-    for name, (rig, effects) in FIGURE_4.items():
-        sweep = Experiment("sweep", "torque-sweep", "fit", 0.0, torque)
-        make_campaign(folder / name, effects, 3, rig=rig, experiments=[sweep])
-        found[name] = read_campaign(folder / name)
-    return found
+    sweep = [Experiment("sweep", "torque-sweep", "fit", 0.0, torque)]
+    return {
+        name: rig_campaign(effects, 3, name=name, rig=rig, experiments=sweep).read()
+        for name, (rig, effects) in FIGURE_4.items()
+    }
 
 
 def kinds(peaks):
@@ -604,7 +598,7 @@ def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured,
 SLIDING = VirtualRig()._replace(static_positive=0.02, static_negative=0.02)
 
 
-def backbone_of_sweeps(folder, effects):
+def backbone_of_sweeps(rig_campaign, effects):
     """The backbone by five sweeps of 3 to 12 Hz, beside those of the declared rig, which is the true one otherwise."""
     t = np.arange(0, 16, 0.002)
     age = np.clip(t - 0.5, 0, 14)
@@ -614,16 +608,15 @@ def backbone_of_sweeps(folder, effects):
         Experiment(f"sweep-{k}", "torque-sweep", "fit", 0.0, size * torque)
         for k, size in enumerate((0.05, 0.08, 0.11, 0.14, 0.17))
     ]
-    make_campaign(folder, effects, 3, rig=SLIDING, experiments=sweeps)
-    campaign = read_campaign(folder)
+    campaign = rig_campaign(effects, 3, rig=SLIDING, experiments=sweeps).read()
     expected = float(near_modes.bending_frequencies(campaign.rig, 1)[0])
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 8))
     pairs = [(r, simulate(twin, r, Start())) for r in campaign.fit]
     return backbone.beside(backbone.backbone(campaign.fit, expected), pairs, expected)
 
 
-def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
-    found = backbone_of_sweeps(tmp_path / "rig", {})
+def test_friction_moves_a_resonance_and_the_model_says_so(rig_campaign):
+    found = backbone_of_sweeps(rig_campaign, {})
     assert found.moves
     assert found.slope.value < -0.1
     assert found.simulated == pytest.approx(found.slope.value, abs=0.03)
@@ -633,9 +626,9 @@ def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
     assert "nothing is left for a softening link" in said
 
 
-def test_a_softening_link_moves_its_resonance_beyond_the_model(tmp_path):
+def test_a_softening_link_moves_its_resonance_beyond_the_model(rig_campaign):
     effects = {"softening-stiffness": {"softening": 0.15, "curvature": 1.5}}
-    found = backbone_of_sweeps(tmp_path / "rig", effects)
+    found = backbone_of_sweeps(rig_campaign, effects)
     assert found.softens
     assert -0.1 < found.beyond.value < -0.02
     assert (

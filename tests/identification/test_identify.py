@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import replace
 
 import campaign_folder
@@ -42,7 +43,7 @@ from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.rig_file import effect_lines, header, parameter_lines, read_rig_file
 from twin.rigs.simulate import simulate
-from twin.virtual_rig import UNCERTAINTY, Rig, Sensors, make_campaign
+from twin.virtual_rig import UNCERTAINTY, Rig, Sensors
 from twin.virtual_rig.experiments import Experiment, free_release
 
 # Bossi et al. 2009, Table I: masses on the plate [kg], displacements [m]; length from Table II [m].
@@ -349,10 +350,12 @@ def with_a_moving_start(folder, name, cut):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(rig_campaign, tmp_path_factory):
     """A campaign of the virtual rig with a static test, its truth, and the folder that the command wrote."""
     root = tmp_path_factory.mktemp("identify")
-    truth = make_campaign(root / "rig-7", {}, 7, perturb=1.0, experiments=experiments())
+    made = rig_campaign({}, 7, name="rig-7", perturb=1.0, experiments=experiments())
+    truth = made.truth
+    shutil.copytree(made.folder, root / "rig-7")
     force = np.array([0.05, 0.1, 0.15, 0.2, 0.25])
     compliance = truth.true["length"] ** 3 / (3 * truth.true["bending_stiffness"])
     rows = force * compliance + 1e-5 * np.array([1, -1, 0, -1, 1])
@@ -472,10 +475,10 @@ def test_intervals_are_told_with_where_they_come_from(run):
     assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
 
 
-def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
+def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(rig_campaign, tmp_path):
     planted = {"viscous-friction": {"viscous": 0.02}}
-    truth = make_campaign(tmp_path / "rig-8", planted, 8, perturb=1.0, experiments=experiments()).true
-    declared = read_campaign(tmp_path / "rig-8").rig
+    made = rig_campaign(planted, 8, perturb=1.0, experiments=experiments())
+    truth, declared = made.truth.true, made.read().rig
     lines = [
         *header("rig-8", "as declared"),
         *(li for p in declared.parameters.values() for li in parameter_lines(p)),
@@ -483,7 +486,7 @@ def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
     lines += effect_lines("viscous-friction", {"viscous": 0.015}, {"viscous": 0.01}, {}, "roughly known")
     (tmp_path / "rig.toml").write_text("\n".join(lines))
     given = ["--rig", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "out")]
-    result = CliRunner().invoke(cli.app, ["identify", str(tmp_path / "rig-8"), *given])
+    result = CliRunner().invoke(cli.app, ["identify", str(made.folder), *given])
     assert result.exit_code == 0, result.output
     said = json.loads((tmp_path / "out" / "identification.json").read_text())
     law = said["effects"]["viscous-friction.viscous"]
@@ -588,14 +591,13 @@ def recorded(model: Model, experiment: Recording, seed: int) -> Prepared:
 
 
 @pytest.mark.parametrize(("coulomb", "static", "seed"), [(0.0055, 0.02, 0), (0.004, 0.015, 1)])
-def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb, static, seed):
+def test_coulomb_friction_from_the_decay_of_an_unclamped_link(rig_campaign, coulomb, static, seed):
     rig = Rig(
         static_positive=static, static_negative=static, coulomb_positive=coulomb, coulomb_negative=coulomb
     )
     plan = free_release(rig, Sensors(), np.random.default_rng(seed))
     plan = replace(plan, commands=plan.commands[:1500])
-    make_campaign(tmp_path / "released", {}, seed, rig=rig, experiments=[plan])
-    given = read_campaign(tmp_path / "released")
+    given = rig_campaign({}, seed, rig=rig, experiments=[plan]).read()
     prepared, _ = prepare(given.fit[0], noise_levels(given))
     believed = given.rig.replace("believed", coulomb_friction=0.85 * coulomb)
     model = Model(believed, given.sensors, chain.fit_shape(believed, 12), step=2.5e-4)

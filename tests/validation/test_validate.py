@@ -7,6 +7,7 @@ import re
 import control
 import numpy as np
 import pytest
+from rig_campaigns import planned
 
 from twin.control import closed_loop, plants
 from twin.control.closed_loop import Run
@@ -27,7 +28,6 @@ from twin.validation.loop import margins
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
 from twin.validation.rigs import draw, unknowns
 from twin.validation.validation import drivers
-from twin.virtual_rig import make_campaign
 
 RIG = preset("bossi2009")
 T = 2e-3
@@ -389,11 +389,11 @@ def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path
     assert len(answer["failed_rigs"]) == 6
 
 
-def test_rigs_are_drawn_as_a_campaign_declares_them(twin, tmp_path):
-    make_campaign(tmp_path / "mine", {}, 5)
-    _, out, err = twin("validate", "lqi", "--campaign", "mine", "--rigs", 2, "--json", "v.json")
+def test_rigs_are_drawn_as_a_campaign_declares_them(twin, rig_campaign, tmp_path):
+    folder = rig_campaign({}, 7, experiments=planned(7, "break-away")).folder
+    _, out, err = twin("validate", "lqi", "--campaign", folder, "--rigs", 2, "--json", "v.json")
     assert err == ""
-    assert "lqi on mine" in out
+    assert "lqi on rig" in out
     answer = json.loads((tmp_path / "v.json").read_text())
     assert answer["rigs"] == 2
 
