@@ -61,7 +61,7 @@ def test_every_command_is_in_the_table():
 
 def test_make_targets_exist():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^(\w+):", makefile, re.MULTILINE))
+    targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
     assert {line.split()[1] for line in shown(README) if line.startswith("make ")} <= targets
     assert "make test" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert "make test" in blocks(README, "sh")[-1]

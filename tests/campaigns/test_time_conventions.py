@@ -92,6 +92,7 @@ def test_a_delay_is_seen_as_a_delay():
     assert delay_of(angle, exact, time) == pytest.approx(5e-4, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("slew", "seed"), [("bang-bang-60", 3), ("bang-bang-90", 4)])
 def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_were_held(
     rig_campaign, slew, seed
@@ -101,6 +102,7 @@ def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_we
         assert calibrate(campaign, pool).clock == "stamped"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["stamped", "earliest"])
 def test_the_clock_is_asked_again_with_what_the_model_lacked(rig_campaign, first):
     """A friction that varies with the angle may be followed better on a wrong clock, until it is in the model."""

@@ -152,7 +152,7 @@ def test_factor_refuses_unknown_unit():
 
 def test_pint_is_imported_only_when_needed():
     code = (
-        "import sys; from twin import units;"
+        "import sys; from twin.campaigns import units;"
         "units.scale('hub_angle', 'rad'); assert 'pint' not in sys.modules;"
         "units.scale('hub_angle', 'deg'); assert 'pint' in sys.modules"
     )

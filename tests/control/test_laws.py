@@ -22,7 +22,9 @@ WITHOUT_FRICTION = RIG.replace(static_friction=0.0, coulomb_friction=0.0)
 PERIOD = 2e-3
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize(
+    "name", [n if n == "lqi" else pytest.param(n, marks=pytest.mark.slow) for n in CONTROLLERS]
+)
 def test_every_controller_moves_every_plant_to_the_reference(name):
     """The same object, called and reset by the same loop; a slow ramp to 40 degrees is within the reach of all."""
     law = controller(name, RIG, PERIOD)

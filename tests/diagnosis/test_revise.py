@@ -11,6 +11,8 @@ from twin.diagnosis.revise import revise
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
 
+pytestmark = pytest.mark.slow
+
 MISSING = {"viscous-friction": {"viscous": 0.003}, "torque-bias": {"bias": 0.004}}
 
 

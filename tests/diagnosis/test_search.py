@@ -75,6 +75,7 @@ def recorded(rig_campaign, effects, seed, ramp=True):
     return rig_campaign(known, seed, experiments=seen, perturb=0.5).read()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in REGISTRY if name not in (*LEFT_OPEN, *ALIKE)])
 def test_what_is_missing_is_named_and_recovered(rig_campaign, name):
     seed = SEED + list(REGISTRY).index(name)
@@ -98,6 +99,7 @@ def test_what_is_missing_is_named_and_recovered(rig_campaign, name):
             assert abs(off) < room, u.name
 
 
+@pytest.mark.slow
 def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(rig_campaign):
     planted = {"cable-torsion": {"stiffness": 0.012, "rest_angle": 0.2}, "actuator-delay": {"delay": 0.008}}
     campaign = recorded(rig_campaign, planted, 4153, False)
@@ -111,6 +113,7 @@ def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(rig_cam
     assert values["actuator-delay"]["delay"] == pytest.approx(0.008, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_little(rig_campaign):
     campaign = recorded(rig_campaign, {"root-compliance": {"stiffness": 1.5}}, 4150, False)
     names = [
@@ -128,6 +131,7 @@ def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_l
     assert best.fit.model.effects["root-compliance"]["stiffness"] == pytest.approx(1.5, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(rig_campaign):
     shaken = {"shaking-base": {"amplitude": 0.2, "frequency": 9.0, "phase": 0.7}}
     with ThreadPoolExecutor(2) as pool:
@@ -144,6 +148,7 @@ def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(rig_campai
     assert np.sin(values["direction"]) == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_which_sensors_are_late_is_told_where_it_is_known_how_late(rig_campaign):
     campaign = recorded(rig_campaign, {"sensor-delay": {"delay": 0.04}}, 4151, False)
     with ThreadPoolExecutor(2) as pool:
@@ -153,6 +158,7 @@ def test_which_sensors_are_late_is_told_where_it_is_known_how_late(rig_campaign)
     assert late == {"hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0}
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_missing(rig_campaign):
     found = searched(rig_campaign, {}, 4200)
     assert verdict_of(found) == "no-missing-effect"
@@ -160,6 +166,7 @@ def test_nothing_is_named_where_nothing_is_missing(rig_campaign):
         assert abs(value - u.start) < 3 * u.scale, u.name
 
 
+@pytest.mark.slow
 def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(rig_campaign):
     found = searched(rig_campaign, {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250, False)
     assert verdict_of(found) == "outside-library"
@@ -177,6 +184,7 @@ def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(rig_c
     np.testing.assert_allclose(lookup.at(seen), np.clip(seen, -1e-4, 1e-4) - seen, atol=2e-5)
 
 
+@pytest.mark.slow
 def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(rig_campaign, monkeypatch):
     planted = {"viscous-friction": PLANTED["viscous-friction"]}
     slews = planned(4300, "bang-bang", "free-vibration", "break-away")
@@ -257,6 +265,7 @@ def test_what_a_calibration_that_stopped_short_would_gain_is_no_gain_of_an_effec
     assert better_calibration(start.bench, start.base, right) is None
 
 
+@pytest.mark.slow
 def test_noise_is_that_of_the_link_that_stands(viscous):
     start, right = viscous
     same, found = refit_with_own_noise(start.bench, start.base, right.fit)

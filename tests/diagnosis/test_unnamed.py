@@ -59,6 +59,7 @@ def asked_of(campaign):
         return unnamed.find_functions(start.bench, start.base, 0.01)
 
 
+@pytest.mark.slow
 def test_a_dead_zone_is_a_function_of_the_command(rig_campaign):
     [best, *others] = asked(rig_campaign, {"dead-zone": {"width": 0.025}})
     assert best.law.variables == ("torque_command",)
@@ -70,6 +71,7 @@ def test_a_dead_zone_is_a_function_of_the_command(rig_campaign):
     assert lookup.at(np.array([-0.015])) > 5e-4
 
 
+@pytest.mark.slow
 def test_a_sensor_of_the_torque_reads_a_dead_zone_too(rig_campaign):
     best, *others = asked(rig_campaign, {"dead-zone": {"width": 0.02}}, torque_sensor=True)
     on_hub = next(n for n in others if n.law == state.FunctionOf("torque_command"))
@@ -80,6 +82,7 @@ def test_a_sensor_of_the_torque_reads_a_dead_zone_too(rig_campaign):
     assert lookup.at(np.array([-0.012])) > 5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("torque_sensor", [False, True])
 def test_nothing_is_asked_for_where_nothing_is_missing(rig_campaign, torque_sensor):
     assert asked(rig_campaign, {}, torque_sensor)[0].evidence < 1.0

@@ -13,6 +13,8 @@ from twin.diagnosis.diagnose import with_errors, with_unnamed, with_whole_orders
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
 
+pytestmark = pytest.mark.slow
+
 SPRING = {"cable-torsion": {"stiffness": 0.01, "rest_angle": 0.3}}
 COGGING = {"cogging": {"amplitude": 0.01, "order": 5.0, "phase": 0.9}}
 

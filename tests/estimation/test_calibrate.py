@@ -31,6 +31,7 @@ def runs_away(monkeypatch):
     monkeypatch.setattr(make_view, "propagated", lost)
 
 
+@pytest.mark.slow
 def test_they_are_left_out_and_named(campaign, runs_away):
     with ThreadPoolExecutor(2) as pool:
         found = calibrate(campaign, pool)

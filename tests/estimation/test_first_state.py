@@ -35,6 +35,7 @@ def calibrated(campaign, recordings):
         return calibrate(replace(campaign, fit=tuple(recordings)), pool)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [1000, 2000, 2500])
 def test_they_are_followed_to_their_noise(campaign, first):
     """With the link taken for straight up to 37 noise levels were left."""
@@ -45,12 +46,14 @@ def test_they_are_followed_to_their_noise(campaign, first):
     assert abs(found.base.starts[0].bend_rate[0]) > 0.05
 
 
+@pytest.mark.slow
 def test_a_clamped_link_that_swings(campaign):
     clamped, _, bang = campaign.fit
     found = calibrated(campaign, [from_sample(clamped, 700), bang])
     assert max(remainder.residual_sizes(found.bench, found.base).values()) < 1.3
 
 
+@pytest.mark.slow
 def test_without_strains_the_torque_that_the_motion_takes_tells_the_bend(campaign):
     _, steps, bang = campaign.fit
     blind = [
@@ -70,6 +73,7 @@ def test_few_readings_in_its_first_moments(campaign):
     assert np.isfinite(found.base.values).all()
 
 
+@pytest.mark.slow
 def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
     _, _, bang = campaign.fit
     found = calibrated(campaign, [bang])
@@ -94,6 +98,7 @@ def with_cable(rig_campaign):
     return calibrated(campaign, [from_sample(steps, 1200), ramps, from_sample(bang, 700)])
 
 
+@pytest.mark.slow
 def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     """The slopes of each recording's own state are kept apart: mixed up, a first fit ended far from here."""
     with ThreadPoolExecutor(2) as pool:
@@ -105,6 +110,7 @@ def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     assert quick.cost - full.cost < 0.03 * (with_cable.base.cost - full.cost)
 
 
+@pytest.mark.slow
 def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
     data, base = with_cable.bench.data, with_cable.base
     whole = static_levels.levels(data, base.model, base.starts)
@@ -114,6 +120,7 @@ def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
         assert level == static_levels.together([r.level for r in of_ramps if r.direction == direction])
 
 
+@pytest.mark.slow
 def test_what_is_told_by_an_instant_is_not_asked_of_them(with_cable):
     channels = {(g.recording, g.channel) for g in with_cable.bench.data.groups}
     assert {i for i, channel in channels if channel in SINGLE} == {1}

@@ -130,6 +130,7 @@ def left(sweep, **gone):
     return {g.channel: residual[g.rows] for g in bench.data.groups}, bench.data.views[0]
 
 
+@pytest.mark.slow
 def test_noise_that_swells_where_the_link_bends_far_is_taken_for_noise(sweep):
     parts, view = left(sweep)
     swell = view.swell["strain_base"]
@@ -140,6 +141,7 @@ def test_noise_that_swells_where_the_link_bends_far_is_taken_for_noise(sweep):
     assert np.std(parts["strain_base"][loud]) == pytest.approx(1.0, abs=0.35)
 
 
+@pytest.mark.slow
 def test_missing_strains_leave_no_trace_beside_them(sweep):
     parts, _ = left(sweep)
     # 24 ms in every half second, through the resonance too.
@@ -157,6 +159,7 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     assert np.std((bridged - as_it_is)[known]) > 1.0
 
 
+@pytest.mark.slow
 def test_a_missing_hub_angle_is_bridged_to_its_noise(sweep):
     parts, _ = left(sweep)
     bridged, _ = left(sweep, hub_angle=(sweep[0].time + 0.3) % 0.5 < 0.013)
@@ -553,6 +556,7 @@ def kinds(peaks):
     return {round(p.frequency_hz): p.kind for p in peaks}
 
 
+@pytest.mark.slow
 def test_the_torsional_mode_of_figure_4_vanishes_with_the_air_pad(figure_4):
     found = compare_campaigns.compare(figure_4["bare"], figure_4["with-pad"])
     [torsion] = [p for p in found.peaks if 27 < p.frequency_hz < 32]
@@ -564,6 +568,7 @@ def test_the_torsional_mode_of_figure_4_vanishes_with_the_air_pad(figure_4):
     assert [s for s in said if "no bending mode" in s] == [s for s in said if "is gone" in s]
 
 
+@pytest.mark.slow
 def test_the_torsional_mode_of_figure_4_stays_under_a_payload_that_moves_bending_modes(figure_4):
     found = compare_campaigns.compare(figure_4["bare"], figure_4["loaded"])
     assert list(kinds(found.peaks).values()) == ["bending", "bending", "not bending", "bending"]
@@ -572,6 +577,7 @@ def test_the_torsional_mode_of_figure_4_stays_under_a_payload_that_moves_bending
     assert stays.bending_hz < 0.95 * stays.frequency_hz
 
 
+@pytest.mark.slow
 def test_without_a_torsional_mode_figure_4_has_bending_modes_alone(figure_4):
     found = compare_campaigns.compare(figure_4["no-torsion"], figure_4["bare"])
     assert set(kinds(found.peaks).values()) == {"bending"}
@@ -580,6 +586,7 @@ def test_without_a_torsional_mode_figure_4_has_bending_modes_alone(figure_4):
     assert torsion.kind == "not bending"
 
 
+@pytest.mark.slow
 def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured, figure_4, monkeypatch):
     third = float(near_modes.bending_frequencies(RIG, 3)[2])
     seen = {"bare": at_peaks(response=0.1), "with-pad": at_peaks(30.0, 1.003 * third)}
@@ -615,6 +622,7 @@ def backbone_of_sweeps(rig_campaign, effects):
     return backbone.beside(backbone.backbone(campaign.fit, expected), pairs, expected)
 
 
+@pytest.mark.slow
 def test_friction_moves_a_resonance_and_the_model_says_so(rig_campaign):
     found = backbone_of_sweeps(rig_campaign, {})
     assert found.moves
@@ -626,6 +634,7 @@ def test_friction_moves_a_resonance_and_the_model_says_so(rig_campaign):
     assert "nothing is left for a softening link" in said
 
 
+@pytest.mark.slow
 def test_a_softening_link_moves_its_resonance_beyond_the_model(rig_campaign):
     effects = {"softening-stiffness": {"softening": 0.15, "curvature": 1.5}}
     found = backbone_of_sweeps(rig_campaign, effects)

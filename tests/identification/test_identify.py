@@ -370,6 +370,7 @@ def run(rig_campaign, tmp_path_factory):
     return truth.true, root, json.loads(json_file.read_text()), result.output
 
 
+@pytest.mark.slow
 def test_planted_parameters_are_recovered(run):
     true, _, said, _ = run
     off = {n: (p["value"] - true[n]) / p["standard_error"] for n, p in said["parameters"].items()}
@@ -381,6 +382,7 @@ def test_planted_parameters_are_recovered(run):
         assert p["standard_error"] < 0.5 * abs(p["declared"]) * UNCERTAINTY[name], name
 
 
+@pytest.mark.slow
 def test_each_procedure_holds_the_truth_by_itself(run):
     true, _, said, _ = run
     seen = {(n, m) for n, p in said["parameters"].items() for m in p["methods"]}
@@ -397,6 +399,7 @@ def test_each_procedure_holds_the_truth_by_itself(run):
         assert abs(e["value"] - true[name]) < 3.5 * e["standard_error"], (name, method)
 
 
+@pytest.mark.slow
 def test_json_is_what_others_read(run):
     _, _, said, _ = run
     for p in said["parameters"].values():
@@ -415,6 +418,7 @@ def test_json_is_what_others_read(run):
     assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
 
 
+@pytest.mark.slow
 def test_json_has_the_procedures_as_numbers_too(run):
     true, _, said, _ = run
     assert said["total_inertia"]["slews"] is None
@@ -449,6 +453,7 @@ def test_what_is_no_number_in_one_campaign_is_in_another():
     assert as_json.friction_map(mapped)["level"]["interval"] == pytest.approx([4.804e-3, 5.196e-3])
 
 
+@pytest.mark.slow
 def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
     _, _, said, output = run
     errors = {e["channel"]: e for e in said["held_out"] if e["recording"] == "moving.csv"}
@@ -461,6 +466,7 @@ def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
     assert "slew.csv" in table
 
 
+@pytest.mark.slow
 def test_intervals_are_told_with_where_they_come_from(run):
     _, _, said, output = run
     for name, p in said["parameters"].items():
@@ -475,6 +481,7 @@ def test_intervals_are_told_with_where_they_come_from(run):
     assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
 
 
+@pytest.mark.slow
 def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(rig_campaign, tmp_path):
     planted = {"viscous-friction": {"viscous": 0.02}}
     made = rig_campaign(planted, 8, perturb=1.0, experiments=experiments())
@@ -510,6 +517,7 @@ def test_a_peak_that_friction_has_moved_is_said_to_be(peak, said):
     assert any("small vibration" in sentence for sentence in found) == said
 
 
+@pytest.mark.slow
 def test_beside_itself_a_campaign_has_its_own_peaks(run):
     _, _, said, output = run
     assert said["against"]["campaign"] == "rig-7"
@@ -521,6 +529,7 @@ def test_beside_itself_a_campaign_has_its_own_peaks(run):
     assert "Peaks beside those of rig-7" in output
 
 
+@pytest.mark.slow
 def test_the_identified_rig_is_read_by_every_command(run, twin):
     _, root, said, _ = run
     file = root / "out" / "identified-rig.toml"
@@ -532,6 +541,7 @@ def test_the_identified_rig_is_read_by_every_command(run, twin):
     assert code == 0, error
 
 
+@pytest.mark.slow
 def test_the_page_shows_what_was_found(run):
     _, root, _, output = run
     page = (root / "out" / "identification.html").read_text(encoding="utf-8")
@@ -541,6 +551,7 @@ def test_the_page_shows_what_was_found(run):
     assert page.count("Plotly.newPlot") >= 6
 
 
+@pytest.mark.slow
 def test_a_folder_of_something_else_is_not_written_into(run, twin, tmp_path):
     _, root, _, _ = run
     (tmp_path / "mine.txt").write_text("keep")
@@ -550,6 +561,7 @@ def test_a_folder_of_something_else_is_not_written_into(run, twin, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 def test_its_own_folder_is_known_again(run):
     _, root, _, _ = run
     assert FOLDER.chosen(root / "out", root / "rig-7") == root / "out"
@@ -590,6 +602,7 @@ def recorded(model: Model, experiment: Recording, seed: int) -> Prepared:
     return prepare(recording, {c: s.noise for c, s in SENSORS.items()})[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coulomb", "static", "seed"), [(0.0055, 0.02, 0), (0.004, 0.015, 1)])
 def test_coulomb_friction_from_the_decay_of_an_unclamped_link(rig_campaign, coulomb, static, seed):
     rig = Rig(

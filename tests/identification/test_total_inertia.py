@@ -88,6 +88,7 @@ def test_few_runs_say_nothing(quiet):
     assert total_inertia.of_rig(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
 
 
+@pytest.mark.slow
 def test_total_inertia_and_payload_from_slews_hold_the_truth(noisy):
     truth, declared, model, data = noisy
     hub = balance.of_hub(data, model, [p.start for p in data.prepared])

@@ -102,7 +102,9 @@ def ran(kind, effects=None, patch=None, seconds=0.6):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("kind", ["chain", "compiled", "modal", "paper"])
+@pytest.mark.parametrize(
+    "kind", ["chain", "compiled", *(pytest.param(k, marks=pytest.mark.slow) for k in ("modal", "paper"))]
+)
 @pytest.mark.parametrize(
     ("effects", "patch"),
     [

@@ -376,6 +376,7 @@ def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["v.html", "v.json"]
 
 
+@pytest.mark.slow
 def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path):
     (tmp_path / "relay.py").write_text(
         "def relay(measured, reference):\n    return 0.2 if reference > measured['hub_angle'] else -0.2\n"
@@ -389,6 +390,7 @@ def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path
     assert len(answer["failed_rigs"]) == 6
 
 
+@pytest.mark.slow
 def test_rigs_are_drawn_as_a_campaign_declares_them(twin, rig_campaign, tmp_path):
     folder = rig_campaign({}, 7, experiments=planned(7, "break-away")).folder
     _, out, err = twin("validate", "lqi", "--campaign", folder, "--rigs", 2, "--json", "v.json")

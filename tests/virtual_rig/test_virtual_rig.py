@@ -587,6 +587,7 @@ def test_same_seed_gives_the_same_files(tmp_path):
     assert folder_bytes(tmp_path / "a")["pulse.csv"] != folder_bytes(tmp_path / "c")["pulse.csv"]
 
 
+@pytest.mark.slow
 def test_campaign_declares_the_rig_but_not_its_effects(tmp_path):
     truth = make_campaign(tmp_path / "rig", {"viscous-friction": {"viscous": 0.004}}, 11, perturb=0.5)
     files = folder_bytes(tmp_path / "rig")
