@@ -240,7 +240,8 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     start, right = viscous
     defect = start.bench.defect
     # As if the search's chain had answered to an effect by explaining everything.
-    flattered = replace(start.base, residual=0.1 * start.base.residual, cost=0.0)
+    drift = start.base.model.replace(effects={"strain-drift": {"rate_base": 0.0, "rate_mid": 0.0}})
+    flattered = replace(start.base, model=drift, residual=0.1 * start.base.residual, cost=0.0)
     wrong = Candidate(("strain-drift",), flattered, right.score + 10.0)
     ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong], 0.0, 0.0)
     assert choice is None

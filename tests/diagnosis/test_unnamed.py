@@ -88,6 +88,7 @@ def test_nothing_is_asked_for_where_nothing_is_missing(rig_campaign, torque_sens
     assert asked(rig_campaign, {}, torque_sensor)[0].evidence < 1.0
 
 
+@pytest.mark.slow
 def test_of_a_hub_that_is_clamped_nothing_is_asked(rig_campaign):
     campaign = rig_campaign({}, 5, experiments=planned(5, "free-vibration", "random-steps")).read()
     clamped = tuple(r for r in campaign.fit if r.clamped)

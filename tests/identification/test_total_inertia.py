@@ -64,6 +64,7 @@ def test_the_total_inertia_has_no_bias(quiet):
     assert found.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-4)
 
 
+@pytest.mark.slow
 def test_a_strain_that_is_bridged_is_no_reading(quiet):
     _, _, model, data = quiet
     prepared = []

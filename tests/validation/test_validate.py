@@ -7,6 +7,7 @@ import re
 import control
 import numpy as np
 import pytest
+from marks import slow_except
 from rig_campaigns import planned
 
 from twin.control import closed_loop, plants
@@ -79,7 +80,7 @@ def test_form_of_a_known_system_has_its_response():
     assert np.abs(np.array(found)[:, 1:]).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", slow_except(CONTROLLERS, "lqi"))
 def test_every_controller_of_the_library_has_a_linear_form(name):
     form = identify(controller(name, RIG, T), T)
     assert np.abs(form.B).max() > 0
@@ -407,6 +408,7 @@ def test_a_rig_and_a_campaign_are_one_too_many(twin, rig):
     assert "--rig and --campaign both say which rig" in err
 
 
+@pytest.mark.slow
 def test_stricter_requirements_fail(twin, tmp_path):
     limits = {"settling_time": 1, "overshoot": 0.1, "residual_vibration": 0.1, "peak_torque": 0.1}
     (tmp_path / "strict.toml").write_text("".join(f"{name} = {limit}\n" for name, limit in limits.items()))
