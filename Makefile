@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV ?= .venv
 PIP = $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test lint clean
+.PHONY: demo test test-fast lint clean
 
 demo: $(VENV)/.installed
 	$(VENV)/bin/twin demo
@@ -14,13 +14,17 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(VENV)/bin/python -m pytest -n 2
 
+# Without the tests marked slow.
+test-fast: $(VENV)/.installed-dev
+	$(VENV)/bin/python -m pytest -n 2 -m "not slow"
+
 lint: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 
 clean:
-	rm -rf $(VENV) build .mypy_cache .pytest_cache .ruff_cache *.egg-info
+	rm -rf $(VENV) build .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
 	find twin tests benchmarks -name __pycache__ -exec rm -rf {} +
 
 # The stamps: installed again only where pyproject.toml has changed since.

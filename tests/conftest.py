@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import pytest
+from hypothesis import settings
+from rig_campaigns import RigCampaigns
 
 from twin import cli
+
+# The same examples in every run, however slow the machine; `--hypothesis-profile=search` draws new ones.
+settings.register_profile("repeat", deadline=None, derandomize=True, database=None)
+settings.register_profile("search", deadline=None, max_examples=1000)
+settings.load_profile("repeat")
+
+
+@pytest.fixture(scope="session")
+def rig_campaign(tmp_path_factory):
+    """Returns a function of the arguments of `make_campaign`: the campaign, made once a session."""
+    own = tmp_path_factory.getbasetemp()
+    # Each worker of pytest-xdist has a folder of its own in that of the session.
+    store = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "rig-campaigns"
+    store.mkdir(exist_ok=True)
+    return RigCampaigns(store)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
-from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang, torque_sweep
 
 HARD = {
@@ -19,13 +19,10 @@ HARD = {
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    found, draw = tmp_path_factory.mktemp("signs") / "rig", np.random.default_rng(1)
+def folder(rig_campaign):
+    draw = np.random.default_rng(1)
     plan = [bang_bang(Rig(), Sensors(), draw, 90.0), torque_sweep(Rig(), Sensors(), draw)]
-    make_campaign(
-        found, HARD, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 60.0)], motor_torque=True
-    )
-    return found
+    return rig_campaign(HARD, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 60.0)]).folder
 
 
 def scaled(folder, channel, gain, tmp_path):

@@ -9,7 +9,6 @@ import twin
 from twin.campaigns.campaign import read_campaign
 from twin.campaigns.defects import without_defects
 from twin.recording import Recording, Sensor
-from twin.virtual_rig import make_campaign
 from twin.virtual_rig.experiments import bang_bang, free_vibration
 from twin.virtual_rig.rig import Rig
 from twin.virtual_rig.sensors import DIRT, Sensors, soiled
@@ -178,15 +177,14 @@ def test_nothing_is_found_in_the_demo_campaign():
 @pytest.mark.parametrize(
     ("kind", "said"), [("stuck", "stays at"), ("saturated", "saturated at"), ("bad-segment", "usual noise")]
 )
-def test_every_kind_is_found_in_campaigns_of_the_virtual_rig(tmp_path, kind, said):
+def test_every_kind_is_found_in_campaigns_of_the_virtual_rig(rig_campaign, kind, said):
     draw = np.random.default_rng(1)
     plan = [bang_bang(Rig(), Sensors(), draw, 45.0), free_vibration(Rig(), Sensors(), draw)]
-    make_campaign(tmp_path / "clean", {}, 31, experiments=plan)
-    assert of_campaign(tmp_path / "clean")[1] == []
-    truth = make_campaign(tmp_path / "rig", {}, 31, experiments=plan, dirty=(kind,))
-    runs, notes = of_campaign(tmp_path / "rig")
+    assert of_campaign(rig_campaign({}, 31, experiments=plan).folder)[1] == []
+    dirty = rig_campaign({}, 31, experiments=plan, dirty=(kind,))
+    runs, notes = of_campaign(dirty.folder)
     for run in runs:
-        broken = np.isin(run.time, truth.defects[run.name][kind])
+        broken = np.isin(run.time, dirty.truth.defects[run.name][kind])
         [channel] = [c for c in run.measured() if np.isnan(run[c]).any()]
         assert np.mean(np.isnan(run[channel][broken])) > 0.9
         assert np.isnan(run[channel][~broken]).sum() < 10

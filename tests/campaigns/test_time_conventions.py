@@ -4,8 +4,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.mechanics import chain
@@ -20,8 +20,8 @@ from twin.residuals.prepared import prepare
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import bang_bang, planned_campaign
+from twin.virtual_rig import Rig, Sensors
+from twin.virtual_rig.experiments import bang_bang
 
 RIG = preset("bossi2009").replace(static_friction=0.0, coulomb_friction=0.0)
 SHAPE = chain.fit_shape(RIG, 6)
@@ -92,24 +92,26 @@ def test_a_delay_is_seen_as_a_delay():
     assert delay_of(angle, exact, time) == pytest.approx(5e-4, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("slew", "seed"), [("bang-bang-60", 3), ("bang-bang-90", 4)])
-def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_were_held(tmp_path, slew, seed):
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(30044))
-    slews = [e for e in plan if e.name == slew]
-    make_campaign(tmp_path, {}, seed, experiments=slews, perturb=1.5, dirty=["jitter"], force=True)
+def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_were_held(
+    rig_campaign, slew, seed
+):
+    campaign = rig_campaign({}, seed, experiments=planned(30044, slew), perturb=1.5, dirty=["jitter"]).read()
     with ThreadPoolExecutor(2) as pool:
-        assert calibrate(read_campaign(tmp_path), pool).clock == "stamped"
+        assert calibrate(campaign, pool).clock == "stamped"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["stamped", "earliest"])
-def test_the_clock_is_asked_again_with_what_the_model_lacked(tmp_path, first):
+def test_the_clock_is_asked_again_with_what_the_model_lacked(rig_campaign, first):
     """A friction that varies with the angle may be followed better on a wrong clock, until it is in the model."""
     draw = np.random.default_rng(3)
     slews = [bang_bang(Rig(), Sensors(), draw, angle) for angle in (60.0, 90.0)]
     waves = {"position-dependent-friction": {"amplitude": 0.015, "order": 7.0, "phase": -1.9}}
-    make_campaign(tmp_path, waves, 3, experiments=slews, perturb=0.5, dirty=["jitter"], force=True)
+    campaign = rig_campaign(waves, 3, experiments=slews, perturb=0.5, dirty=["jitter"]).read()
     with ThreadPoolExecutor(2) as pool:
-        start = calibrate(read_campaign(tmp_path), pool, clock=first)
+        start = calibrate(campaign, pool, clock=first)
         assert start.clock == first
         found = candidates.try_effect(start.bench, start.base, "position-dependent-friction")
         assert likeliest_clock(start, found.fit) == "stamped"

@@ -4,9 +4,14 @@ import math
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from campaign_folder import CHANNELS, FIT, motion, toml_text, write
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from twin.campaigns import units
+from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
 from twin.recording import CHANNEL_UNITS
 
@@ -33,6 +38,55 @@ def test_factor_to_si(channel, unit, expected):
 @pytest.mark.parametrize("unit", ["V", "A"])
 def test_gain_of_volts_and_amperes_is_si(channel, unit):
     assert units.scale(channel, unit) == 1.0
+
+
+PAIRS = [(a, b) for a in units.UNITS for b in units.UNITS if units._convertible(a, b)]
+
+
+@given(pair=st.sampled_from(PAIRS), value=st.floats(-1e9, 1e9))
+def test_a_value_comes_back_from_another_unit(pair, value):
+    unit, other = pair
+    back = value * units.factor(unit, other) * units.factor(other, unit)
+    assert back == pytest.approx(value, rel=1e-15, abs=0)
+
+
+HALF_THICKNESS = 0.001  # m
+IN_SI = {
+    "rad": 1,
+    "deg": math.pi / 180,
+    "N*m": 1,
+    "1": 1,
+    "microstrain": 1e-6,
+    "1/m": HALF_THICKNESS,
+    "V": 1,
+    "A": 1,
+}
+SIZES = st.floats(0.1, 10.0) | st.floats(-10.0, -0.1)
+
+
+@settings(max_examples=30)
+@given(
+    recorded=st.fixed_dictionaries(
+        {c: st.tuples(st.sampled_from(units.allowed(c)), SIZES, st.floats(-5.0, 5.0)) for c in CHANNELS}
+    )
+)
+def test_recordings_in_any_unit_with_any_gain_and_offset_are_read_in_si(tmp_path_factory, recorded):
+    true, channels, room = motion(samples=200), {}, {}
+    push = dict(true)
+    for channel, (unit, gain, share) in recorded.items():
+        values = true[channel] / (gain * IN_SI[unit])
+        offset = share * np.abs(values).max()
+        push[channel] = values + offset
+        channels[channel] = f'unit = "{unit}"\ngain = {gain!r}\noffset = {float(offset)!r}'
+        if units.is_strain(channel):
+            channels[channel] += f"\nposition = 0.02\nhalf_thickness = {HALF_THICKNESS}"
+        # The file has nine digits, to half of the last, of values up to six times as large.
+        room[channel] = 6 * 5e-9 * np.abs(true[channel]).max()
+    folder = tmp_path_factory.getbasetemp() / "units"
+    folder.mkdir(exist_ok=True)
+    [read] = read_campaign(write(folder, toml_text(channels, (FIT,)), push=push)).fit
+    for channel, atol in room.items():
+        np.testing.assert_allclose(read[channel], true[channel], rtol=0, atol=atol)
 
 
 def test_curvature_is_strain_over_half_thickness():
@@ -98,7 +152,7 @@ def test_factor_refuses_unknown_unit():
 
 def test_pint_is_imported_only_when_needed():
     code = (
-        "import sys; from twin import units;"
+        "import sys; from twin.campaigns import units;"
         "units.scale('hub_angle', 'rad'); assert 'pint' not in sys.modules;"
         "units.scale('hub_angle', 'deg'); assert 'pint' in sys.modules"
     )

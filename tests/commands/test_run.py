@@ -174,6 +174,7 @@ def test_what_is_sent_while_a_run_goes_on_is_what_the_file_holds(tmp_path, monke
             np.testing.assert_allclose(there, np.concatenate(list(columns["scalars"])), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_where_the_modal_model_has_no_such_effect_it_is_said_that_no_ghost_is_shown(twin, tmp_path):
     rig_file(tmp_path / "rig.toml", backlash=True)
     code, out, _ = twin("run", "lq-step-120", "--rig", "rig.toml", "--rrd", "run.rrd")

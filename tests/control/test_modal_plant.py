@@ -115,6 +115,7 @@ def test_a_clamp_that_gives_lowers_the_frequencies_as_it_does_those_of_the_chain
     np.testing.assert_allclose(found, compliant.chain.modes(boundary)[0][:3], rtol=1.5e-3)
 
 
+@pytest.mark.slow
 def test_forces_that_vary_are_of_second_order_through_stick_and_slip():
     effects = {
         name: MECHANICS[name]

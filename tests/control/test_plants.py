@@ -42,6 +42,7 @@ def test_effects_that_are_none_are_refused(effects, message):
         make_plant("modal", RIG, effects)
 
 
+@pytest.mark.slow
 def test_what_is_not_said_of_an_effect_is_neutral():
     whole = make_plant("modal", RIG, {"cable-torsion": {"stiffness": np.float32(0.25), "rest_angle": 0.0}})
     part = make_plant("modal", RIG, {"cable-torsion": {"stiffness": 0.25}})
@@ -90,6 +91,7 @@ def test_modes_move_as_the_chain_while_the_link_bends_little():
         assert np.abs(one[name] - other[name]).max() < 5e-3 * np.ptp(other[name])
 
 
+@pytest.mark.slow
 def test_modal_motion_does_not_depend_on_the_sample_period():
     coarse, _ = slew(ModalPlant(model(), period=4e-3), 0.15)
     fine, _ = slew(ModalPlant(model(), period=1e-3), 0.15)
@@ -113,6 +115,7 @@ def test_energy_of_a_sliding_modal_hub_is_lost_to_friction_alone():
     assert kinetic + 0.5 * np.sum((omega * q) ** 2) == pytest.approx(work, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_delayed_command_acts_late_on_every_plant():
     late = model({"actuator-delay": {"delay": 0.0213}})
     for kind in PLANTS:

@@ -3,29 +3,25 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from rig_campaigns import planned_fit
 
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates
 from twin.diagnosis.revise import revise
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
+
+pytestmark = pytest.mark.slow
 
 MISSING = {"viscous-friction": {"viscous": 0.003}, "torque-bias": {"bias": 0.004}}
 
 
 @pytest.fixture(scope="module")
-def start(tmp_path_factory):
+def start(rig_campaign):
     """The calibrated model of a rig with a viscous friction and a torque bias that nobody declared."""
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(11))
-    slews = [e for e in plan if e.role == "fit" and e.name.startswith("bang-bang")]
-    folder = tmp_path_factory.mktemp("two") / "rig"
-    make_campaign(folder, MISSING, 11, experiments=slews)
+    campaign = rig_campaign(MISSING, 11, experiments=planned_fit(11, "bang-bang")).read()
     with ThreadPoolExecutor(2) as pool:
-        yield calibrate(read_campaign(folder), pool)
+        yield calibrate(campaign, pool)
 
 
 def picked(start, *names):

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from planted import PLANTED
+from rig_campaigns import planned, planned_fit
 
-from twin.campaigns.campaign import Campaign, read_campaign
+from twin.campaigns.campaign import Campaign
 from twin.diagnosis import dependence, spectrum
 from twin.diagnosis.candidates import Candidate, explore, points_at_peaks, score_gain, try_effect
 from twin.diagnosis.conclude import explanatory_variables, verdict_of
@@ -25,9 +26,7 @@ from twin.effects import REGISTRY
 from twin.estimation.calibrate import calibrate
 from twin.estimation.minimise import minimise
 from twin.rigs import preset
-from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
-from twin.virtual_rig.experiments import planned_campaign
 
 SEED = 4100
 # Not in four short recordings: a late reading of everything is a late drive, a soft clamp's value and the flanks of a
@@ -54,33 +53,33 @@ ALIKE = (
 ON_THE_RAMP = "asymmetric-friction"
 
 
-def searched(folder, effects, seed, ramp=True):
+def searched(rig_campaign, effects, seed, ramp=True):
     """The search on a campaign with these undeclared effects."""
     with ThreadPoolExecutor(2) as pool:
-        return search(recorded(folder, effects, seed, ramp), pool)
+        return search(recorded(rig_campaign, effects, seed, ramp), pool)
 
 
-def recorded(folder, effects, seed, ramp=True):
+def recorded(rig_campaign, effects, seed, ramp=True):
     """A campaign with these undeclared effects and parameters off from the declared ones.
 
     What the virtual rig has no parameter for is in its nature: all sensors are late, and bridges see a twist.
     Without the sweep, the second slew and the held-out runs of a full campaign, and the slow ramp where nothing asks
     for it, to be quick.
     """
-    plan = [e for e in planned_campaign(Rig(), Sensors(), np.random.default_rng(seed)) if e.role == "fit"]
+    plan = planned_fit(seed)
     slews = [e for e in plan if e.name.startswith("bang-bang")]
     left_out = ("torque-sweep",) if ramp else ("torque-sweep", "break-away")
     seen = [e for e in plan if e.name not in left_out and e not in slews[:-1]]
     every = {**EFFECTS, **OUTSIDE_EFFECTS}
     known = {name: {p: v for p, v in values.items() if p in every[name]} for name, values in effects.items()}
-    make_campaign(folder, known, seed, experiments=seen, perturb=0.5)
-    return read_campaign(folder)
+    return rig_campaign(known, seed, experiments=seen, perturb=0.5).read()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in REGISTRY if name not in (*LEFT_OPEN, *ALIKE)])
-def test_what_is_missing_is_named_and_recovered(tmp_path, name):
+def test_what_is_missing_is_named_and_recovered(rig_campaign, name):
     seed = SEED + list(REGISTRY).index(name)
-    found = searched(tmp_path / "rig", {name: PLANTED[name]}, seed, ramp=name == ON_THE_RAMP)
+    found = searched(rig_campaign, {name: PLANTED[name]}, seed, ramp=name == ON_THE_RAMP)
     assert verdict_of(found) == "explained"
     assert [c.effects[-1] for c in found.adopted] == [name]
     assert found.rounds[0].ranked[0].effects == (name,)
@@ -100,9 +99,10 @@ def test_what_is_missing_is_named_and_recovered(tmp_path, name):
             assert abs(off) < room, u.name
 
 
-def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(tmp_path):
+@pytest.mark.slow
+def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(rig_campaign):
     planted = {"cable-torsion": {"stiffness": 0.012, "rest_angle": 0.2}, "actuator-delay": {"delay": 0.008}}
-    campaign = recorded(tmp_path / "rig", planted, 4153, False)
+    campaign = recorded(rig_campaign, planted, 4153, False)
     declared = {"cable-torsion": {"stiffness": 0.008, "rest_angle": 0.1}}
     with ThreadPoolExecutor(2) as pool:
         found = search(replace(campaign, effects=declared), pool)
@@ -113,8 +113,9 @@ def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(tmp_pat
     assert values["actuator-delay"]["delay"] == pytest.approx(0.008, rel=0.1)
 
 
-def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_little(tmp_path):
-    campaign = recorded(tmp_path / "rig", {"root-compliance": {"stiffness": 1.5}}, 4150, False)
+@pytest.mark.slow
+def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_little(rig_campaign):
+    campaign = recorded(rig_campaign, {"root-compliance": {"stiffness": 1.5}}, 4150, False)
     names = [
         "strain-gain",
         "hub-sensor-gain",
@@ -130,10 +131,11 @@ def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_l
     assert best.fit.model.effects["root-compliance"]["stiffness"] == pytest.approx(1.5, rel=0.05)
 
 
-def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(tmp_path):
+@pytest.mark.slow
+def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(rig_campaign):
     shaken = {"shaking-base": {"amplitude": 0.2, "frequency": 9.0, "phase": 0.7}}
     with ThreadPoolExecutor(2) as pool:
-        start = calibrate(recorded(tmp_path / "rig", shaken, 4152, False), pool)
+        start = calibrate(recorded(rig_campaign, shaken, 4152, False), pool)
         quickly = try_effect(start.bench, start.base, "periodic-disturbance")
         [found] = fit_to_convergence(start.bench, start.base, [quickly])
     # The link shows it, the hub hardly does.
@@ -146,8 +148,9 @@ def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(tmp_path):
     assert np.sin(values["direction"]) == pytest.approx(0.0, abs=0.1)
 
 
-def test_which_sensors_are_late_is_told_where_it_is_known_how_late(tmp_path):
-    campaign = recorded(tmp_path / "rig", {"sensor-delay": {"delay": 0.04}}, 4151, False)
+@pytest.mark.slow
+def test_which_sensors_are_late_is_told_where_it_is_known_how_late(rig_campaign):
+    campaign = recorded(rig_campaign, {"sensor-delay": {"delay": 0.04}}, 4151, False)
     with ThreadPoolExecutor(2) as pool:
         start = calibrate(campaign, pool)
         late = try_effect(start.bench, start.base, "sensor-delay").fit.model.effects["sensor-delay"]
@@ -155,17 +158,17 @@ def test_which_sensors_are_late_is_told_where_it_is_known_how_late(tmp_path):
     assert late == {"hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0}
 
 
-def test_nothing_is_named_where_nothing_is_missing(tmp_path):
-    found = searched(tmp_path / "rig", {}, 4200)
+@pytest.mark.slow
+def test_nothing_is_named_where_nothing_is_missing(rig_campaign):
+    found = searched(rig_campaign, {}, 4200)
     assert verdict_of(found) == "no-missing-effect"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name
 
 
-def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(tmp_path):
-    found = searched(
-        tmp_path / "rig", {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250, False
-    )
+@pytest.mark.slow
+def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(rig_campaign):
+    found = searched(rig_campaign, {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250, False)
     assert verdict_of(found) == "outside-library"
     assert not found.adopted
     left = dependence.unexplained_residuals(found.bench, found.data, found.best)
@@ -181,12 +184,11 @@ def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(tmp_p
     np.testing.assert_allclose(lookup.at(seen), np.clip(seen, -1e-4, 1e-4) - seen, atol=2e-5)
 
 
-def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(tmp_path, monkeypatch):
+@pytest.mark.slow
+def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(rig_campaign, monkeypatch):
     planted = {"viscous-friction": PLANTED["viscous-friction"]}
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(4300))
-    names = ("bang-bang", "free-vibration", "break-away")
-    slews = [e for e in plan if e.name.startswith(names)]
-    make_campaign(tmp_path / "rig", planted, 4300, experiments=slews, perturb=0.5)
+    slews = planned(4300, "bang-bang", "free-vibration", "break-away")
+    campaign = rig_campaign(planted, 4300, experiments=slews, perturb=0.5).read()
     stages: list[str] = []
     held_out = Campaign.holdout
 
@@ -195,7 +197,7 @@ def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(tmp_path, m
         return held_out(campaign)
 
     monkeypatch.setattr(Campaign, "holdout", watched)
-    result = diagnose(read_campaign(tmp_path / "rig"), stages.append)
+    result = diagnose(campaign, stages.append)
     assert stages[-2:] == ["simulating every recording", "held out"]
     assert stages.count("held out") == 1
     assert result.verdict == "explained"
@@ -212,14 +214,12 @@ def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(tmp_path, m
 
 
 @pytest.fixture(scope="module")
-def viscous(tmp_path_factory):
+def viscous(rig_campaign):
     """A calibration without viscous friction, and a fit with it, on slews of a rig that has it."""
-    folder = tmp_path_factory.mktemp("viscous") / "rig"
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(4400))
-    slews = [e for e in plan if e.name.startswith(("bang-bang", "free-vibration"))]
-    make_campaign(folder, {"viscous-friction": {"viscous": 0.004}}, 4400, experiments=slews)
+    slews = planned(4400, "bang-bang", "free-vibration")
+    campaign = rig_campaign({"viscous-friction": {"viscous": 0.004}}, 4400, experiments=slews).read()
     with ThreadPoolExecutor(2) as pool:
-        start = calibrate(read_campaign(folder), pool)
+        start = calibrate(campaign, pool)
         yield start, try_effect(start.bench, start.base, "viscous-friction")
 
 
@@ -240,7 +240,8 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     start, right = viscous
     defect = start.bench.defect
     # As if the search's chain had answered to an effect by explaining everything.
-    flattered = replace(start.base, residual=0.1 * start.base.residual, cost=0.0)
+    drift = start.base.model.replace(effects={"strain-drift": {"rate_base": 0.0, "rate_mid": 0.0}})
+    flattered = replace(start.base, model=drift, residual=0.1 * start.base.residual, cost=0.0)
     wrong = Candidate(("strain-drift",), flattered, right.score + 10.0)
     ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [wrong], 0.0, 0.0)
     assert choice is None
@@ -265,6 +266,7 @@ def test_what_a_calibration_that_stopped_short_would_gain_is_no_gain_of_an_effec
     assert better_calibration(start.bench, start.base, right) is None
 
 
+@pytest.mark.slow
 def test_noise_is_that_of_the_link_that_stands(viscous):
     start, right = viscous
     same, found = refit_with_own_noise(start.bench, start.base, right.fit)

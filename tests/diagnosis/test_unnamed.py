@@ -5,14 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 from scipy.stats import multivariate_normal
 
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import state, unnamed
 from twin.estimation.calibrate import calibrate
 from twin.estimation.gaussian_process import SIZES, SMOOTH, likeliest, likely
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
 
 
 def test_evidence_is_that_of_a_gaussian_process():
@@ -47,12 +45,12 @@ def test_noise_asks_for_no_function():
     assert np.mean(found.by_draw > 5.0) < 0.01
 
 
-def asked(folder, effects, torque_sensor=False):
+def asked(rig_campaign, effects, torque_sensor=False):
     """The functions sought in what calibration leaves of a sweep and some steps."""
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(5))
-    seen = [e for e in plan if e.name in ("torque-sweep", "random-steps")]
-    make_campaign(folder, effects, 5, experiments=seen, perturb=0.5, motor_torque=torque_sensor)
-    return asked_of(read_campaign(folder))
+    seen = planned(5, "torque-sweep", "random-steps")
+    return asked_of(
+        rig_campaign(effects, 5, experiments=seen, perturb=0.5, motor_torque=torque_sensor).read()
+    )
 
 
 def asked_of(campaign):
@@ -61,8 +59,9 @@ def asked_of(campaign):
         return unnamed.find_functions(start.bench, start.base, 0.01)
 
 
-def test_a_dead_zone_is_a_function_of_the_command(tmp_path):
-    [best, *others] = asked(tmp_path / "rig", {"dead-zone": {"width": 0.025}})
+@pytest.mark.slow
+def test_a_dead_zone_is_a_function_of_the_command(rig_campaign):
+    [best, *others] = asked(rig_campaign, {"dead-zone": {"width": 0.025}})
     assert best.law.variables == ("torque_command",)
     assert best.evidence > max(5.0, best.by_chance)
     assert all(other.evidence < 5.0 for other in others)
@@ -72,8 +71,9 @@ def test_a_dead_zone_is_a_function_of_the_command(tmp_path):
     assert lookup.at(np.array([-0.015])) > 5e-4
 
 
-def test_a_sensor_of_the_torque_reads_a_dead_zone_too(tmp_path):
-    best, *others = asked(tmp_path / "rig", {"dead-zone": {"width": 0.02}}, torque_sensor=True)
+@pytest.mark.slow
+def test_a_sensor_of_the_torque_reads_a_dead_zone_too(rig_campaign):
+    best, *others = asked(rig_campaign, {"dead-zone": {"width": 0.02}}, torque_sensor=True)
     on_hub = next(n for n in others if n.law == state.FunctionOf("torque_command"))
     assert best.law == state.FunctionOf("torque_command", drive=True)
     assert best.evidence > max(5.0, best.by_chance, 2 * on_hub.evidence)
@@ -82,16 +82,15 @@ def test_a_sensor_of_the_torque_reads_a_dead_zone_too(tmp_path):
     assert lookup.at(np.array([-0.012])) > 5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("torque_sensor", [False, True])
-def test_nothing_is_asked_for_where_nothing_is_missing(tmp_path, torque_sensor):
-    assert asked(tmp_path / "rig", {}, torque_sensor)[0].evidence < 1.0
+def test_nothing_is_asked_for_where_nothing_is_missing(rig_campaign, torque_sensor):
+    assert asked(rig_campaign, {}, torque_sensor)[0].evidence < 1.0
 
 
-def test_of_a_hub_that_is_clamped_nothing_is_asked(tmp_path):
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(5))
-    seen = [e for e in plan if e.name in ("free-vibration", "random-steps")]
-    make_campaign(tmp_path / "rig", {}, 5, experiments=seen)
-    campaign = read_campaign(tmp_path / "rig")
+@pytest.mark.slow
+def test_of_a_hub_that_is_clamped_nothing_is_asked(rig_campaign):
+    campaign = rig_campaign({}, 5, experiments=planned(5, "free-vibration", "random-steps")).read()
     clamped = tuple(r for r in campaign.fit if r.clamped)
     assert len(clamped) == 1
     assert asked_of(replace(campaign, fit=clamped)) == ()

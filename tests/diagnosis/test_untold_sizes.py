@@ -4,32 +4,29 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates, revise
 from twin.diagnosis.conclude import explanatory_variables, verdict_of
 from twin.diagnosis.dependence import unexplained_residuals
 from twin.diagnosis.diagnose import with_errors, with_unnamed, with_whole_orders
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
+
+pytestmark = pytest.mark.slow
 
 SPRING = {"cable-torsion": {"stiffness": 0.01, "rest_angle": 0.3}}
 COGGING = {"cogging": {"amplitude": 0.01, "order": 5.0, "phase": 0.9}}
 
 
 @pytest.fixture(scope="module")
-def picked(tmp_path_factory):
+def picked(rig_campaign):
     """A function of what is missing: what a search comes to that adopts a cable and then a cogging."""
     pool = ThreadPoolExecutor(2)
 
     def of(effects):
-        plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(12))
-        slews = [e for e in plan if e.role == "fit" and e.name.startswith(("bang-bang", "random-steps"))]
-        folder = tmp_path_factory.mktemp("rig") / "rig"
-        make_campaign(folder, effects, 12, experiments=slews)
-        start = calibrate(read_campaign(folder), pool)
+        slews = planned(12, "bang-bang", "random-steps")
+        start = calibrate(rig_campaign(effects, 12, experiments=slews).read(), pool)
         cable = candidates.try_effect(start.bench, start.base, "cable-torsion")
         both = candidates.try_effect(start.bench, cable.fit, "cogging")
         rounds = (Round((c,), 0.0, 30.0, np.zeros(400), {}, c, start.bench) for c in (cable, both))

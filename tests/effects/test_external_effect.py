@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
+from rig_campaigns import planned
 
 from twin import effects
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis.diagnose import diagnose
 from twin.effects import Effect, EffectParameter, HubLaw, catalogue
 from twin.mechanics.mujoco_chain import MujocoChain
@@ -17,8 +17,6 @@ from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import integrate, simulate
 from twin.validation.linear_rig import sampled_chain
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
 
 CUBIC = 0.1  # N m/rad^3, of the virtual rig's cable that gets stiffer
 
@@ -49,12 +47,9 @@ def registered():
 
 
 @pytest.fixture(scope="module")
-def diagnosed(registered, tmp_path_factory):
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(12))
-    slews = [e for e in plan if e.name.startswith(("bang-bang", "random-steps"))]
-    folder = tmp_path_factory.mktemp("external") / "rig"
-    make_campaign(folder, {"hardening-cable": {"stiffness": CUBIC}}, 12, experiments=slews)
-    campaign = read_campaign(folder)
+def diagnosed(registered, rig_campaign):
+    slews = planned(12, "bang-bang", "random-steps")
+    campaign = rig_campaign({"hardening-cable": {"stiffness": CUBIC}}, 12, experiments=slews).read()
     return campaign, diagnose(campaign)
 
 

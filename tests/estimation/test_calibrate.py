@@ -5,20 +5,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
 from twin.estimation.calibrate import calibrate
 from twin.residuals import make_view, static_levels
-from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang, free_vibration
 
 
 @pytest.fixture
-def campaign(tmp_path):
+def campaign(rig_campaign):
     draw = np.random.default_rng(1)
     plan = [free_vibration(Rig(), Sensors(), draw), bang_bang(Rig(), Sensors(), draw, 45.0)]
-    make_campaign(tmp_path / "rig", {}, 3, experiments=plan)
-    return read_campaign(tmp_path / "rig")
+    return rig_campaign({}, 3, experiments=plan).read()
 
 
 @pytest.fixture
@@ -33,6 +31,7 @@ def runs_away(monkeypatch):
     monkeypatch.setattr(make_view, "propagated", lost)
 
 
+@pytest.mark.slow
 def test_they_are_left_out_and_named(campaign, runs_away):
     with ThreadPoolExecutor(2) as pool:
         found = calibrate(campaign, pool)
@@ -43,11 +42,11 @@ def test_they_are_left_out_and_named(campaign, runs_away):
     assert static_levels.levels(found.data, found.base.model, found.base.starts) == {}
 
 
-def test_where_there_is_no_other_it_is_an_error(tmp_path, runs_away):
+def test_where_there_is_no_other_it_is_an_error(rig_campaign, runs_away):
     plan = [bang_bang(Rig(), Sensors(), np.random.default_rng(1), 45.0)]
-    make_campaign(tmp_path / "rig", {}, 3, experiments=plan)
+    campaign = rig_campaign({}, 3, experiments=plan).read()
     with (
         ThreadPoolExecutor(2) as pool,
         pytest.raises(InputError, match=r"bang-bang-45.csv: the declared link runs away"),
     ):
-        calibrate(read_campaign(tmp_path / "rig"), pool)
+        calibrate(campaign, pool)

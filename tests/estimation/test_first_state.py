@@ -7,25 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import candidates, remainder
 from twin.diagnosis.predict import free_runs
 from twin.estimation.calibrate import calibrate, made_ready, noise_levels
 from twin.estimation.minimise import minimise
 from twin.residuals import static_levels
 from twin.residuals.data import SINGLE
-from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang, break_away, free_vibration, random_steps
 
 CABLE = {"stiffness": 0.012, "rest_angle": 0.15}
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory):
-    folder, draw = tmp_path_factory.mktemp("moving") / "rig", np.random.default_rng(1)
+def campaign(rig_campaign):
+    draw = np.random.default_rng(1)
     plan = [make(Rig(), Sensors(), draw) for make in (free_vibration, random_steps)]
-    make_campaign(folder, {}, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 90.0)])
-    return read_campaign(folder)
+    return rig_campaign({}, 3, experiments=[*plan, bang_bang(Rig(), Sensors(), draw, 90.0)]).read()
 
 
 def from_sample(recording, first):
@@ -37,6 +35,7 @@ def calibrated(campaign, recordings):
         return calibrate(replace(campaign, fit=tuple(recordings)), pool)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [1000, 2000, 2500])
 def test_they_are_followed_to_their_noise(campaign, first):
     """With the link taken for straight up to 37 noise levels were left."""
@@ -47,12 +46,14 @@ def test_they_are_followed_to_their_noise(campaign, first):
     assert abs(found.base.starts[0].bend_rate[0]) > 0.05
 
 
+@pytest.mark.slow
 def test_a_clamped_link_that_swings(campaign):
     clamped, _, bang = campaign.fit
     found = calibrated(campaign, [from_sample(clamped, 700), bang])
     assert max(remainder.residual_sizes(found.bench, found.base).values()) < 1.3
 
 
+@pytest.mark.slow
 def test_without_strains_the_torque_that_the_motion_takes_tells_the_bend(campaign):
     _, steps, bang = campaign.fit
     blind = [
@@ -72,6 +73,7 @@ def test_few_readings_in_its_first_moments(campaign):
     assert np.isfinite(found.base.values).all()
 
 
+@pytest.mark.slow
 def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
     _, _, bang = campaign.fit
     found = calibrated(campaign, [bang])
@@ -86,17 +88,17 @@ def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
 
 
 @pytest.fixture(scope="module")
-def with_cable(tmp_path_factory):
+def with_cable(rig_campaign):
     """Two recordings that begin in motion beside one that begins with a rest."""
-    folder, draw = tmp_path_factory.mktemp("cable") / "rig", np.random.default_rng(1)
+    draw = np.random.default_rng(1)
     plan = [make(Rig(), Sensors(), draw) for make in (random_steps, break_away)]
     plan.append(bang_bang(Rig(), Sensors(), draw, 90.0))
-    make_campaign(folder, {"cable-torsion": CABLE}, 3, experiments=plan)
-    campaign = read_campaign(folder)
+    campaign = rig_campaign({"cable-torsion": CABLE}, 3, experiments=plan).read()
     steps, ramps, bang = campaign.fit
     return calibrated(campaign, [from_sample(steps, 1200), ramps, from_sample(bang, 700)])
 
 
+@pytest.mark.slow
 def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     """The slopes of each recording's own state are kept apart: mixed up, a first fit ended far from here."""
     with ThreadPoolExecutor(2) as pool:
@@ -108,6 +110,7 @@ def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     assert quick.cost - full.cost < 0.03 * (with_cable.base.cost - full.cost)
 
 
+@pytest.mark.slow
 def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
     data, base = with_cable.bench.data, with_cable.base
     whole = static_levels.levels(data, base.model, base.starts)
@@ -117,6 +120,7 @@ def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
         assert level == static_levels.together([r.level for r in of_ramps if r.direction == direction])
 
 
+@pytest.mark.slow
 def test_what_is_told_by_an_instant_is_not_asked_of_them(with_cable):
     channels = {(g.recording, g.channel) for g in with_cable.bench.data.groups}
     assert {i for i, channel in channels if channel in SINGLE} == {1}

@@ -4,32 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rig_campaigns import NOISE, QUIET
 
-from twin.campaigns.campaign import read_campaign
 from twin.identification import balance, joint
 from twin.mechanics import chain
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import prepare
 from twin.rigs.model import Model
-from twin.virtual_rig import Sensors, make_campaign
 from twin.virtual_rig.experiments import Experiment
 
 RATE = 500  # Hz
-QUIET = Sensors(
-    hub_noise=1e-9, strain_noise=1e-11, torque_noise=1e-8, hub_step=0, strain_step=0, torque_step=0
-)
-NOISE = {"hub_angle": 1e-4, "strain_base": 2e-6, "strain_mid": 2e-6, "motor_torque": 1e-3}
 
 
 @pytest.fixture(scope="module")
-def swept(tmp_path_factory):
+def swept(rig_campaign):
     """A sweep over the first two modes, seen through the true parameters: truth, model, views and first states."""
     t = np.arange(9 * RATE) / RATE
     torque = 0.15 * np.sin(2 * np.pi * (1.5 * t + 0.9 * t**2)) * np.minimum(1, t)
-    folder = tmp_path_factory.mktemp("balance") / "quiet"
     sweep = Experiment("sweep", "torque-sweep", "fit", 0.0, torque)
-    truth = make_campaign(folder, {}, 5, perturb=1.0, sensors=QUIET, experiments=[sweep]).true
-    campaign = read_campaign(folder)
+    made = rig_campaign({}, 5, perturb=1.0, sensors=QUIET, experiments=[sweep])
+    truth, campaign = made.truth.true, made.read()
     rig = campaign.rig.replace("true", **truth)
     model = Model(rig, campaign.sensors, chain.fit_shape(rig, 5), step=2e-3)
     prepared = [prepare(r, NOISE)[0] for r in campaign.fit]

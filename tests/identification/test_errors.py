@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from twin.campaigns import rests
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import spectrum
 from twin.estimation import chain_limit, jackknife, loss, refine, sandwich
 from twin.estimation.fit import Fit
@@ -44,8 +44,7 @@ from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 from twin.virtual_rig import Rig as VirtualRig
-from twin.virtual_rig import Sensors, make_campaign
-from twin.virtual_rig.experiments import Experiment, planned_campaign
+from twin.virtual_rig.experiments import Experiment
 
 RIG = preset("bossi2009")
 GAUGES = {
@@ -111,12 +110,9 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory):
+def sweep(rig_campaign):
     """A sweep through the first resonance, on the rig that is declared: recording, noise, model."""
-    folder = tmp_path_factory.mktemp("sweep") / "rig"
-    plan = planned_campaign(VirtualRig(), Sensors(), np.random.default_rng(5))
-    make_campaign(folder, {}, 5, experiments=[e for e in plan if e.name == "torque-sweep"])
-    campaign = read_campaign(folder)
+    campaign = rig_campaign({}, 5, experiments=planned(5, "torque-sweep")).read()
     noise = {name: sensor.noise for name, sensor in campaign.sensors.items()}
     shape = chain.fit_shape(campaign.rig, 5)
     return campaign.fit[0], noise, Model(campaign.rig, campaign.sensors, shape, step=2e-3)
@@ -135,6 +131,7 @@ def left(sweep, **gone):
     return {g.channel: residual[g.rows] for g in bench.data.groups}, bench.data.views[0]
 
 
+@pytest.mark.slow
 def test_noise_that_swells_where_the_link_bends_far_is_taken_for_noise(sweep):
     parts, view = left(sweep)
     swell = view.swell["strain_base"]
@@ -145,6 +142,7 @@ def test_noise_that_swells_where_the_link_bends_far_is_taken_for_noise(sweep):
     assert np.std(parts["strain_base"][loud]) == pytest.approx(1.0, abs=0.35)
 
 
+@pytest.mark.slow
 def test_missing_strains_leave_no_trace_beside_them(sweep):
     parts, _ = left(sweep)
     # 24 ms in every half second, through the resonance too.
@@ -162,6 +160,7 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     assert np.std((bridged - as_it_is)[known]) > 1.0
 
 
+@pytest.mark.slow
 def test_a_missing_hub_angle_is_bridged_to_its_noise(sweep):
     parts, _ = left(sweep)
     bridged, _ = left(sweep, hub_angle=(sweep[0].time + 0.3) % 0.5 < 0.013)
@@ -546,25 +545,24 @@ FIGURE_4 = {
 
 
 @pytest.fixture(scope="module")
-def figure_4(tmp_path_factory):
+def figure_4(rig_campaign):
     """The campaigns of Fig. 4, a torque sweep each."""
     t = np.arange(0, 22, 0.002)
     age = np.clip(t - 0.5, 0, 20)
     taper = np.clip(age / 0.5, 0, 1) * np.clip((20 - age) / 0.3, 0, 1)
     torque = 0.15 * taper * np.sin(2 * np.pi * (2 * age + 46 * age**2 / 40))
-    folder = tmp_path_factory.mktemp("figure-4")
-    found = {}
-    for name, (rig, effects) in FIGURE_4.items():
-        sweep = Experiment("sweep", "torque-sweep", "fit", 0.0, torque)
-        make_campaign(folder / name, effects, 3, rig=rig, experiments=[sweep])
-        found[name] = read_campaign(folder / name)
-    return found
+    sweep = [Experiment("sweep", "torque-sweep", "fit", 0.0, torque)]
+    return {
+        name: rig_campaign(effects, 3, name=name, rig=rig, experiments=sweep).read()
+        for name, (rig, effects) in FIGURE_4.items()
+    }
 
 
 def kinds(peaks):
     return {round(p.frequency_hz): p.kind for p in peaks}
 
 
+@pytest.mark.slow
 def test_the_torsional_mode_of_figure_4_vanishes_with_the_air_pad(figure_4):
     found = compare_campaigns.compare(figure_4["bare"], figure_4["with-pad"])
     [torsion] = [p for p in found.peaks if 27 < p.frequency_hz < 32]
@@ -576,6 +574,7 @@ def test_the_torsional_mode_of_figure_4_vanishes_with_the_air_pad(figure_4):
     assert [s for s in said if "no bending mode" in s] == [s for s in said if "is gone" in s]
 
 
+@pytest.mark.slow
 def test_the_torsional_mode_of_figure_4_stays_under_a_payload_that_moves_bending_modes(figure_4):
     found = compare_campaigns.compare(figure_4["bare"], figure_4["loaded"])
     assert list(kinds(found.peaks).values()) == ["bending", "bending", "not bending", "bending"]
@@ -584,6 +583,7 @@ def test_the_torsional_mode_of_figure_4_stays_under_a_payload_that_moves_bending
     assert stays.bending_hz < 0.95 * stays.frequency_hz
 
 
+@pytest.mark.slow
 def test_without_a_torsional_mode_figure_4_has_bending_modes_alone(figure_4):
     found = compare_campaigns.compare(figure_4["no-torsion"], figure_4["bare"])
     assert set(kinds(found.peaks).values()) == {"bending"}
@@ -592,6 +592,7 @@ def test_without_a_torsional_mode_figure_4_has_bending_modes_alone(figure_4):
     assert torsion.kind == "not bending"
 
 
+@pytest.mark.slow
 def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured, figure_4, monkeypatch):
     third = float(bending_modes.bending_frequencies(RIG, 3)[2])
     seen = {"bare": at_peaks(response=0.1), "with-pad": at_peaks(30.0, 1.003 * third)}
@@ -612,7 +613,7 @@ def test_a_peak_of_one_campaign_that_is_where_a_bending_mode_is_is_one(pictured,
 SLIDING = VirtualRig()._replace(static_positive=0.02, static_negative=0.02)
 
 
-def backbone_of_sweeps(folder, effects):
+def backbone_of_sweeps(rig_campaign, effects):
     """The backbone by five sweeps of 3 to 12 Hz, beside those of the declared rig, which is the true one otherwise."""
     t = np.arange(0, 16, 0.002)
     age = np.clip(t - 0.5, 0, 14)
@@ -622,16 +623,16 @@ def backbone_of_sweeps(folder, effects):
         Experiment(f"sweep-{k}", "torque-sweep", "fit", 0.0, size * torque)
         for k, size in enumerate((0.05, 0.08, 0.11, 0.14, 0.17))
     ]
-    make_campaign(folder, effects, 3, rig=SLIDING, experiments=sweeps)
-    campaign = read_campaign(folder)
+    campaign = rig_campaign(effects, 3, rig=SLIDING, experiments=sweeps).read()
     expected = float(bending_modes.bending_frequencies(campaign.rig, 1)[0])
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 8))
     pairs = [(r, simulate(twin, r, Start())) for r in campaign.fit]
     return backbone.with_simulation(backbone.backbone(campaign.fit, expected), pairs, expected)
 
 
-def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
-    found = backbone_of_sweeps(tmp_path / "rig", {})
+@pytest.mark.slow
+def test_friction_moves_a_resonance_and_the_model_says_so(rig_campaign):
+    found = backbone_of_sweeps(rig_campaign, {})
     assert found.depends_on_amplitude
     assert found.slope.value < -0.1
     assert found.simulated_slope == pytest.approx(found.slope.value, abs=0.03)
@@ -641,9 +642,10 @@ def test_friction_moves_a_resonance_and_the_model_says_so(tmp_path):
     assert said.endswith("no evidence of a softening link.")
 
 
-def test_a_softening_link_moves_its_resonance_beyond_the_model(tmp_path):
+@pytest.mark.slow
+def test_a_softening_link_moves_its_resonance_beyond_the_model(rig_campaign):
     effects = {"softening-stiffness": {"softening": 0.15, "curvature": 1.5}}
-    found = backbone_of_sweeps(tmp_path / "rig", effects)
+    found = backbone_of_sweeps(rig_campaign, effects)
     assert found.differs_from_model
     assert -0.1 < found.residual_slope.value < -0.02
     assert (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import replace
 
 import campaign_folder
@@ -42,7 +43,7 @@ from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines, read_rig_file
 from twin.rigs.simulate import simulate
-from twin.virtual_rig import UNCERTAINTY, Rig, Sensors, make_campaign
+from twin.virtual_rig import UNCERTAINTY, Rig, Sensors
 from twin.virtual_rig.experiments import Experiment, free_release
 
 # Bossi et al. 2009, Table I: masses on the plate [kg], displacements [m]; length from Table II [m].
@@ -352,10 +353,12 @@ def with_a_moving_start(folder, name, cut):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(rig_campaign, tmp_path_factory):
     """A campaign of the virtual rig with a static test, its truth, and the folder that the command wrote."""
     root = tmp_path_factory.mktemp("identify")
-    truth = make_campaign(root / "rig-7", {}, 7, perturb=1.0, experiments=experiments())
+    made = rig_campaign({}, 7, name="rig-7", perturb=1.0, experiments=experiments())
+    truth = made.truth
+    shutil.copytree(made.folder, root / "rig-7")
     force = np.array([0.05, 0.1, 0.15, 0.2, 0.25])
     compliance = truth.true["length"] ** 3 / (3 * truth.true["bending_stiffness"])
     rows = force * compliance + 1e-5 * np.array([1, -1, 0, -1, 1])
@@ -370,6 +373,7 @@ def run(tmp_path_factory):
     return truth.true, root, json.loads(json_file.read_text()), result.output
 
 
+@pytest.mark.slow
 def test_planted_parameters_are_recovered(run):
     true, _, said, _ = run
     off = {n: (p["value"] - true[n]) / p["standard_error"] for n, p in said["parameters"].items()}
@@ -381,6 +385,7 @@ def test_planted_parameters_are_recovered(run):
         assert p["standard_error"] < 0.5 * abs(p["declared"]) * UNCERTAINTY[name], name
 
 
+@pytest.mark.slow
 def test_each_procedure_holds_the_truth_by_itself(run):
     true, _, said, _ = run
     seen = {(n, m) for n, p in said["parameters"].items() for m in p["methods"]}
@@ -397,6 +402,7 @@ def test_each_procedure_holds_the_truth_by_itself(run):
         assert abs(e["value"] - true[name]) < 3.5 * e["standard_error"], (name, method)
 
 
+@pytest.mark.slow
 def test_json_is_what_others_read(run):
     _, _, said, _ = run
     for p in said["parameters"].values():
@@ -415,6 +421,7 @@ def test_json_is_what_others_read(run):
     assert errors["strain_base"]["by_steps"] < 1.5 * errors["strain_base"]["noise"]
 
 
+@pytest.mark.slow
 def test_json_has_the_procedures_as_numbers_too(run):
     true, _, said, _ = run
     assert said["total_inertia"]["slews"] is None
@@ -449,6 +456,7 @@ def test_what_is_no_number_in_one_campaign_is_in_another():
     assert as_json.friction_map(mapped)["level"]["interval"] == pytest.approx([4.804e-3, 5.196e-3])
 
 
+@pytest.mark.slow
 def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
     _, _, said, output = run
     errors = {e["channel"]: e for e in said["held_out"] if e["recording"] == "moving.csv"}
@@ -461,6 +469,7 @@ def test_a_held_out_recording_that_was_already_moving_has_errors_too(run):
     assert "slew.csv" in table
 
 
+@pytest.mark.slow
 def test_intervals_are_told_with_where_they_come_from(run):
     _, _, said, output = run
     for name, p in said["parameters"].items():
@@ -475,10 +484,11 @@ def test_intervals_are_told_with_where_they_come_from(run):
     assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
 
 
-def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
+@pytest.mark.slow
+def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(rig_campaign, tmp_path):
     planted = {"viscous-friction": {"viscous": 0.02}}
-    truth = make_campaign(tmp_path / "rig-8", planted, 8, perturb=1.0, experiments=experiments()).true
-    declared = read_campaign(tmp_path / "rig-8").rig
+    made = rig_campaign(planted, 8, perturb=1.0, experiments=experiments())
+    truth, declared = made.truth.true, made.read().rig
     lines = [
         *header_lines("rig-8", "as declared"),
         *(li for p in declared.parameters.values() for li in parameter_lines(p)),
@@ -486,7 +496,7 @@ def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(tmp_path):
     lines += effect_lines("viscous-friction", {"viscous": 0.015}, {"viscous": 0.01}, {}, "roughly known")
     (tmp_path / "rig.toml").write_text("\n".join(lines))
     given = ["--rig", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "out")]
-    result = CliRunner().invoke(cli.app, ["identify", str(tmp_path / "rig-8"), *given])
+    result = CliRunner().invoke(cli.app, ["identify", str(made.folder), *given])
     assert result.exit_code == 0, result.output
     said = json.loads((tmp_path / "out" / "identification.json").read_text())
     law = said["effects"]["viscous-friction.viscous"]
@@ -512,6 +522,7 @@ def test_a_peak_that_friction_has_moved_is_said_to_be(peak, said):
     assert any("small vibration" in sentence for sentence in found) == said
 
 
+@pytest.mark.slow
 def test_beside_itself_a_campaign_has_its_own_peaks(run):
     _, _, said, output = run
     assert said["against"]["campaign"] == "rig-7"
@@ -523,6 +534,7 @@ def test_beside_itself_a_campaign_has_its_own_peaks(run):
     assert "Peaks beside those of rig-7" in output
 
 
+@pytest.mark.slow
 def test_the_identified_rig_is_read_by_every_command(run, twin):
     _, root, said, _ = run
     file = root / "out" / "identified-rig.toml"
@@ -534,6 +546,7 @@ def test_the_identified_rig_is_read_by_every_command(run, twin):
     assert code == 0, error
 
 
+@pytest.mark.slow
 def test_the_page_shows_what_was_found(run):
     _, root, _, output = run
     page = (root / "out" / "identification.html").read_text(encoding="utf-8")
@@ -543,6 +556,7 @@ def test_the_page_shows_what_was_found(run):
     assert page.count("Plotly.newPlot") >= 6
 
 
+@pytest.mark.slow
 def test_a_folder_of_something_else_is_not_written_into(run, twin, tmp_path):
     _, root, _, _ = run
     (tmp_path / "mine.txt").write_text("keep")
@@ -552,6 +566,7 @@ def test_a_folder_of_something_else_is_not_written_into(run, twin, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 def test_its_own_folder_is_known_again(run):
     _, root, _, _ = run
     assert FOLDER.choose(root / "out", root / "rig-7") == root / "out"
@@ -592,15 +607,15 @@ def recorded(model: Model, experiment: Recording, seed: int) -> Prepared:
     return prepare(recording, {c: s.noise for c, s in SENSORS.items()})[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coulomb", "static", "seed"), [(0.0055, 0.02, 0), (0.004, 0.015, 1)])
-def test_coulomb_friction_from_the_decay_of_an_unclamped_link(tmp_path, coulomb, static, seed):
+def test_coulomb_friction_from_the_decay_of_an_unclamped_link(rig_campaign, coulomb, static, seed):
     rig = Rig(
         static_positive=static, static_negative=static, coulomb_positive=coulomb, coulomb_negative=coulomb
     )
     plan = free_release(rig, Sensors(), np.random.default_rng(seed))
     plan = replace(plan, commands=plan.commands[:1500])
-    make_campaign(tmp_path / "released", {}, seed, rig=rig, experiments=[plan])
-    given = read_campaign(tmp_path / "released")
+    given = rig_campaign({}, seed, rig=rig, experiments=[plan]).read()
     prepared, _ = prepare(given.fit[0], noise_levels(given))
     believed = given.rig.replace("believed", coulomb_friction=0.85 * coulomb)
     model = Model(believed, given.sensors, chain.fit_shape(believed, 12), step=2.5e-4)

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rig_campaigns import NOISE, QUIET
 
-from twin.campaigns.campaign import read_campaign
 from twin.estimation.calibrate import noise_levels
 from twin.identification import balance, findings, joint, parameter_estimates, total_inertia
 from twin.identification.break_away import StaticFriction
@@ -19,22 +19,18 @@ from twin.residuals.data import DrivenData
 from twin.residuals.prepared import prepare
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang
 
-QUIET = Sensors(
-    hub_noise=1e-9, strain_noise=1e-11, torque_noise=1e-8, hub_step=0, strain_step=0, torque_step=0
-)
-NOISE = {"hub_angle": 1e-4, "strain_base": 2e-6, "strain_mid": 2e-6, "motor_torque": 1e-3}
 ANGLES = (30.0, 45.0, 60.0, 75.0, 90.0, 105.0)  # degrees
 
 
-def slewed(folder, seed, sensors=None, noise=None):
+def slewed(rig_campaign, seed, sensors=None, noise=None):
     """Six slews there and back, seen through the true parameters: truth, rig as declared, model and views."""
     generator = np.random.default_rng(seed)
     slews = [bang_bang(Rig(), Sensors(), generator, angle) for angle in ANGLES]
-    truth = make_campaign(folder, {}, seed, perturb=1.0, sensors=sensors, experiments=slews).true
-    campaign = read_campaign(folder)
+    made = rig_campaign({}, seed, perturb=1.0, sensors=sensors, experiments=slews)
+    truth, campaign = made.truth.true, made.read()
     true = campaign.rig.replace("true", **truth)
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
     noise = noise or noise_levels(campaign)
@@ -43,13 +39,13 @@ def slewed(folder, seed, sensors=None, noise=None):
 
 
 @pytest.fixture(scope="module")
-def quiet(tmp_path_factory):
-    return slewed(tmp_path_factory.mktemp("momentum") / "quiet", 5, QUIET, NOISE)
+def quiet(rig_campaign):
+    return slewed(rig_campaign, 5, QUIET, NOISE)
 
 
 @pytest.fixture(scope="module")
-def noisy(tmp_path_factory):
-    return slewed(tmp_path_factory.mktemp("momentum") / "noisy", 1)
+def noisy(rig_campaign):
+    return slewed(rig_campaign, 1)
 
 
 def test_a_bent_link_is_nearer_to_the_axis():
@@ -70,6 +66,7 @@ def test_the_total_inertia_has_no_bias(quiet):
     assert found.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-4)
 
 
+@pytest.mark.slow
 def test_a_strain_that_is_bridged_is_no_reading(quiet):
     _, _, model, data = quiet
     prepared = []
@@ -94,6 +91,7 @@ def test_few_runs_say_nothing(quiet):
     assert total_inertia.momentum_balance(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
 
 
+@pytest.mark.slow
 def test_total_inertia_and_payload_from_slews_hold_the_truth(noisy):
     truth, declared, model, data = noisy
     hub = balance.hub_balance(data, model, [p.start for p in data.prepared])

@@ -48,6 +48,7 @@ def _data(gap: float, torque: np.ndarray) -> DrivenData:
     return DrivenData([prepared], _model(0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [0.012, 0.015])
 def test_width_is_where_what_is_left_is_least(gap):
     data = _data(gap, _sweep(3.0, 17.0, 0.13, 8.0))

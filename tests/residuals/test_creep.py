@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 from scipy.integrate import solve_ivp
 
-from twin.campaigns.campaign import read_campaign
 from twin.estimation.calibrate import noise_levels
 from twin.mechanics import chain, planar
 from twin.mechanics.plant import declared_plant
@@ -17,31 +17,25 @@ from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View, move
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
 
 VELOCITY = 0.25  # rad/s
 
 
-def ramps(folder, effects, seed):
+def ramps(campaign):
     """A slow torque up and another down: the data, and a model with the rig's own parameters."""
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(seed))
-    slow = [e for e in plan if e.name == "break-away"]
-    make_campaign(folder, effects, seed, experiments=slow)
-    campaign = read_campaign(folder)
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
     return DrivenData([prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
 
 
 @pytest.fixture(scope="module")
-def falling(tmp_path_factory):
+def falling(rig_campaign):
     effects = {"stribeck-friction": {"stribeck_velocity": VELOCITY}}
-    return ramps(tmp_path_factory.mktemp("falling") / "rig", effects, 7)
+    return ramps(rig_campaign(effects, 7, experiments=planned(7, "break-away")).read())
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory):
-    return ramps(tmp_path_factory.mktemp("plain") / "rig", {}, 7)
+def plain(rig_campaign):
+    return ramps(rig_campaign({}, 7, experiments=planned(7, "break-away")).read())
 
 
 def misfit(data, model):

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 
-from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import contest
 from twin.diagnosis.candidates import Candidate
 from twin.estimation import static_friction
@@ -25,8 +25,6 @@ from twin.residuals.static_levels import Level
 from twin.residuals.view import View
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
 
 LEVELS = {
     "static_positive": 0.0612,
@@ -42,13 +40,10 @@ def model(rig, sensors):
 
 
 @pytest.fixture(scope="module")
-def ramps(tmp_path_factory):
+def ramps(rig_campaign):
     """A slow torque up and another down, on a rig whose friction differs by direction: the data, a model, starts."""
-    folder = tmp_path_factory.mktemp("ramps") / "rig"
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(7))
-    slow = [e for e in plan if e.name == "break-away"]
-    make_campaign(folder, {"asymmetric-friction": LEVELS}, 7, experiments=slow)
-    campaign = read_campaign(folder)
+    friction = {"asymmetric-friction": LEVELS}
+    campaign = rig_campaign(friction, 7, experiments=planned(7, "break-away")).read()
     twin = model(campaign.rig, campaign.sensors)
     prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
     return DrivenData(prepared, twin), twin, [p.start for p in prepared]
@@ -79,11 +74,9 @@ def test_a_link_that_swings_on_makes_a_static_level_less_sure(ramps, monkeypatch
         assert level.error == pytest.approx(1e-3, rel=0.02)
 
 
-def test_a_play_makes_static_levels_less_sure(tmp_path):
+def test_a_play_makes_static_levels_less_sure(rig_campaign):
     play = {"backlash": {"gap": 0.0146, "motor_inertia_share": 0.39}}
-    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(7))
-    make_campaign(tmp_path / "rig", play, 7, experiments=[e for e in plan if e.name == "break-away"])
-    campaign = read_campaign(tmp_path / "rig")
+    campaign = rig_campaign(play, 7, experiments=planned(7, "break-away")).read()
     shape = chain.fit_shape(campaign.rig, 5)
     known = {"backlash": {**play["backlash"], "contact_loss": CONTACT_LOSS}}
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)

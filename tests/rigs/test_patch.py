@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from marks import slow_except
 
 from twin.control import plants
 from twin.control.plants.base import READINGS
@@ -102,7 +103,7 @@ def ran(kind, effects=None, patch=None, seconds=0.6):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("kind", ["chain", "compiled", "modal", "paper"])
+@pytest.mark.parametrize("kind", slow_except(["chain", "compiled", "modal", "paper"], "chain", "compiled"))
 @pytest.mark.parametrize(
     ("effects", "patch"),
     [

@@ -4,6 +4,8 @@ import tomllib
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from paths import PUBLISHED
 
 from twin.errors import InputError
@@ -132,6 +134,18 @@ def test_replaced_value_keeps_unit_and_names_its_source():
     rig = preset("bossi2009").replace(source="weighed", tip_mass=0.2)
     assert rig.parameters["tip_mass"] == Parameter("tip_mass", 0.2, "kg", 0.01, (0.0, 1e3), "weighed")
     assert preset("bossi2009")["tip_mass"] == 0.155
+
+
+@given(data=st.data())
+def test_replaced_values_are_the_same_in_every_order(data):
+    rig = preset("bossi2009")
+    within = {name: st.floats(*p.bounds) for name, p in rig.parameters.items() if np.isfinite(p.bounds).all()}
+    values = data.draw(st.fixed_dictionaries({}, optional=within))
+    one_by_one = rig
+    for name in data.draw(st.permutations(sorted(values))):
+        one_by_one = one_by_one.replace(source="measured", **{name: values[name]})
+    assert one_by_one == rig.replace(source="measured", **values)
+    assert dict(one_by_one) == {**rig, **values}
 
 
 def test_impossible_value_is_refused():

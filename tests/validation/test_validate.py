@@ -7,6 +7,8 @@ import re
 import control
 import numpy as np
 import pytest
+from marks import slow_except
+from rig_campaigns import planned
 
 from twin.control import closed_loop, plants
 from twin.control.closed_loop import Run
@@ -27,7 +29,6 @@ from twin.validation.metrics import performance_metrics
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
 from twin.validation.rigs import draw_rigs, uncertain_parameters
 from twin.validation.validation import drivers
-from twin.virtual_rig import make_campaign
 
 RIG = preset("bossi2009")
 T = 2e-3
@@ -79,7 +80,7 @@ def test_form_of_a_known_system_has_its_response():
     assert np.abs(np.array(found)[:, 1:]).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", slow_except(CONTROLLERS, "lqi"))
 def test_every_controller_of_the_library_has_a_linear_form(name):
     form = linear_form_of(controller(name, RIG, T), T)
     assert np.abs(form.B).max() > 0
@@ -376,6 +377,7 @@ def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["v.html", "v.json"]
 
 
+@pytest.mark.slow
 def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path):
     (tmp_path / "relay.py").write_text(
         "def relay(measured, reference):\n    return 0.2 if reference > measured['hub_angle'] else -0.2\n"
@@ -389,11 +391,12 @@ def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path
     assert len(answer["failed_rigs"]) == 6
 
 
-def test_rigs_are_drawn_as_a_campaign_declares_them(twin, tmp_path):
-    make_campaign(tmp_path / "mine", {}, 5)
-    _, out, err = twin("validate", "lqi", "--campaign", "mine", "--rigs", 2, "--json", "v.json")
+@pytest.mark.slow
+def test_rigs_are_drawn_as_a_campaign_declares_them(twin, rig_campaign, tmp_path):
+    folder = rig_campaign({}, 7, experiments=planned(7, "break-away")).folder
+    _, out, err = twin("validate", "lqi", "--campaign", folder, "--rigs", 2, "--json", "v.json")
     assert err == ""
-    assert "lqi on mine" in out
+    assert "lqi on rig" in out
     answer = json.loads((tmp_path / "v.json").read_text())
     assert answer["rigs"] == 2
 
@@ -405,6 +408,7 @@ def test_a_rig_and_a_campaign_are_one_too_many(twin, rig):
     assert "--rig and --campaign both say which rig" in err
 
 
+@pytest.mark.slow
 def test_stricter_requirements_fail(twin, tmp_path):
     limits = {"settling_time": 1, "overshoot": 0.1, "residual_vibration": 0.1, "peak_torque": 0.1}
     (tmp_path / "strict.toml").write_text("".join(f"{name} = {limit}\n" for name, limit in limits.items()))

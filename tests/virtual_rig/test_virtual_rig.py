@@ -1,12 +1,12 @@
 """The virtual rig against closed forms, against itself at tighter tolerance, and as a maker of campaigns."""
 
 import ast
-import importlib.util
 import math
 import sys
 import tomllib
 from pathlib import Path
 
+import make_demo_campaign
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson, simpson
@@ -587,6 +587,7 @@ def test_same_seed_gives_the_same_files(tmp_path):
     assert folder_bytes(tmp_path / "a")["pulse.csv"] != folder_bytes(tmp_path / "c")["pulse.csv"]
 
 
+@pytest.mark.slow
 def test_campaign_declares_the_rig_but_not_its_effects(tmp_path):
     truth = make_campaign(tmp_path / "rig", {"viscous-friction": {"viscous": 0.004}}, 11, perturb=0.5)
     files = folder_bytes(tmp_path / "rig")
@@ -706,14 +707,10 @@ def test_command_line_makes_a_campaign(tmp_path, monkeypatch, capsys):
 
 def test_demo_campaign_is_small_and_from_its_script():
     folder = Path(twin.__file__).parent / "data" / "demo-rig"
-    script = folder.parents[2] / "benchmarks" / "make_demo_campaign.py"
-    spec = importlib.util.spec_from_file_location("make_demo_campaign", script)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    assert folder == module.FOLDER
+    assert folder == make_demo_campaign.FOLDER
     files = folder_bytes(folder)
     assert sum(map(len, files.values())) < 3e6
-    assert not any(name.encode() in files["campaign.toml"] for name in module.EFFECTS)
+    assert not any(name.encode() in files["campaign.toml"] for name in make_demo_campaign.EFFECTS)
 
 
 def test_corner_shares_no_model_code_with_the_twin():
