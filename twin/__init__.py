@@ -17,24 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from twin import effects as effects
-    from twin.api import (
-        Diagnosis,
-        Identification,
-        RigFile,
-        RigModel,
-        Run,
-        diagnose,
-        identify,
-        load,
-        model,
-        plan_experiment,
-        read_campaign,
-        read_rig,
-        rig,
-        run,
-        state_space,
-        validate,
-    )
+    from twin.api.answers import Diagnosis, Identification, Run
+    from twin.api.functions import diagnose, identify, load, plan_experiment, run, state_space, validate
+    from twin.api.inputs import RigFile, read_campaign, read_rig, rig
+    from twin.api.simulation import RigModel, model
     from twin.campaigns.campaign import Campaign
     from twin.errors import InputError
     from twin.parameters import Rig
@@ -44,13 +30,25 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOMES = {
-    "Campaign": "twin.campaigns.campaign",
-    "InputError": "twin.errors",
-    "Recording": "twin.recording",
-    "Rig": "twin.parameters",
-    "Table": "twin.table",
+    "twin.api.answers": ("Diagnosis", "Identification", "Run"),
+    "twin.api.functions": (
+        "diagnose",
+        "identify",
+        "load",
+        "plan_experiment",
+        "run",
+        "state_space",
+        "validate",
+    ),
+    "twin.api.inputs": ("RigFile", "read_campaign", "read_rig", "rig"),
+    "twin.api.simulation": ("RigModel", "model"),
+    "twin.campaigns.campaign": ("Campaign",),
+    "twin.errors": ("InputError",),
+    "twin.parameters": ("Rig",),
+    "twin.recording": ("Recording",),
+    "twin.table": ("Table",),
 }
-"""Public name -> the module that has it, where that is not `twin.api`."""
+"""Module -> the public names that it has."""
 
 __all__ = [
     "Campaign",
@@ -86,8 +84,9 @@ def __getattr__(name: str) -> Any:
         return version("flexlink-twin")
     if name == "effects":
         return import_module("twin.effects")
-    if name in __all__:
-        return getattr(import_module(_HOMES.get(name, "twin.api")), name)
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
     raise AttributeError(f"module 'twin' has no attribute '{name}'; see dir(twin)")
 
 

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -52,11 +53,17 @@ class HubLaw:
         """Torque [N m] at a time [s], hub angle [rad] and rate [rad/s]."""
         return self.function(t, theta, omega, values)
 
+    @property
+    def _can_be_cached(self) -> bool:
+        """Whether another process finds the function again: in a module that can be imported."""
+        module = sys.modules.get(self.function.__module__)
+        return getattr(module, "__spec__", None) is not None
+
     @functools.cached_property
     def address(self) -> int:
         """Address of the compiled function in this process."""
         # The machine code lives as long as this object: keep a reference.
-        self._compiled = cfunc(_SIGNATURE, cache=True)(self.function)
+        self._compiled = cfunc(_SIGNATURE, cache=self._can_be_cached)(self.function)
         address: int = self._compiled.address  # type: ignore[assignment]
         return address
 

@@ -1,0 +1,223 @@
+"""The commands as functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.api.answers import Diagnosis, Identification, Run
+from twin.api.inputs import Effects, FilePath, RigLike, campaign_of, rig_of
+from twin.campaigns.campaign import Campaign
+from twin.control.experiment import Experiment
+from twin.errors import InputError
+from twin.progress import Progress, silent
+from twin.recording import GAUGES
+
+if TYPE_CHECKING:
+    import control
+    from dm_control.rl.control import Environment
+
+    from twin.diagnosis.plan import ExperimentPlan
+    from twin.validation.requirements import Requirements
+    from twin.validation.validation import Validation as _Validation
+
+
+def diagnose(
+    campaign: FilePath | Campaign,
+    *,
+    rig: RigLike | None = None,
+    false_alarm_rate: float = 0.01,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Finds which physical effect a campaign's model lacks.
+
+    Args:
+      campaign: its folder, or what `read_campaign` returned.
+      rig: declares the rig instead of the campaign, with the effects that it is known to have.
+      false_alarm_rate: how often something may be found where nothing is missing.
+      workers: number of threads; by default one a processor.
+      progress: called with the name of each stage.
+
+    Raises:
+      InputError: the campaign or the rate cannot be used.
+    """
+    from twin.diagnosis.diagnose import diagnose as search
+
+    given = campaign_of(campaign, rig)
+    return Diagnosis(search(given, progress, workers, false_alarm_rate), given)
+
+
+def identify(
+    campaign: FilePath | Campaign,
+    *,
+    rig: RigLike | None = None,
+    against: FilePath | Campaign | None = None,
+    progress: Progress = silent,
+) -> Identification:
+    """Identifies stiffness, inertias, damping and friction from the recordings of a campaign.
+
+    Args:
+      campaign: its folder, or what `read_campaign` returned.
+      rig: declares the rig instead of the campaign, with the effects that it is known to have.
+      against: a campaign of the same rig with another payload, whose spectral peaks are compared.
+      progress: called with the name of each stage.
+
+    Raises:
+      InputError: a campaign cannot be used.
+    """
+    from twin.identification.identify import identify as run
+
+    other = None if against is None else campaign_of(against, None)
+    return Identification(run(campaign_of(campaign, rig), progress, other=other))
+
+
+def plan_experiment(
+    campaign: FilePath | Campaign,
+    *,
+    between: tuple[str, str] | None = None,
+    progress: Progress = silent,
+) -> ExperimentPlan:
+    """Ranks experiments by how far they would drive two explanations of a campaign apart.
+
+    Args:
+      campaign: its folder, or what `read_campaign` returned.
+      between: names of two effects; None for the two that explain most.
+      progress: called with the name of each stage.
+
+    Raises:
+      InputError: a name is not that of an effect.
+    """
+    from twin.diagnosis.plan import plan
+
+    return plan(campaign_of(campaign, None), between, progress)
+
+
+def run(
+    scenario: str = "lq-step-120",
+    *,
+    plant: str = "chain",
+    controller: str | None = None,
+    rig: RigLike = "bossi2009",
+    effects: Effects | None = None,
+    noise: int | None = None,
+) -> Run:
+    """Runs an experiment of Bossi et al. (2009) under a controller.
+
+    Args:
+      scenario: name of the experiment.
+      plant: "chain", "modal" or "paper".
+      controller: name, or FILE.py:NAME; None for the scenario's own.
+      rig: name, parameter file, rig, or rig with effects.
+      effects: in the place of those that the file has.
+      noise: seed of the sensors' noise; None for noiseless sensors.
+
+    Raises:
+      InputError: something of this is not known, or the controller fails.
+    """
+    known = rig_of(rig)
+    acting = known.effects if effects is None else effects
+    experiment = Experiment(scenario, plant, known.rig, acting, controller, noise)
+    return Run(experiment, experiment.run())
+
+
+def validate(
+    controller: str,
+    *,
+    rig: RigLike = "bossi2009",
+    scenario: str = "lq-step-120",
+    rigs: int = 200,
+    seed: int = 0,
+    requirements: FilePath | None = None,
+    progress: Callable[[str], None] = silent,
+) -> _Validation:
+    """Tries a controller on rigs drawn from the uncertainty of the parameters, against requirements.
+
+    Args:
+      controller: name, or FILE.py:NAME.
+      rig: as believed: the controller is synthesised for it.
+      scenario: the experiment.
+      rigs: number of rigs to draw.
+      seed: of the draw.
+      requirements: file with other limits (TOML); None for the stated defaults.
+      progress: called with the name of each stage.
+
+    Raises:
+      InputError: something of this cannot be used.
+    """
+    from twin.rigs.rig_file import read_uncertainty
+    from twin.validation import validation
+    from twin.validation.requirements import defaults, read_requirements
+
+    known = rig_of(rig)
+    from_file = isinstance(rig, str | PathLike) and (Path(rig).suffix or Path(rig).exists())
+    errors = read_uncertainty(rig) if from_file else ({},)  # type: ignore[arg-type]
+    limits: Requirements = defaults() if requirements is None else read_requirements(Path(requirements))
+    job = validation.Job(controller, known.rig, scenario)
+    return validation.validate(job, known.effects, errors[0], limits, rigs, seed, progress, *errors[1:])
+
+
+def load(
+    rig: RigLike = "bossi2009",
+    *,
+    effects: Effects | None = None,
+    reference: Callable[[float], float] | None = None,
+    duration: float = 5.0,
+    period: float = 2e-3,
+) -> Environment:
+    """Returns the MuJoCo chain of a rig as a `dm_env` environment whose action is a torque.
+
+    Args:
+      rig: name, parameter file, rig, or rig with effects.
+      effects: in the place of those that the file has.
+      reference: wanted hub angle [rad] by time [s]; None for a step of 120 degrees.
+      duration: of an episode [s].
+      period: sample period [s].
+
+    Raises:
+      InputError: a rig or effect is not known, or dm_control is not installed.
+    """
+    try:
+        from twin.control.environment import rig_environment
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"twin.load needs dm-control, and {error.name} is not installed; dm-control has no wheels for Python 3.13 "
+            "and later (its dependency labmaze has none): use Python 3.11 or 3.12, all else works without it"
+        ) from error
+    known = rig_of(rig)
+    acting = known.effects if effects is None else effects
+    wanted = reference if reference is not None else (lambda time: math.radians(120.0))
+    return rig_environment(known.rig, acting, wanted, duration, period)
+
+
+def state_space(rig: RigLike = "bossi2009", modes: int = 2) -> control.StateSpace:
+    """Returns the linear model of Bossi et al. (2009), section III, with so many bending modes, for python-control.
+
+    Inputs: torque [N m]; outputs: hub angle [rad], tip deflection [m] and two strains [1]; friction left out.
+
+    Args:
+      rig: name, parameter file, or rig; effects are left out.
+      modes: number of bending modes.
+
+    Raises:
+      InputError: the rig is not known.
+    """
+    import control
+
+    from twin.mechanics.modal import state_space as build
+
+    system = build(rig_of(rig).rig, modes, GAUGES)
+    return control.ss(
+        system.A,
+        system.B,
+        system.C,
+        np.zeros((len(system.C), system.B.shape[1])),
+        inputs=["torque"],
+        outputs=list(system.output_labels),
+        name="flexible link",
+    )

@@ -1,0 +1,77 @@
+"""What the functions of the interface take: campaigns, rigs and effects, as files or as values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+from twin.campaigns.campaign import Campaign
+from twin.campaigns.campaign import read_campaign as _read_campaign
+from twin.parameters import Rig
+from twin.rigs import preset
+from twin.rigs.rig_file import read_rig_file
+
+Effects: TypeAlias = Mapping[str, Mapping[str, float]]
+"""Effect name -> parameter name -> value, SI."""
+
+FilePath: TypeAlias = str | PathLike[str]
+
+
+class RigFile(NamedTuple):
+    """A rig and the effects that act on it, as a parameter file declares them."""
+
+    rig: Rig
+    effects: Effects
+
+
+RigLike: TypeAlias = str | PathLike[str] | Rig | RigFile
+"""Name of a published rig, a parameter file, a rig, or a rig with effects."""
+
+
+def read_campaign(folder: FilePath) -> Campaign:
+    """Reads a campaign: `campaign.toml` and its recordings, checked and in SI units.
+
+    Raises:
+      InputError: something in the folder cannot be used.
+    """
+    return _read_campaign(Path(folder))
+
+
+def rig(name: str = "bossi2009") -> Rig:
+    """Returns a published rig; `rig["length"]` is a value in SI, `rig.parameters["length"]` has unit and source.
+
+    Raises:
+      InputError: there is none of this name.
+    """
+    return preset(name)
+
+
+def read_rig(file: FilePath) -> RigFile:
+    """Reads a parameter file (TOML), as a diagnosis or an identification writes it.
+
+    Raises:
+      InputError: the file cannot be used.
+    """
+    return RigFile(*read_rig_file(file))
+
+
+def rig_of(given: RigLike) -> RigFile:
+    if isinstance(given, RigFile):
+        return given
+    if isinstance(given, Rig):
+        return RigFile(given, {})
+    path = Path(given)
+    if path.suffix or path.exists():
+        return read_rig(path)
+    return RigFile(preset(str(given)), {})
+
+
+def campaign_of(given: FilePath | Campaign, declared: RigLike | None) -> Campaign:
+    campaign = given if isinstance(given, Campaign) else read_campaign(given)
+    if declared is None:
+        return campaign
+    known = rig_of(declared)
+    return replace(campaign, rig=known.rig, effects=known.effects)

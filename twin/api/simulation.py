@@ -1,0 +1,104 @@
+"""A rig with effects as a model that can be simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin.api.inputs import Effects, RigLike, rig_of
+from twin.errors import InputError
+from twin.recording import GAUGES, Recording
+from twin.rigs.model import FINE_SEGMENTS, FINE_STEP, Model
+from twin.rigs.rig_file import checked_effects
+
+_SIMULATED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "motor_torque")
+
+
+@dataclass(frozen=True)
+class RigModel:
+    """A rig with its effects, ready to be simulated.
+
+    Attributes:
+      model: what is simulated, see `twin.rigs.model.Model`.
+    """
+
+    model: Model = field(repr=False)
+
+    def simulate(
+        self,
+        time: Sequence[float] | np.ndarray,
+        torque: Sequence[float] | np.ndarray,
+        *,
+        hub_angle: float = 0.0,
+        tip_deflection: float | None = None,
+        clamped: bool = False,
+        channels: Sequence[str] = _SIMULATED,
+    ) -> Recording:
+        """Simulates the rig from rest under a torque; returns what its sensors report.
+
+        Args:
+          time: (n) instants [s], increasing.
+          torque: (n) commanded torque [N m], held from each instant to the next.
+          hub_angle: where the hub starts [rad].
+          tip_deflection: the tip is held there by a force until the first instant [m]; None for a link at rest.
+          clamped: whether the hub is locked.
+          channels: that are simulated.
+
+        Raises:
+          InputError: the arrays do not fit, or a channel is not simulated.
+        """
+        from twin.mechanics.state import Start
+        from twin.rigs.simulate import simulate
+
+        recording = _blank(time, torque, channels, clamped, tip_deflection)
+        return simulate(self.model, recording, Start(hub_angle=hub_angle))
+
+    def mjcf(self) -> str:
+        """Returns the rig as MJCF, what MuJoCo cannot say named in a comment."""
+        from twin.rigs.mjcf_export import to_mjcf
+
+        return to_mjcf(self.model.declared, self.model.effects, self.model.sensors).xml
+
+
+def _blank(
+    time: Sequence[float] | np.ndarray,
+    torque: Sequence[float] | np.ndarray,
+    channels: Sequence[str],
+    clamped: bool,
+    tip_deflection: float | None,
+) -> Recording:
+    """A recording with nothing measured yet."""
+    time, torque = (np.asarray(values, dtype=float) for values in (time, torque))
+    if time.ndim != 1 or time.shape != torque.shape or len(time) < 2 or np.any(np.diff(time) <= 0):
+        raise InputError(
+            f"time has shape {time.shape} and torque {torque.shape}; expected two vectors of equal length, time "
+            "increasing"
+        )
+    unknown = [c for c in channels if c not in _SIMULATED]
+    if unknown:
+        raise InputError(f"'{unknown[0]}' is not simulated; expected some of: {', '.join(_SIMULATED)}")
+    empty = {channel: np.zeros(len(time)) for channel in channels}
+    return Recording("simulated", time, {"torque_command": torque, **empty}, clamped, "open", tip_deflection)
+
+
+def model(
+    rig: RigLike = "bossi2009", effects: Effects | None = None, segments: int = FINE_SEGMENTS
+) -> RigModel:
+    """Returns a rig with effects as a model that can be simulated.
+
+    Args:
+      rig: name, parameter file, rig, or rig with effects.
+      effects: in the place of those that the file has; what is not said of one is neutral.
+      segments: of the chain.
+
+    Raises:
+      InputError: a rig or an effect is not known.
+    """
+    from twin.mechanics import chain
+
+    known = rig_of(rig)
+    acting = checked_effects(known.effects if effects is None else effects, known.rig)
+    gauges = {gauge.channel: gauge for gauge in GAUGES}
+    return RigModel(Model(known.rig, gauges, chain.fit_shape(known.rig, segments), acting, FINE_STEP))
