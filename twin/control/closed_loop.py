@@ -5,6 +5,7 @@ Sample k is read at t_k = k * period; the torque that the controller computes fr
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,13 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from twin.control.environment import FollowReference, Reference, make_environment
 from twin.control.laws.base import Controller
-from twin.control.plants.base import READINGS, Plant
+from twin.control.plants.base import READINGS, Plant, Reference
 from twin.control.plants.sensors import Sensors
 from twin.recording import Recording
 
 _PIECE = 0.5  # s, length of the pieces of a run that are passed to `watch`
+
+
+class DivergenceError(RuntimeError):
+    """The motion of a plant is no longer finite."""
 
 
 @dataclass(frozen=True)
@@ -108,22 +112,31 @@ def run(
 
     Raises:
       InputError: a user's controller fails.
+      DivergenceError: a coordinate of the plant is no longer finite.
     """
-    environment = make_environment(plant, FollowReference(reference, sensors), duration)
+    sensors = sensors if sensors is not None else Sensors()
+    plant.reset()
+    sensors.reset()
     controller.reset()
     log, watched, began = _Log(), 0, time.perf_counter()
-    step = environment.reset()
-    while True:
-        readings = {name: float(value) for name, value in step.observation.items()}
-        target = readings.pop("reference")
-        torque = float(controller.torque(readings, target))
-        log.add(plant, step.observation, torque, getattr(controller, "states", {}))
-        if watch is not None and (step.last() or len(log.rows) - watched >= _PIECE / plant.period):
+    steps = math.ceil((duration - plant.period / 2) / plant.period)
+    for step in range(steps + 1):
+        readings = {**sensors.read(plant.time(), plant.read()), "time": plant.time()}
+        target = reference(plant.time())
+        torque = float(controller.torque(dict(readings), target))
+        log.add(plant, {**readings, "reference": target}, torque, getattr(controller, "states", {}))
+        if watch is not None and (step == steps or len(log.rows) - watched >= _PIECE / plant.period):
             watch(log.run(plant, time.perf_counter() - began, watched))
             watched = len(log.rows)
-        if step.last():
-            return log.run(plant, time.perf_counter() - began)
-        step = environment.step(torque)
+        if step < steps:
+            plant.advance(torque)
+            _check_divergence(plant)
+    return log.run(plant, time.perf_counter() - began)
+
+
+def _check_divergence(plant: Plant) -> None:
+    if not np.all(np.isfinite(plant.configuration)):
+        raise DivergenceError(f"the {plant.name} diverged at {plant.time():g} s: a coordinate is not finite")
 
 
 def _column(rows: tuple[Mapping[str, float], ...], name: str) -> np.ndarray:

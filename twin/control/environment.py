@@ -9,21 +9,18 @@ timestep = environment.step(0.1)           # torque [N m], held for one sample
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from dm_control.rl import control
 from dm_env import specs
 
-from twin.control.plants.base import PERIOD, READINGS, Plant
+from twin.control.plants.base import PERIOD, READINGS, Plant, Reference
 from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.parameters import Rig
 from twin.rigs.patch import Patch
-
-Reference = Callable[[float], float]
-"""Reference of the hub angle [rad] as a function of time [s]."""
 
 _GOOD = math.radians(0.5)  # rad, error up to which the reward is 1
 _POOR = math.radians(30.0)  # rad, further error at which the reward has fallen to 0.1

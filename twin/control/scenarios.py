@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.control.closed_loop import Run
-from twin.control.environment import Reference
 from twin.control.laws.base import Controller
 from twin.control.laws.library import controller as named_controller
+from twin.control.plants.base import Reference
 from twin.errors import InputError, nearest
 from twin.mechanics.beam import rigid_inertia
 

@@ -4,6 +4,7 @@ A reading that is a multiple of the true value is the length of a fixed tendon. 
 actuators on such a tendon, with a gear ratio so small that they do not affect the motion:
 
     truth       an actuator whose bias is the tendon's length
+    offset      an actuator whose bias is constant
     drift       an integrator of a command that is limited to 1: its activation is the time
     wave        the cogging of MuJoCo's motor, a sinusoid of the tendon's length
     delay       the sensor's delay, with interpolation between the samples of its history; it reads 0 until then
@@ -32,6 +33,7 @@ SENSORS = {
 }
 """Channel -> name of the sensor of `mjcf.build_spec` that measures it."""
 
+_MUJOCO = int(mujoco.__version__.partition(".")[0])  # major version
 _GEAR = 1e-9  # [1] gear ratio of actuators that only measure: 1 rad of the hub makes a torque of 1e-9 N m
 _CUBIC = 2  # value of a sensor's `interp`: cubic interpolation of its history
 
@@ -97,7 +99,12 @@ def _read_sum(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, reading: Reading) -
     sensor.type = mujoco.mjtSensor.mjSENS_TENDONACTFRC
     truth = _tendon_actuator(spec, sensor, "truth")
     truth.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    truth.gainprm[0], truth.biasprm[0], truth.biasprm[1] = 0.0, reading.offset, 1 / _GEAR
+    truth.gainprm[0], truth.biasprm[1] = 0.0, 1 / _GEAR
+    if reading.offset != 0:
+        # An actuator of its own: MuJoCo 4 writes a small number beside a large one as 0.
+        offset = _tendon_actuator(spec, sensor, "offset")
+        offset.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        offset.gainprm[0], offset.biasprm[0] = 0.0, reading.offset
     if reading.rate != 0:
         drift = _tendon_actuator(spec, sensor, "drift")
         drift.dyntype, drift.gainprm[0] = mujoco.mjtDyn.mjDYN_INTEGRATOR, reading.rate
@@ -118,12 +125,14 @@ def _tendon_actuator(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, what: str) -
 def _delay(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, delay: float) -> None:
     """Delays a sensor by `delay` [s]: interpolated between the samples of its history, or held for a torque.
 
-    MuJoCo stores a sample after the last stage of RK4 and stamps it with the start of the step. Tendons and frames are
-    then evaluated at the end of the step, which costs one step; joints are at its start, and a torque is constant.
+    MuJoCo 3 stores a sample after the last stage of RK4 and stamps it with the start of the step. Tendons and frames
+    are then evaluated at the end of the step, which costs one step; joints are at its start, and a torque is constant.
+    MuJoCo 4 stores it at the start.
     """
     kind, held = mujoco.mjtSensor, sensor.type == mujoco.mjtSensor.mjSENS_ACTUATORFRC
     step = spec.option.timestep
-    sensor.delay = delay if held or sensor.type == kind.mjSENS_JOINTPOS else delay + step
+    at_start = held or sensor.type == kind.mjSENS_JOINTPOS or _MUJOCO >= 4
+    sensor.delay = delay if at_start else delay + step
     # Cubic interpolation needs one more sample at each end.
     sensor.nsample = math.ceil(sensor.delay / step) + 3
     sensor.interp = 0 if held else _CUBIC

@@ -7,8 +7,10 @@ synthesises it again, since not every controller can be pickled.
 from __future__ import annotations
 
 import multiprocessing
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -187,9 +189,26 @@ def _outcomes(job: Job, rigs: Sequence[DrawnRig], processes: int) -> Iterator[Ou
     fresh = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(processes, fresh, _start_process, (job,))
     try:
-        yield from pool.map(_evaluate_in_process, rigs, chunksize=_CHUNK_SIZE)
+        with _script_hidden():
+            results = pool.map(_evaluate_in_process, rigs, chunksize=_CHUNK_SIZE)
+        yield from results
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _script_hidden() -> Iterator[None]:
+    """Hides the running script from processes that are started: all that they need is in this package.
+
+    Otherwise each of them would run the script again, and a script without `if __name__ == "__main__"` would not end.
+    """
+    main = sys.modules["__main__"]
+    hidden = {name: vars(main).get(name) for name in ("__file__", "__spec__")}
+    vars(main).update(dict.fromkeys(hidden))
+    try:
+        yield
+    finally:
+        vars(main).update(hidden)
 
 
 _bench: Evaluator

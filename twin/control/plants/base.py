@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 READINGS = ("hub_angle", "tip_deflection", "strain_base", "strain_mid", "motor_torque")
 """Channels of the recording format whose true values every plant provides."""
+
+Reference = Callable[[float], float]
+"""Reference of the hub angle [rad] as a function of time [s]."""
 
 PERIOD = 2e-3
 """Sample period of the card [s], assumed: Bossi et al. 2009 name the card but not its sampling rate."""
