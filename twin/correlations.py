@@ -62,7 +62,7 @@ class Correlations:
             yield "]"
 
 
-def of_covariance(names: Sequence[str], covariance: np.ndarray) -> Correlations:
+def from_covariance(names: Sequence[str], covariance: np.ndarray) -> Correlations:
     """Returns the correlations in a covariance (n x n); numbers without a finite error are left out."""
     variance = np.diag(covariance)
     known = np.flatnonzero(np.isfinite(variance) & (variance > 0))

@@ -22,7 +22,7 @@ from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID
 from twin.residuals.prepared import prepare
 from twin.residuals.static_levels import Level
-from twin.residuals.view import View
+from twin.residuals.view import Signals
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.virtual_rig import Rig, Sensors, make_campaign
@@ -39,6 +39,14 @@ LEVELS = {
 def model(rig, sensors):
     shape = chain.fit_shape(rig, 5)
     return Model(rig, sensors, shape, step=2e-3).replace(effects={"asymmetric-friction": LEVELS})
+
+
+def levels_of(values):
+    """Unknowns for the friction levels of each direction."""
+    return [
+        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction")
+        for n, v in values.items()
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +78,10 @@ def test_a_link_that_swings_on_makes_a_static_level_less_sure(ramps, monkeypatch
     [view] = data.views
     first, second = [view.time[k] for k, _ in view.onsets]
     before, between = view.time < first - 0.1, (view.time > second - 0.3) & (view.time < second - 0.1)
-    assert view.pull[before].max() < 1e-9
-    assert 5e-6 < view.pull[between].min() <= view.pull[between].max() < 5e-4
+    assert view.link_torque_noise[before].max() < 1e-9
+    assert 5e-6 < view.link_torque_noise[between].min() <= view.link_torque_noise[between].max() < 5e-4
     quiet = static_levels.levels(data, twin, starts)
-    monkeypatch.setattr(data, "views", (replace(view, pull=np.full(len(view.time), 1e-3)),))
+    monkeypatch.setattr(data, "views", (replace(view, link_torque_noise=np.full(len(view.time), 1e-3)),))
     for direction, level in static_levels.levels(data, twin, starts).items():
         assert quiet[direction].error < 2e-4
         assert level.error == pytest.approx(1e-3, rel=0.02)
@@ -97,7 +105,7 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
 
 def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkeypatch):
     data, twin, starts = ramps
-    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in LEVELS.items()]
+    unknowns = levels_of(LEVELS)
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(data, pool)
         [residual] = bench.residuals([(twin, starts, None)])
@@ -105,8 +113,8 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
         slopes = np.zeros((len(residual), len(x)))
         size = np.ones(len(bench.groups))
         best = Fit(twin, tuple(starts), tuple(unknowns), x, np.eye(4), residual, size, 0.0, slopes)
-        monkeypatch.setattr(static_friction, "_scanned", None)
-        polished = static_friction.polish(data, best, best, twin, pool, whole=True)
+        monkeypatch.setattr(static_friction, "_grid_search", None)
+        polished = static_friction.final_models(data, best, best, twin, pool, whole=True)
     told = dict(zip(LEVELS, polished.augmented.errors, strict=True))
     assert told["static_positive"] < 1e-4
     assert told["static_negative"] < 2e-4
@@ -115,7 +123,7 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
 
 def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramps):
     data, twin, starts = ramps
-    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in LEVELS.items()]
+    unknowns = levels_of(LEVELS)
     off, error = 0.004, 0.002
     x = np.array(list(LEVELS.values())) + [off, 0.0, -0.5 * off, 0.0]
     # Half a unit of Coulomb friction less for one of static friction more, and no word of the other direction.
@@ -138,7 +146,7 @@ def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramp
 def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell(ramps, monkeypatch):
     data, twin, starts = ramps
     off = {**LEVELS, "static_positive": 1.2 * LEVELS["static_positive"]}
-    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in off.items()]
+    unknowns = levels_of(off)
     x, none = np.array(list(off.values())), np.zeros(0)
     model = twin.replace(effects={"asymmetric-friction": off})
     badly_known = Fit(model, tuple(starts), tuple(unknowns), x, np.eye(4), none, none, 0.0, none)
@@ -179,8 +187,8 @@ def test_a_rest_that_seems_to_end_below_the_coulomb_level_tells_nothing(ramps):
 
 def test_a_rest_that_ends_far_below_the_others_was_none():
     read = [Level(0.065, 1e-5), Level(0.06502, 2e-5), Level(0.013, 1e-5)]
-    assert static_levels.together(read).value == pytest.approx(0.065, abs=1e-5)
-    assert static_levels.together(read[2:]).value == 0.013
+    assert static_levels.combined_level(read).value == pytest.approx(0.065, abs=1e-5)
+    assert static_levels.combined_level(read[2:]).value == 0.013
 
 
 def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
@@ -190,14 +198,14 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     omega = 2 * np.pi * 7.3
     angle, rate = 0.05 * np.sin(omega * time), 0.05 * omega * np.cos(omega * time)
     nothing = np.zeros(len(time))
-    view = View(
-        time, angle, rate, -(omega**2) * angle, np.sign(rate), np.ones(len(time), dtype=bool), {}, {}, {}, ()
+    signals = Signals(
+        time, angle, rate, -(omega**2) * angle, np.sign(rate), np.ones(len(time), dtype=bool), {}, {}, ()
     )
     links = len(twin.chain.lengths)
     angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
     motion = Motion.of(time, angles, rates, np.sign(rate), links)
     inner = slice(200, -200)
-    mean = hub_balance.hub_laws(view, twin, motion)[inner].mean()
+    mean = hub_balance.hub_law_torque(signals, twin, motion)[inner].mean()
     instants = np.linspace(time[200] - GRID / 2, time[-201] + GRID / 2, 200_000)
     ahead = np.cos(omega * instants) > 0
     exact = np.where(ahead, -LEVELS["coulomb_positive"], LEVELS["coulomb_negative"]).mean()

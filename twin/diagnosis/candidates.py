@@ -13,7 +13,7 @@ from twin.diagnosis.spectrum import Peak
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
-from twin.estimation.slopes import slope_gain, slope_move
+from twin.estimation.slopes import linear_gain, linear_move
 from twin.estimation.unknowns import Unknown, effect_unknowns, replaced_parameters
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
@@ -136,7 +136,7 @@ def strained_parameters(base: Fit, names: Sequence[str]) -> bool:
     Others bend with it to the ends of their ranges, from where the way to the truth is no straight line.
     """
     return any(
-        u.owner == "rig" and u.name in names and abs(v - u.start) > _STRAINED * u.scale
+        u.kind == "rig" and u.name in names and abs(v - u.start) > _STRAINED * u.scale
         for u, v in zip(base.unknowns, base.values, strict=True)
     )
 
@@ -148,7 +148,7 @@ def score_test(bench: Workbench, base: Fit, slopes: Slopes) -> float:
     """
     if not slopes.columns.shape[1]:
         return 0.0
-    return slope_gain(bench, base, slopes.columns, slopes.replaces) - slopes.price
+    return linear_gain(bench, base, slopes.columns, slopes.replaces) - slopes.price
 
 
 def slopes_of(bench: Workbench, base: Fit, name: str, tops: Sequence[Peak] = ()) -> Slopes:
@@ -190,7 +190,7 @@ def _outside(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str
     """
     effect = REGISTRY[name]
     if slopes.coefficients.size:
-        _, amounts = slope_move(bench, base, slopes.columns, slopes.replaces)
+        _, amounts = linear_move(bench, base, slopes.columns, slopes.replaces)
         led = effect.of_linear(amounts @ slopes.coefficients)
         if led is not None:
             led = {p.name: float(np.clip(led[p.name], *p.bounds)) for p in effect.parameters}
@@ -214,7 +214,7 @@ def _quickly(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]
     model = with_effect(base.model, name, values)
     unknowns = unknowns_of(bench, model, base)
     first = first_values(unknowns, model, base)
-    return minimise(bench, model, base.starts, unknowns, first, base.slopes, _QUICK)
+    return minimise(bench, model, base.starts, unknowns, first, base.jacobian_columns, _QUICK)
 
 
 def _best_choice(bench: Workbench, found: Fit, name: str) -> dict[str, float]:
@@ -261,13 +261,11 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
 def unknowns_of(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
     """What a fit of this model may move: declared parameters that no effect replaces, effects, first states."""
     replaced = replaced_parameters(model)
-    kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
-    kept += [u for u in base.unknowns if u.owner == "clock"]
-    starts = [u for u in base.unknowns if u.owner == "start"]
+    kept = [u for u in base.unknowns if u.kind == "rig" and u.name not in replaced]
+    kept += [u for u in base.unknowns if u.kind == "clock"]
+    starts = [u for u in base.unknowns if u.kind == "start"]
     effects = [
-        u
-        for name, values in model.effects.items()
-        for u in effect_unknowns(model, name, values, bench.channels())
+        u for name, values in model.effects.items() for u in effect_unknowns(name, values, bench.channels())
     ]
     return (*kept, *effects, *starts)
 
@@ -278,7 +276,7 @@ def first_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.nd
     first = []
     for u in unknowns:
         value = known.get(u.key, u.start)
-        first.append(u.turned(model.effects[u.owner][u.name]) if u.owner in model.effects else value)
+        first.append(u.turned(model.effects[u.effect][u.name]) if u.effect in model.effects else value)
     return np.array(first)
 
 

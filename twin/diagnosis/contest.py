@@ -12,7 +12,7 @@ from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement, passes
 from twin.diagnosis.rules import Trial
 from twin.estimation import chain_limit
-from twin.estimation.calibrate import seen_by
+from twin.estimation.calibrate import with_noise_of
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.static_friction import with_static_levels
@@ -128,7 +128,7 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
 def _from_declared(before: Fit) -> np.ndarray:
     """The values (p) of a fit, with declared parameters as declared: without the effect they stood in for it."""
     return np.array(
-        [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
+        [u.start if u.kind == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
     )
 
 
@@ -183,7 +183,7 @@ def refit_with_own_noise(bench: Workbench, base: Fit, found: Fit) -> tuple[Workb
     """
     if not _rings_otherwise(found.model, base.model):
         return bench, found
-    return refit_in_fine_limit(seen_by(bench, found.model), found)
+    return refit_in_fine_limit(with_noise_of(bench, found.model), found)
 
 
 def _rings_otherwise(model: Model, before: Model) -> bool:
@@ -196,5 +196,7 @@ def _rings_otherwise(model: Model, before: Model) -> bool:
 
 def refit_in_fine_limit(bench: Workbench, found: Fit) -> tuple[Workbench, Fit]:
     """The data without the chain's own error where a fit stands, and the fit to them."""
-    bench, _ = chain_limit.corrected(bench, found.model, found.starts, chain_limit.QUICK)
+    bench, _ = chain_limit.without_discretisation_error(
+        bench, found.model, found.starts, chain_limit.STANDARD
+    )
     return bench, minimise(bench, found.model, found.starts, found.unknowns, found.values, iterations=6)

@@ -11,11 +11,11 @@ from scipy.fft import next_fast_len, rfft, rfftfreq
 
 from twin.diagnosis import regressors
 from twin.estimation.fit import Fit
-from twin.estimation.loss import SOUND
+from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench
 from twin.recording import HUB
 from twin.residuals import residual
-from twin.residuals.data import SINGLE, DrivenData
+from twin.residuals.data import EVENT_CHANNELS, DrivenData
 from twin.residuals.filters import BAND, GRID
 from twin.rigs.model import fine
 
@@ -90,13 +90,13 @@ def _joined(parts: Sequence[Unexplained], rings: tuple[float, ...]) -> Unexplain
 
 def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[str, Unexplained]:
     view = data.views[i]
-    left = residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
-    white = residual.white(left, view)
+    left = residual.raw_residual(view, data.prepared[i], fit.model, fit.starts[i])
+    white = residual.normalise_all(left, view)
     seen = regressors.of_motion(data, fit, i) | regressors.of_strains(view, left)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     found = {}
     for group in data.groups:
-        if group.recording != i or group.channel in SINGLE:
+        if group.recording != i or group.channel in EVENT_CHANNELS:
             continue
         keep = bench.weight[group.rows] > 0
         found[group.channel] = Unexplained(
@@ -112,7 +112,7 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
 
 def _slopes(fit: Fit, rows: np.ndarray) -> dict[str, np.ndarray]:
     """Parameter -> what it changes in these residuals (n)."""
-    return {u.full_name: fit.jacobian[rows, j] for j, u in enumerate(fit.unknowns) if u.of_rig}
+    return {u.full_name: fit.jacobian[rows, j] for j, u in enumerate(fit.unknowns) if u.is_parameter}
 
 
 def variance_shares(found: Unexplained) -> list[tuple[str, float]]:
@@ -238,7 +238,7 @@ def _is_knocks(found: Unexplained) -> bool:
     count, power = np.bincount(piece), np.bincount(piece, found.white**2)
     quietest = np.argsort(power / count)
     size = np.sqrt(np.cumsum(power[quietest]) / np.cumsum(count[quietest]))
-    quiet = quietest[size <= SOUND]
+    quiet = quietest[size <= ADEQUATE_RMS]
     return bool(2 * power[quiet].sum() < power.sum() and len(quiet) > (1 - _SELDOM) * len(count))
 
 

@@ -13,7 +13,7 @@ from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import SearchState
 from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
-from twin.estimation.static_friction import Polished
+from twin.estimation.static_friction import FinalModels
 from twin.labels import named
 from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.recording import HUB
@@ -35,7 +35,7 @@ def all_notes(
     campaign: Campaign,
     found: SearchState,
     behind: Mapping[str, Unexplained],
-    polished: Polished,
+    polished: FinalModels,
     predictions: Mapping[str, Prediction],
     depends: Sequence[str],
 ) -> tuple[str, ...]:
@@ -155,8 +155,8 @@ def at_range_end(best: Fit, names: Sequence[str]) -> list[str]:
     for u, value in zip(best.unknowns, best.values, strict=True):
         # A level of friction may be none at all.
         ends = [end for end in u.bounds if end != 0 and abs(value - end) <= _END * abs(end)]
-        if u.owner in names and ends:
-            told.setdefault(u.owner, []).append(f"{u.name} {u.turned(value):.3g}")
+        if u.effect in names and ends:
+            told.setdefault(u.effect, []).append(f"{u.name} {u.turned(value):.3g}")
     return [
         f"{name} came to the end of its range ({', '.join(numbers)}): it follows what was measured, but it may stand "
         "for something else."
@@ -170,12 +170,12 @@ def break_aways(found: SearchState) -> list[str]:
     # Out of a long rest, under a torque that grows slowly: elsewhere the hub may only have been slow.
     runs = [
         run
-        for i, run in static_levels.runs(found.data, best.model, best.starts)
+        for i, run in static_levels.rest_runs(found.data, best.model, best.starts)
         if run.is_slow and _at_onset(found.data.views[i], run)
     ]
     told = []
     for direction, where in ((1, "forwards"), (-1, "backwards")):
-        torques = np.array([run.borne[0] for run in runs if run.direction == direction])
+        torques = np.array([run.holding_torque[0] for run in runs if run.direction == direction])
         levels = np.array([run.level for run in runs if run.direction == direction])
         if len(torques) and abs(np.median(torques / levels) - 1) > _STUCK:
             told.append(f"at {np.median(torques):.2g} N m {where} (the model: {np.median(levels):.2g} N m)")

@@ -12,8 +12,8 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis.answer import ChannelError, Prediction
 from twin.diagnosis.state import SearchState
 from twin.estimation import first_state
-from twin.estimation.calibrate import made_ready, noise_levels
-from twin.estimation.static_friction import Polished
+from twin.estimation.calibrate import noise_levels, prepare_clean
+from twin.estimation.static_friction import FinalModels
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model, fine
@@ -23,7 +23,7 @@ _NEARBY = 1e-3  # relative change of the break-away torque by which a prediction
 
 
 def predict(
-    campaign: Campaign, found: SearchState, polished: Polished, pool: ThreadPoolExecutor
+    campaign: Campaign, found: SearchState, polished: FinalModels, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
     """Every recording beside the declared, the calibrated and the augmented model, free-running."""
     noise = noise_levels(campaign)
@@ -36,7 +36,7 @@ def predict(
     )
     for role, recordings in roles:
         for recording in recordings:
-            prepared, left_out = made_ready(recording, campaign.sensors, found.start.clock, noise)
+            prepared, left_out = prepare_clean(recording, campaign.sensors, found.start.clock, noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
             errors = {c: _error(prepared, c, runs, nearby) for c in prepared.channels}

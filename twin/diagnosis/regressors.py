@@ -8,13 +8,13 @@ import numpy as np
 
 from twin.estimation.fit import Fit
 from twin.residuals.data import DrivenData
-from twin.residuals.view import View, move
+from twin.residuals.view import View, move_link
 
 
 def of_motion(data: DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:
     """Name -> (m) what a fault may depend on, SI: the command of one recording, its time, and how the model moves."""
     view, prepared = data.views[i], data.prepared[i]
-    motion, _ = move(view, prepared, fit.model, fit.starts[i])
+    motion, _ = move_link(view, prepared, fit.model, fit.starts[i])
     command = fit.model.drive(prepared.recording).at(view.time)
     return {
         "hub_angle": motion.angles[:, 0],

@@ -103,7 +103,7 @@ def refit(
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
     unknowns = candidates.unknowns_of(bench, model, state.base)
     first = candidates.first_values(unknowns, model, state.base, near)
-    kept = near.slopes if iterations == _QUICK else None
+    kept = near.jacobian_columns if iterations == _QUICK else None
     return minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 
@@ -168,7 +168,7 @@ def size_in_errors(best: Fit, name: str) -> float:
         (
             abs(value - open_ends[u.name]) / error if error > 0 else 0.0
             for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True)
-            if u.owner == name and u.name in open_ends
+            if u.effect == name and u.name in open_ends
         ),
         default=TOLD,
     )

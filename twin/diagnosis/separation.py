@@ -21,8 +21,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.unknowns import Unknown, placed
-from twin.estimation.workbench import CORRELATION
+from twin.estimation.unknowns import Unknown, model_at
+from twin.estimation.workbench import CORRELATION_TIME
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.rigs.model import Model
@@ -71,7 +71,7 @@ class Explanation:
     @staticmethod
     def of_fit(fitted: Fit, step: float) -> Explanation:
         """That of a fit, to be simulated with a step [s]; states at first samples and the card's clock are left out."""
-        kept = [j for j, u in enumerate(fitted.unknowns) if u.of_rig]
+        kept = [j for j, u in enumerate(fitted.unknowns) if u.is_parameter]
         unknowns = [fitted.unknowns[j] for j in kept]
         covariance = fitted.covariance[np.ix_(kept, kept)]
         return Explanation.of(fitted.model.replace(step=step), unknowns, fitted.values[kept], covariance)
@@ -79,7 +79,7 @@ class Explanation:
     def moved(self, move: np.ndarray) -> Model:
         """The model with its unknowns moved (p), as far as their bounds let them."""
         low, high = np.array([u.bounds for u in self.unknowns]).T
-        return placed(self.model, self.unknowns, np.clip(self.values + move, low, high))
+        return model_at(self.model, self.unknowns, np.clip(self.values + move, low, high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def difference(
         columns = [column for m in moves for column in m.slopes(channel, change)]
         apart[channel] = change(other[channel], one[channel]) / level
         slopes[channel] = np.reshape(columns, (len(columns), len(recording))).T / level
-    return Difference(apart, slopes, recording.period / CORRELATION)
+    return Difference(apart, slopes, recording.period / CORRELATION_TIME)
 
 
 Compared = Callable[[np.ndarray, np.ndarray], np.ndarray]

@@ -21,9 +21,9 @@ from twin.estimation.fit import Fit
 from twin.estimation.slopes import normal_equations, row_weights
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
-from twin.residuals.data import SINGLE, DrivenData
-from twin.residuals.filters import GRID, low_passed, passed
-from twin.residuals.view import View, move, whitened
+from twin.residuals.data import EVENT_CHANNELS, DrivenData
+from twin.residuals.filters import GRID, low_pass_gain, low_passed
+from twin.residuals.view import View, move_link, whitened
 from twin.rigs.model import Model
 
 _PEAKS = 3
@@ -166,7 +166,9 @@ class _Scan:
     @staticmethod
     def of(bench: Workbench, base: Fit, acts: str) -> _Scan | None:
         data = cast(DrivenData, bench.data)
-        seen = [(k, g) for k, g in enumerate(data.groups) if g.channel not in (*SINGLE, "motor_torque")]
+        seen = [
+            (k, g) for k, g in enumerate(data.groups) if g.channel not in (*EVENT_CHANNELS, "motor_torque")
+        ]
         free = {i for i, p in enumerate(data.prepared) if p.hub is not None or acts == "shake"}
         groups = [
             (k, g) for k, g in seen if g.recording in free and (acts in _ON_LINK or g.channel == "hub_torque")
@@ -174,7 +176,7 @@ class _Scan:
         if not groups:
             return None
         motions = {
-            i: move(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
+            i: move_link(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
             for i in {g.recording for _, g in groups}
         }
         views = {i: data.views[i] for i in motions}
@@ -187,7 +189,7 @@ class _Scan:
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
                         found[k] = (
-                            parts[g.channel] * bench.weight[g.rows] / views[i].swell.get(g.channel, 1.0)
+                            parts[g.channel] * bench.weight[g.rows] / views[i].noise_scale.get(g.channel, 1.0)
                         )
             return found
 
@@ -277,7 +279,7 @@ def _responses(
 ) -> dict[str, np.ndarray]:
     """Channel -> (k, o, m) change of the residual, noise units."""
     if acts == "time":
-        share = passed(orders, GRID)[:, None]
+        share = low_pass_gain(orders, GRID)[:, None]
         return {"hub_torque": -share * waves / view.noise["hub_torque"]}
     if acts == "resonance":
         return _resonances(waves[0], view, model)

@@ -20,9 +20,9 @@ import numpy as np
 from twin.diagnosis import chance, regressors
 from twin.diagnosis.state import FunctionOf, UnnamedFunction
 from twin.estimation.fit import Fit
-from twin.estimation.gaussian_process import Evidence, likeliest, likely
+from twin.estimation.gaussian_process import FunctionEvidence, maximise_evidence, posterior_mean
 from twin.estimation.slopes import prior_precision, row_weights
-from twin.estimation.workbench import Workbench, known_weights
+from twin.estimation.workbench import Workbench, reversal_weights
 from twin.recording import HUB
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
@@ -130,7 +130,7 @@ def _on_hub(view: View, known: Mapping[str, np.ndarray], law: FunctionOf, x: np.
     if law.sided or law.variable == _COMMAND:
         # As friction and the drive's torque, which pass the filter of the motion, too.
         added = low_passed(added, GRID, view.band)
-    return -residual.white_of(view.sliding * low_passed(added, GRID), view, HUB)
+    return -residual.normalise(view.sliding * low_passed(added, GRID), view, HUB)
 
 
 def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:
@@ -138,7 +138,7 @@ def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> 
     time = prepared.recording.time
     read = _hats(model.read_torque(prepared.recording), x)
     added = low_passed(np.array([np.interp(view.time, time, row) for row in read]), GRID)
-    return -residual.white_of(view.known[_TORQUE] * added, view, _TORQUE)
+    return -residual.normalise(view.known[_TORQUE] * added, view, _TORQUE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ class _Given:
 
     @classmethod
     def of(cls, bench: Workbench, base: Fit) -> _Given:
-        weights = row_weights(bench, base.residual) * known_weights(bench, base)
+        weights = row_weights(bench, base.residual) * reversal_weights(bench, base)
         prior = prior_precision(base.unknowns)
         known = base.jacobian.T**2 @ weights + prior
         scale = np.sqrt(np.where(known > 0, known, 1.0))
@@ -179,7 +179,7 @@ class _Given:
         return cls(weights, pulls, slopes, information, gradients, prior * away / scale, block)
 
 
-def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> tuple[Evidence, np.ndarray]:
+def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> tuple[FunctionEvidence, np.ndarray]:
     """Evidence of a function with the fit's own unknowns free, and the function (k) that corrects the fit as it is."""
     weights, columns = given.weights[basis.rows], basis.columns
     shared = given.slopes[basis.rows].T @ (weights[:, None] * columns)
@@ -187,8 +187,8 @@ def _evidences(given: _Given, basis: _Basis, signs: np.ndarray) -> tuple[Evidenc
     alone = columns.T @ (weights[:, None] * columns)
     own = _by_block(columns * given.pulls[basis.rows, None], given.block[basis.rows], signs.shape[1])
     gradient = own.sum(0) - (given.gradients.sum(0) + given.pulled) @ beside
-    found = likeliest(alone - shared.T @ beside, gradient, signs @ (own - given.gradients @ beside))
-    return found, likely(alone, own.sum(0), found.length, found.size)
+    found = maximise_evidence(alone - shared.T @ beside, gradient, signs @ (own - given.gradients @ beside))
+    return found, posterior_mean(alone, own.sum(0), found.length, found.size)
 
 
 def _by_block(values: np.ndarray, block: np.ndarray, count: int) -> np.ndarray:

@@ -30,7 +30,7 @@ def with_whole_orders(bench: Workbench, best: Fit) -> Fit:
 
 
 def _is_order(u: Unknown) -> bool:
-    effect = REGISTRY.get(u.owner)
+    effect = REGISTRY.get(u.effect)
     return (
         effect is not None
         and effect.wave is not None
@@ -47,9 +47,9 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     whole = float(np.round(best.values[index]))
     values = best.values[kept] + _moved_along(bench, best, index)[kept] * (whole - best.values[index])
     effects = {name: dict(p) for name, p in best.model.effects.items()}
-    effects[order.owner][order.name] = whole
+    effects[order.effect][order.name] = whole
     model = best.model.replace(effects=effects)
-    return minimise(bench, model, best.starts, unknowns, values, best.slopes, _ITERATIONS)
+    return minimise(bench, model, best.starts, unknowns, values, best.jacobian_columns, _ITERATIONS)
 
 
 def _moved_along(bench: Workbench, best: Fit, index: int) -> np.ndarray:

@@ -18,7 +18,7 @@ from twin.residuals import breakaway
 from twin.residuals.breakaway import BreakAway
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared
-from twin.residuals.static_levels import releases
+from twin.residuals.static_levels import level_readings
 from twin.rigs.model import Model
 
 _MODEL = 0.03  # relative standard deviation of what the model says that the link adds to the drive's torque
@@ -57,8 +57,8 @@ def read(data: DrivenData, model: Model, starts: Sequence[Start]) -> StaticFrict
     Where runs from the rest on follow the hub once it is free, they say best when that was.
     """
     prepared = data.prepared
-    run = {(r.recording, r.time): r.level for r in releases(data, model, starts)}
-    all_events = breakaway.find(model, prepared, starts)
+    run = {(r.recording, r.time): r.level for r in level_readings(data, model, starts)}
+    all_events = breakaway.find_break_aways(model, prepared, starts)
     ramps = tuple(e for e in all_events if _ends_a_ramp(model, prepared[e.recording], e))
     read_off = [
         (e.direction * told.value, told.error)

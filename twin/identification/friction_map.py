@@ -20,7 +20,7 @@ from twin.identification import decay
 from twin.identification.estimates import Estimate, grown
 from twin.mechanics.state import Start
 from twin.recording import Recording
-from twin.residuals.prepared import Prepared, reading_start
+from twin.residuals.prepared import Prepared, sensor_corrected_start
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
@@ -232,7 +232,7 @@ def _released(model: Model, prepared: Prepared, start: Start, level: float, defl
     """The release from this deflection [m], simulated with this Coulomb friction [N m]."""
     tried = model.replace(declared=model.declared.replace("tried", coulomb_friction=level))
     recording = prepared.recording.replace(initial_tip_deflection=deflection)
-    return simulate(tried, recording, reading_start(tried, prepared, start))
+    return simulate(tried, recording, sensor_corrected_start(tried, prepared, start))
 
 
 def _inverse(levels: np.ndarray, damping: np.ndarray, measured: Estimate) -> Estimate | None:

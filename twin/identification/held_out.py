@@ -19,17 +19,17 @@ import numpy as np
 
 from twin.campaigns.campaign import Campaign
 from twin.estimation import first_state
-from twin.estimation.calibrate import made_ready, noise_levels
+from twin.estimation.calibrate import noise_levels, prepare_clean
 from twin.estimation.minimise import minimise
 from twin.estimation.unknowns import start_unknowns
-from twin.estimation.workbench import Workbench, whitened
+from twin.estimation.workbench import Workbench, guided_residual
 from twin.identification.joint import Joint
 from twin.mechanics.state import Start
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
-from twin.residuals.prepared import Prepared, guided
+from twin.residuals.prepared import Prepared, guide_for
 from twin.rigs.model import Model, fine
 from twin.rigs.simulate import simulate
 
@@ -69,7 +69,7 @@ def errors(
     rows: list[HeldOutError] = []
     notes: list[str] = []
     for recording in campaign.holdout():
-        prepared, left_out = made_ready(recording, campaign.sensors, found.clock, noise)
+        prepared, left_out = prepare_clean(recording, campaign.sensors, found.clock, noise)
         notes += left_out
         if prepared.channels:
             starts = [first_state.first_state(m, prepared, pool) for m in models]
@@ -81,13 +81,13 @@ def _rows(
     prepared: Prepared, models: Sequence[Model], starts: Sequence[Start], pool: ThreadPoolExecutor
 ) -> list[HeldOutError]:
     recording, (declared, identified), (before, start) = prepared.recording, models, starts
-    guide = guided(identified, prepared, tight=False)
+    guide = guide_for(identified, prepared, tight=False)
     runs = [
         simulate(declared, recording, before),
         simulate(identified, recording, start),
         simulate(identified, recording, start, guide),
     ]
-    windows = whitened(identified, prepared, start)
+    windows = guided_residual(identified, prepared, start)
     steps = _by_steps(prepared, identified, start, pool)
     known_from: Literal["rest", "estimated"] = "estimated" if recording.start == "unknown" else "rest"
     rows = []
@@ -113,7 +113,7 @@ def _by_steps(prepared: Prepared, model: Model, start: Start, pool: ThreadPoolEx
         # Under a measured hub the link rings on for long: its first state is that of all the recording.
         bench = Workbench(data, pool)
         start = minimise(bench, model, [start], start_unknowns([prepared]), iterations=6).starts[0]
-    found = residual.missing(view, prepared, model, start)
+    found = residual.raw_residual(view, prepared, model, start)
     of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
     return {g.channel: _rms(found[g.channel][data.weight[g.rows] > 0]) for g in of_link}
 

@@ -58,7 +58,7 @@ from twin.mechanics import beam, modal
 from twin.mechanics.planar import STUCK
 from twin.parameters import Rig, declared_range
 from twin.progress import Progress, silent
-from twin.residuals.prepared import Prepared, reading_start
+from twin.residuals.prepared import Prepared, sensor_corrected_start
 from twin.rigs.model import Model, fine
 from twin.rigs.simulate import simulate
 
@@ -304,7 +304,7 @@ def _backbone(campaign: Campaign, found: Joint, model: Model) -> Backbone | None
     if moved is None:
         return None
     pairs = [
-        (p.recording, simulate(model, p.recording, reading_start(model, p, start)))
+        (p.recording, simulate(model, p.recording, sensor_corrected_start(model, p, start)))
         for p, start in zip(found.prepared, found.fit.starts, strict=True)
         if p.recording.name in moved.recordings
     ]

@@ -22,7 +22,7 @@ from twin.estimation import chain_limit, jackknife, refine, sandwich
 from twin.estimation.calibrate import calibrate, late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
-from twin.estimation.sandwich import Evidence
+from twin.estimation.sandwich import RecordingInformation
 from twin.estimation.slopes import costs_at, normal_equations, row_weights
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
@@ -115,7 +115,7 @@ class Joint:
         found = []
         for u, value in zip(self.fit.unknowns, self.fit.values, strict=True):
             low, high = u.bounds
-            if u.of_rig and min(value - low, high - value) < _END * (high - low):
+            if u.is_parameter and min(value - low, high - value) < _END * (high - low):
                 found.append(u.full_name)
         return found
 
@@ -133,7 +133,7 @@ class Joint:
 
     def range_of(self, name: str) -> tuple[float, float]:
         """Values of a parameter that are looked at."""
-        unknown = next(u for u in self.fit.unknowns if u.of_rig and u.full_name == name)
+        unknown = next(u for u in self.fit.unknowns if u.is_parameter and u.full_name == name)
         return _turned(unknown, *unknown.bounds)
 
     def not_elliptic(self) -> list[str]:
@@ -196,16 +196,18 @@ def estimate(
     bench = Workbench(DrivenData(start.prepared, start.base.model, BANDS), pool)
     bench, base, left = _in_the_limit(bench, start.base)
     progress("leaving recordings out")
-    said = sandwich.evidence(bench, base)
+    said = sandwich.recording_information(bench, base)
     recordings = tuple(p.recording.name for p in bench.prepared)
-    distances = said.distances()
-    rest = said.by_declaration + np.outer(left, left)
-    full = jackknife.widened(said.by_noise, rest, *said.influences(), jackknife.most(base))
+    distances = said.deletion_moves()
+    rest = said.prior_covariance + np.outer(left, left)
+    full = jackknife.inflated_covariance(
+        said.noise_covariance, rest, *said.influences(), jackknife.largest_errors(base)
+    )
     progress("looking along the likelihood")
     errors = np.sqrt(np.diag(full))
     rises = _rises(bench, base, errors)
     intervals = _profiles(bench, base, errors, said, rises)
-    mine = [i for i, u in enumerate(base.unknowns) if u.of_rig]
+    mine = [i for i, u in enumerate(base.unknowns) if u.is_parameter]
     names = tuple(base.unknowns[i].full_name for i in mine)
     # Of a stiffness that may be infinite, a fit moves one over it.
     turns = np.array([-1 / base.values[i] ** 2 if base.unknowns[i].inverse else 1.0 for i in mine])
@@ -244,12 +246,14 @@ def _in_the_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np.ndarr
 
     The error is determined where the fit starts, and once more, with one chain more, where it stands.
     """
-    kept = refine.seen(base)
+    kept = refine.observable(base)
     unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
-    bench, _ = chain_limit.corrected(bench, base.model, base.starts, chain_limit.QUICK)
+    bench, _ = chain_limit.without_discretisation_error(bench, base.model, base.starts, chain_limit.STANDARD)
     found = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
-    bench, change = chain_limit.corrected(bench, found.model, found.starts, chain_limit.CLOSE)
-    found = refine.refined(bench, found)
+    bench, change = chain_limit.without_discretisation_error(
+        bench, found.model, found.starts, chain_limit.PRECISE
+    )
+    found = refine.refined_fit(bench, found)
     information, _ = normal_equations(bench, found)
     pull = found.jacobian.T @ (row_weights(bench, found.residual) * change)
     return bench, found, -np.linalg.pinv(information, hermitian=True) @ pull
@@ -274,7 +278,7 @@ def _odd(
 
 
 def _profiles(
-    bench: Workbench, base: Fit, errors: np.ndarray, said: Evidence, rises: np.ndarray
+    bench: Workbench, base: Fit, errors: np.ndarray, said: RecordingInformation, rises: np.ndarray
 ) -> dict[int, tuple[float, float]]:
     """Unknown -> 95 % interval by the profile, where the likelihood (p x 2 rises) is no ellipse within its range."""
     low, high = _ELLIPTIC
@@ -282,7 +286,7 @@ def _profiles(
     half, ends = TWO_SIDED_95 * errors, np.array([u.bounds for u in base.unknowns])
     cut = (base.values - half < ends[:, 0]) | (base.values + half > ends[:, 1])
     # The static level is read at break-aways, not here.
-    mine = np.array([u.of_rig and u.name != "static_friction" for u in base.unknowns])
+    mine = np.array([u.is_parameter and u.name != "static_friction" for u in base.unknowns])
     # Where recordings contradict each other their errors are not those of the likelihood, and no rise of it is theirs.
     contradicted = errors**2 > _CONTRADICTED * np.diag(said.covariance)
     odd = np.flatnonzero(mine & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))
