@@ -162,7 +162,7 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     prepared, _ = prepare(sweep[0], sweep[1])
     as_it_is, bridged = (
         residual.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
-        for v in (view, replace(view, holes={}))
+        for v in (view, replace(view, with_gaps={}))
     )
     assert np.std((bridged - as_it_is)[known]) > 1.0
 

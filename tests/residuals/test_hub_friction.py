@@ -113,7 +113,7 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
         slopes = np.zeros((len(residual), len(x)))
         size = np.ones(len(bench.groups))
         best = Fit(twin, tuple(starts), tuple(unknowns), x, np.eye(4), residual, size, 0.0, slopes)
-        monkeypatch.setattr(static_friction, "_grid_search", None)
+        monkeypatch.setattr(static_friction, "costs_at", None)
         polished = static_friction.final_models(data, best, best, twin, pool, whole=True)
     told = dict(zip(LEVELS, polished.augmented.errors, strict=True))
     assert told["static_positive"] < 1e-4
@@ -217,7 +217,7 @@ def test_a_break_away_torque_a_little_off_is_none_that_the_hub_slides_against():
     # It would come free, stop at once, and come free again: such a run takes a thousand times as long.
     rig = preset("bossi2009").replace(static_friction=0.02, coulomb_friction=0.02)
     plain = Model(rig, {}, chain.fit_shape(rig, 5), step=2e-3)
-    less, more = plain.with_break_away(0.999).plant, plain.with_break_away(1.001).plant
+    less, more = (plain.with_break_away(share).plant.friction for share in (0.999, 1.001))
     assert (less.static_positive, less.static_negative) == (0.02, 0.02)
     assert more.static_positive == pytest.approx(0.02002)
     assert plain.with_break_away(1.001).plant.friction.coulomb_positive == 0.02
