@@ -26,9 +26,8 @@ from twin.rigs.simulate import bending_shapes
 
 _SPANS = (0.15, 0.25, 0.5)
 """Spans at the start of a recording from which the bend is estimated, one after the other [s]."""
-_FREE_RUN_SPAN = (
-    1.0  # s at the start of a recording from which the state of a free-running simulation is estimated
-)
+_FREE_RUN_SPAN = 1.0
+"""Span at the start of a recording from which the state of a free-running simulation is estimated [s]."""
 _SCALES = (1e-4, 1e-4, 1e-3, 1e-3)  # of two bends [m] and their rates [m/s]: small beside visible ones
 _MAX_EVALUATIONS = 10  # of least squares
 _GUESS_SPAN = 0.05  # s from which the first guess is taken

@@ -20,9 +20,8 @@ from twin.estimation.workbench import Workbench
 _MAX_STEPS = 3  # Gauss-Newton steps
 MIN_GAIN = 0.02
 """Reduction of the cost that is worth a step: the minimum is then a fifth of a standard error away (0.2^2/2)."""
-_UNOBSERVABLE = (
-    1e-6  # change of the whole residual, in multiples of the noise, of an unknown without any influence
-)
+_UNOBSERVABLE = 1e-6
+"""Change of the whole residual, in multiples of the noise, up to which an initial state has no influence."""
 _HALVINGS = 3  # times that a step which raises the cost is halved
 _ONE_SIDED = 10.0
 """A side is discontinuous if it departs from the quadratic by more than 1 nat and ten times as far as the other."""

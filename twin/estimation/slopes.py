@@ -20,9 +20,8 @@ from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
 from twin.rigs.model import Model
 
-_TARGET_CHANGE = (
-    0.5  # rms change of the residual, in multiples of the noise, that a finite difference aims at
-)
+_TARGET_CHANGE = 0.5
+"""Root-mean-square change of the residual, in multiples of the noise, that a finite difference aims at."""
 
 
 def costs_at(

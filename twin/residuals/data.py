@@ -30,7 +30,15 @@ _SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
 
 class DrivenData:
-    """Residuals of recordings whose measured hub drives the modelled link, see `estimation.workbench.Data`."""
+    """Residuals of recordings whose measured hub drives the modelled link; n rows in all.
+
+    Attributes:
+      prepared: the recordings.
+      views: their signals on the grid, with the noise of the residuals.
+      groups: rows of each residual of each recording; none of recordings under which the link diverges.
+      weight: 1 where there is a residual, otherwise 0 (n).
+      blocks: the groups, cut into stretches of `BLOCK_SPAN` (g).
+    """
 
     def __init__(self, prepared: Sequence[Prepared], model: Model, bands: Sequence[float] = MOTION_BANDS):
         self.prepared = tuple(prepared)

@@ -27,9 +27,8 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.view import END_MARGIN, NoiseModel, Signals, View, before_end, move_link
 from twin.rigs.model import Model
 
-_MAX_NOISE = (
-    0.5  # noise of the acceleration relative to strong accelerations up to which a band is not too wide
-)
+_MAX_NOISE = 0.5
+"""Noise of the acceleration, relative to strong accelerations, up to which a band is not too wide."""
 _SIGNIFICANT = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
 
 
@@ -179,9 +178,8 @@ def _derivative_noise(band: float, period: float, order: int) -> float:
 def _noise_limits(prepared: Prepared, band: float) -> tuple[float, float]:
     """Rate [rad/s] and acceleration [rad/s^2] of the hub below which they may be noise."""
     noise, period = prepared.noise["hub_angle"], prepared.recording.period
-    return 3 * noise * _derivative_noise(band, period, 1), _SIGNIFICANT * noise * _derivative_noise(
-        band, period, 2
-    )
+    slow = 3 * noise * _derivative_noise(band, period, 1)
+    return slow, _SIGNIFICANT * noise * _derivative_noise(band, period, 2)
 
 
 def _may_stick(

@@ -88,9 +88,8 @@ def noise_scale(
         squares = {name: s + (noisy[name] - plain[name]) ** 2 / _DRAWS for name, s in squares.items()}
         torque_variance += (noisy_torque - torque) ** 2 / _DRAWS
     known = {**signals.known, "hub_torque": signals.sliding}
-    return {name: _local_scale(s, known[name], moving) for name, s in squares.items()}, np.sqrt(
-        torque_variance
-    )
+    scales = {name: _local_scale(s, known[name], moving) for name, s in squares.items()}
+    return scales, np.sqrt(torque_variance)
 
 
 def _simulated(

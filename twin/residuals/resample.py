@@ -12,11 +12,8 @@ from twin.rigs.model import Model
 _MAX_SPACING = 1.8
 """Sample periods between two readings beyond which the values between them are taken as unknown."""
 _GAP = 2.5  # sample periods beyond which a polynomial fills missing samples
-_SIDE_SPAN, _SIDE_SAMPLES, _DEGREE = (
-    0.025,
-    4,
-    6,
-)  # of that polynomial: s and least samples to either side, its degree
+_SIDE_SPAN, _SIDE_SAMPLES, _DEGREE = 0.025, 4, 6
+"""Of that polynomial: span [s] and least number of samples to either side, and its degree."""
 _SUBSTEPS = 4  # of an integral of the command in one step of the grid
 
 

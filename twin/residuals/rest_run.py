@@ -124,9 +124,8 @@ class RestRun:
         drive = self.model.drive(self.prepared.recording).at(rest)
         torque = self.direction * planar.holding_torque(firm, rest, angles, rates, drive)
         half = len(torque) // 2
-        return float(torque[-1]), abs(float(torque[-1] - torque[-1 - half])) / float(
-            rest[-1] - rest[-1 - half]
-        )
+        growth, span = float(torque[-1] - torque[-1 - half]), float(rest[-1] - rest[-1 - half])
+        return float(torque[-1]), abs(growth) / span
 
     @property
     def is_slow(self) -> bool:

@@ -17,10 +17,8 @@ from twin.residuals.rest_run import INSTANT_ERROR, LEAD_SPAN, REST_SPAN, RestRun
 from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
 
-_INSTANT_SPAN, _TORQUE_SHARE = (
-    0.02,
-    0.005,
-)  # error of the first estimate: of the instant [s], relative of the torque
+_INSTANT_SPAN, _TORQUE_SHARE = 0.02, 0.005
+"""Error of the first estimate of a level that its grid covers: of the instant [s], relative of the torque."""
 _GRID_POINTS = 41  # levels of each of two grids
 _TWO_SIGMA = 2.0  # log likelihood below the maximum up to which a level is within two standard errors
 _MAX_RMS = 2.0  # of a run that follows the rig, in multiples of the noise
