@@ -31,7 +31,7 @@ from twin.diagnosis.remainder import residual_sizes
 from twin.diagnosis.rules import alternatives
 from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
-from twin.estimation.static_friction import polish
+from twin.estimation.static_friction import final_models
 from twin.virtual_rig import make_campaign
 
 
@@ -77,7 +77,7 @@ def _full_diagnosis(result: Diagnosis) -> dict:
 def _search_only(campaign: Campaign) -> dict:
     with ThreadPoolExecutor(1) as pool:
         found = search(campaign, pool)
-        last = polish(
+        last = final_models(
             found.data,
             found.base,
             found.best,

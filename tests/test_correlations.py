@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.correlations import of_covariance, read
+from twin.correlations import from_covariance, read
 
 NAMES = tuple("abcdef")
 
@@ -28,7 +28,7 @@ def covariances(draw):
 @given(covariance=covariances(), asked=st.lists(st.sampled_from((*NAMES, "x", "y")), min_size=1, unique=True))
 def test_the_root_has_the_correlations_of_the_numbers_asked_for(covariance, asked):
     names = NAMES[: len(covariance)]
-    known = of_covariance(names, covariance)
+    known = from_covariance(names, covariance)
     deviation = np.sqrt(np.diag(covariance))
     expected = np.eye(len(asked))
     for i, a in enumerate(asked):
@@ -42,7 +42,7 @@ def test_the_root_has_the_correlations_of_the_numbers_asked_for(covariance, aske
 
 @given(covariance=covariances())
 def test_a_parameter_file_keeps_correlations_to_its_digits(covariance):
-    known = of_covariance(NAMES[: len(covariance)], covariance)
+    known = from_covariance(NAMES[: len(covariance)], covariance)
     table = tomllib.loads("\n".join(known.lines()))["correlations"]
     found = read(table, NAMES)
     assert found.names == known.names

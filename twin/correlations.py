@@ -1,4 +1,4 @@
-"""How the errors of fitted numbers go together: length and stiffness of a link are seldom known apart.
+"""Correlations of the errors of fitted parameters: those of length and stiffness of a link are seldom independent.
 
 In a parameter file:
 
@@ -19,24 +19,24 @@ import numpy as np
 
 from twin.errors import InputError
 
-_DIGITS = 4
-_ROUNDING = 1e-3  # by which a matrix written with a few digits may be off
+_DIGITS = 4  # significant, of a written matrix
+_ROUNDING = 1e-3  # error that rounding to a few digits may cause
 
 
 @dataclass(frozen=True, eq=False)
 class Correlations:
-    """Correlation of the errors of some numbers.
+    """Correlation matrix of the errors of some parameters.
 
     Attributes:
-      names: (n) of rig parameters, or effect.parameter.
-      matrix: (n x n), ones on its diagonal.
+      names: rig parameters, or effect.parameter (n).
+      matrix: symmetric with ones on its diagonal (n x n).
     """
 
     names: tuple[str, ...] = ()
     matrix: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
     def root(self, names: Sequence[str]) -> np.ndarray:
-        """Returns S (n x n) with S S' the correlation of these numbers; those that are not known go alone."""
+        """A root S (n x n) of the correlation matrix S S' of these parameters; unknown ones are independent."""
         whole = np.eye(len(names))
         known = [(i, self.names.index(name)) for i, name in enumerate(names) if name in self.names]
         if known:
@@ -47,7 +47,7 @@ class Correlations:
         return root / np.linalg.norm(root, axis=1, keepdims=True)
 
     def lines(self) -> Iterator[str]:
-        """The table of a parameter file; nothing where no two numbers are known."""
+        """Lines of the table in a parameter file; none with fewer than two parameters."""
         if len(self.names) > 1:
             rows = [
                 ", ".join(f"{value:.{_DIGITS}g}" for value in row) for row in np.round(self.matrix, _DIGITS)
@@ -62,8 +62,8 @@ class Correlations:
             yield "]"
 
 
-def of_covariance(names: Sequence[str], covariance: np.ndarray) -> Correlations:
-    """Returns the correlations in a covariance (n x n); numbers without a finite error are left out."""
+def from_covariance(names: Sequence[str], covariance: np.ndarray) -> Correlations:
+    """The correlations in a covariance (n x n); parameters without a positive, finite variance are left out."""
     variance = np.diag(covariance)
     known = np.flatnonzero(np.isfinite(variance) & (variance > 0))
     deviation = np.sqrt(variance[known])
@@ -73,14 +73,14 @@ def of_covariance(names: Sequence[str], covariance: np.ndarray) -> Correlations:
 
 
 def read(table: Mapping[str, Any], known: Collection[str]) -> Correlations:
-    """Returns what a table of a parameter file says.
+    """The correlations in a table of a parameter file.
 
     Args:
-      table: `of` and `matrix`, or nothing.
-      known: names that can be correlated.
+      table: with `of` and `matrix`, or empty.
+      known: names of parameters that can be correlated.
 
     Raises:
-      InputError: it is no correlation matrix of such numbers.
+      InputError: the table is not a correlation matrix of such parameters.
     """
     if not table:
         return Correlations()
@@ -95,6 +95,7 @@ def read(table: Mapping[str, Any], known: Collection[str]) -> Correlations:
 
 
 def _matrix(rows: Any, count: int) -> np.ndarray:
+    """A correlation matrix (count x count) from rows of a file; raises as `read`."""
     shaped = isinstance(rows, list) and all(isinstance(row, list) and len(row) == count for row in rows)
     if not shaped or len(rows) != count or not all(_is_number(v) for row in rows for v in row):
         raise InputError(f"correlations.matrix: expected {count} rows of {count} numbers from -1 to 1")
@@ -110,6 +111,7 @@ def _matrix(rows: Any, count: int) -> np.ndarray:
 
 
 def _is_number(value: Any) -> bool:
+    """Whether a value of a file is a number from -1 to 1."""
     return (
         isinstance(value, int | float)
         and not isinstance(value, bool)

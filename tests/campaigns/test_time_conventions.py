@@ -134,7 +134,7 @@ def test_a_late_sensor_and_a_late_drive_leave_the_same_though_a_run_ends_in_moti
     measured = resonant.replace(channels=read)
     prepared, _ = prepare(measured, {"hub_angle": noise, "strain_base": 2e-6})
     [view] = DrivenData([prepared], model).views
-    [first, then] = [residual.missing(view, prepared, m, prepared.start) for m in (sensor, drive)]
+    [first, then] = [residual.raw_residual(view, prepared, m, prepared.start) for m in (sensor, drive)]
     # The residual of a late sensor stands at the time of the drive, which is before that of the reading.
     shown = np.flatnonzero(view.sliding[2 * samples :] & view.sliding[: -2 * samples])
     off = first["hub_torque"][shown] - then["hub_torque"][shown + samples]

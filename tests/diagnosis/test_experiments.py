@@ -40,7 +40,7 @@ def ranked(first, second, names=None):
 def within(model, unknowns, share):
     """The model, its unknowns at what it has, each by itself known to a share of its scale."""
     rig, effects = model.declared, model.effects
-    values = [rig[u.name] if u.owner == "rig" else effects[u.owner][u.name] for u in unknowns]
+    values = [rig[u.name] if u.kind == "rig" else effects[u.effect][u.name] for u in unknowns]
     errors = np.array([share * u.scale for u in unknowns])
     return Explanation.of(model, unknowns, np.array(values), np.diag(errors**2))
 
@@ -80,7 +80,7 @@ def test_what_an_effect_does_within_its_error_separates_nothing():
     def cable(stiffness):
         return MODEL.replace(effects={"cable-torsion": {"stiffness": stiffness, "rest_angle": 0.0}})
 
-    unknown = Unknown("cable-torsion", "stiffness", 0.01, 2e-4, False, (0.0, 1.0))
+    unknown = Unknown("effect", "stiffness", 0.01, 2e-4, False, (0.0, 1.0), effect="cable-torsion")
     known = ranked(Explanation(cable(0.01)), Explanation(cable(0.0102)), ["slews", "far-slew"])
     fitted = ranked(Explanation(cable(0.01)), within(cable(0.0102), [unknown], 1.0), ["slews", "far-slew"])
     assert known[0].separation > 3

@@ -17,7 +17,7 @@ def with_break_aways(monkeypatch, torques, slow=True, seen=True):
     """A search whose model has one static level, on a recording in which the hub broke away at these torques [N m]."""
     runs = [
         SimpleNamespace(
-            borne=(abs(t), 0.01),
+            holding_torque=(abs(t), 0.01),
             direction=1 if t > 0 else -1,
             level=STATIC,
             end_of_rest=float(k),
@@ -25,7 +25,7 @@ def with_break_aways(monkeypatch, torques, slow=True, seen=True):
         )
         for k, t in enumerate(torques)
     ]
-    monkeypatch.setattr(static_levels, "runs", lambda *_: enumerate(runs))
+    monkeypatch.setattr(static_levels, "rest_runs", lambda *_: enumerate(runs))
     views = [
         SimpleNamespace(time=np.arange(k, k + 1, 0.01), onsets=[(1, 1)] if seen else [])
         for k, _ in enumerate(runs)
@@ -75,7 +75,7 @@ def test_a_held_out_recording_that_is_missed_is_told(monkeypatch, role, after, r
 
 @pytest.mark.parametrize(("value", "told"), [(0.85, True), (0.84, False), (0.0, False)])
 def test_an_effect_at_the_end_of_its_range_is_told(value, told):
-    share = Unknown("torsional-mode", "inertia_share", 0.1, 0.01, False, (0.0, 0.85))
+    share = Unknown("effect", "inertia_share", 0.1, 0.01, False, (0.0, 0.85), effect="torsional-mode")
     other = Unknown("rig", "damping_ratio", 0.02, 0.01, True, (0.0, 0.04))
     best = SimpleNamespace(unknowns=(share, other), values=np.array([value, 0.04]))
     said = notes.at_range_end(best, ["torsional-mode"])

@@ -87,7 +87,7 @@ def test_what_is_missing_is_named_and_recovered(rig_campaign, name):
     if "order" in PLANTED[name]:
         assert fit.model.effects[name]["order"] == PLANTED[name]["order"]
     for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
-        if u.owner == name and u.name in EFFECTS[name]:
+        if u.effect == name and u.name in EFFECTS[name]:
             # Four standard errors, and what the coarse chain of a search may be off: a twentieth of the effect.
             planted = u.turned(PLANTED[name][u.name])
             neutral = u.turned(REGISTRY[name].neutral(preset("bossi2009"))[u.name])

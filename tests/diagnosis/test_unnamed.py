@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from twin.diagnosis import state, unnamed
 from twin.estimation.calibrate import calibrate
-from twin.estimation.gaussian_process import SIZES, SMOOTH, likeliest, likely
+from twin.estimation.gaussian_process import AMPLITUDES, LENGTH_SCALES, maximise_evidence, posterior_mean
 
 
 def test_evidence_is_that_of_a_gaussian_process():
@@ -19,18 +19,18 @@ def test_evidence_is_that_of_a_gaussian_process():
     planted = np.sin(np.linspace(0, 3, 12))
     data = columns @ planted + random.normal(size=60)
     information = columns.T @ columns
-    found = likeliest(information, -columns.T @ data, np.zeros((0, 12)))
+    found = maximise_evidence(information, -columns.T @ data, np.zeros((0, 12)))
     place = np.linspace(0, 1, 12)
     alone = np.median(np.diag(information)) ** -0.5
     nothing = multivariate_normal(cov=np.eye(60)).logpdf(data)
     best = -np.inf
-    for length in SMOOTH:
+    for length in LENGTH_SCALES:
         likeness = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2) + 1e-6 * np.eye(12)
-        for size in alone * SIZES:
+        for size in alone * AMPLITUDES:
             covariance = np.eye(60) + size**2 * columns @ likeness @ columns.T
             best = max(best, multivariate_normal(cov=covariance).logpdf(data) - nothing)
     assert found.value == pytest.approx(best, rel=1e-6)
-    curve = likely(information, -columns.T @ data, found.length, found.size)
+    curve = posterior_mean(information, -columns.T @ data, found.length, found.size)
     np.testing.assert_allclose(curve, planted, atol=0.5)
     assert np.corrcoef(curve, planted)[0, 1] > 0.95
 
@@ -39,7 +39,7 @@ def test_noise_asks_for_no_function():
     random = np.random.default_rng(2)
     columns = random.normal(size=(200, 12))
     draws = random.normal(size=(500, 200)) @ columns
-    found = likeliest(columns.T @ columns, draws[0], draws[1:])
+    found = maximise_evidence(columns.T @ columns, draws[0], draws[1:])
     # A function that is nearly zero costs nearly nothing; chance seldom does better.
     assert np.median(found.by_draw) < 0.5
     assert np.mean(found.by_draw > 5.0) < 0.01

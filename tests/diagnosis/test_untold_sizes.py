@@ -62,7 +62,7 @@ def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
     assert not any(u.name == "order" for u in whole.best.unknowns)
     for name, effect in (SPRING | COGGING).items():
         for u, value, error in zip(whole.best.unknowns, whole.best.values, whole.best.errors, strict=True):
-            if u.owner == name:
+            if u.effect == name:
                 assert value == pytest.approx(effect[u.name], abs=4 * error + 0.02 * abs(effect[u.name]))
 
 

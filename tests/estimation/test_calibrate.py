@@ -22,13 +22,13 @@ def campaign(rig_campaign):
 @pytest.fixture
 def runs_away(monkeypatch):
     """Every simulation on a moving hub ends in numbers that are none."""
-    propagated = make_view.propagated
+    propagated = make_view.propagated_noise
 
-    def lost(prepared, view, model):
-        noise, torque = propagated(prepared, view, model)
+    def lost(signals, prepared, model):
+        noise, torque = propagated(signals, prepared, model)
         return noise, np.full_like(torque, np.nan)
 
-    monkeypatch.setattr(make_view, "propagated", lost)
+    monkeypatch.setattr(make_view, "propagated_noise", lost)
 
 
 @pytest.mark.slow

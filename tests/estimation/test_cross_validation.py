@@ -30,7 +30,9 @@ def fitted(columns, data, prior=None, rows=slice(None)):
     precision = np.diag([0.0 if p is None else 1 / p**2 for p in prior or [None] * columns.shape[1]])
     values = np.linalg.solve(A.T @ A + precision, A.T @ y)
     unknowns = [
-        Unknown("rig" if p else "effect", f"p{k}", 0.0, p or 1.0, p is not None, (-1e3, 1e3))
+        Unknown("rig", f"p{k}", 0.0, p, True, (-1e3, 1e3))
+        if p
+        else Unknown("effect", f"p{k}", 0.0, 1.0, False, (-1e3, 1e3), effect="play")
         for k, p in enumerate(prior or [None] * columns.shape[1])
     ]
     return SimpleNamespace(
@@ -68,7 +70,7 @@ def test_of_one_effect_alone_all_else_stays_as_all_recordings_tell_it():
     columns = random.normal(size=(ROWS * RECORDINGS, 2))
     data = columns @ [0.04, -0.3] + random.normal(size=len(columns))
     whole = fitted(columns, data, [0.1, None])
-    predicted = cross_validation.residual(bench(), whole, "effect")
+    predicted = cross_validation.residual(bench(), whole, "play")
     own, rest = columns[:, 1], data - columns[:, 0] * whole.values[0]
     for group in bench().groups:
         others = np.delete(np.arange(len(data)), group.rows)

@@ -9,10 +9,10 @@ import pytest
 
 from twin.diagnosis import candidates, remainder
 from twin.diagnosis.predict import free_runs
-from twin.estimation.calibrate import calibrate, made_ready, noise_levels
+from twin.estimation.calibrate import calibrate, noise_levels, prepare_clean
 from twin.estimation.minimise import minimise
 from twin.residuals import static_levels
-from twin.residuals.data import SINGLE
+from twin.residuals.data import EVENT_CHANNELS
 from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang, break_away, free_vibration, random_steps
 
@@ -81,7 +81,7 @@ def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
     noise = noise_levels(campaign)
     with ThreadPoolExecutor(2) as pool:
         for recording in (bang, cut):
-            ready, _ = made_ready(recording, campaign.sensors, found.clock, noise)
+            ready, _ = prepare_clean(recording, campaign.sensors, found.clock, noise)
             run, *_ = free_runs([found.base.model], ready, pool)
             off = (run["strain_base"] - recording["strain_base"])[:500]
             assert np.sqrt(np.nanmean(off**2)) < 10 * noise["strain_base"]
@@ -114,13 +114,13 @@ def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
 def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
     data, base = with_cable.bench.data, with_cable.base
     whole = static_levels.levels(data, base.model, base.starts)
-    of_ramps = [r for r in static_levels.releases(data, base.model, base.starts) if r.recording == 1]
+    of_ramps = [r for r in static_levels.level_readings(data, base.model, base.starts) if r.recording == 1]
     assert whole.keys() == {r.direction for r in of_ramps}
     for direction, level in whole.items():
-        assert level == static_levels.together([r.level for r in of_ramps if r.direction == direction])
+        assert level == static_levels.combined_level([r.level for r in of_ramps if r.direction == direction])
 
 
 @pytest.mark.slow
 def test_what_is_told_by_an_instant_is_not_asked_of_them(with_cable):
     channels = {(g.recording, g.channel) for g in with_cable.bench.data.groups}
-    assert {i for i, channel in channels if channel in SINGLE} == {1}
+    assert {i for i, channel in channels if channel in EVENT_CHANNELS} == {1}

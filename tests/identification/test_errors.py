@@ -37,9 +37,9 @@ from twin.recording import Recording, Sensor
 from twin.residuals import breakaway, residual
 from twin.residuals.data import DrivenData
 from twin.residuals.groups import Group
-from twin.residuals.make_view import look
+from twin.residuals.make_view import make_view
 from twin.residuals.prepared import prepare
-from twin.residuals.view import move
+from twin.residuals.view import move_link
 from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
@@ -58,15 +58,19 @@ def model() -> Model:
 
 
 def test_weights_take_powers_of_the_step_out():
-    n = np.array(chain_limit.CLOSE)
-    assert chain_limit.weights(n) @ (2 + 5 / n**2 - 7 / n**4 + 11 / n**6) == pytest.approx(2, abs=1e-9)
+    n = np.array(chain_limit.PRECISE)
+    assert chain_limit.richardson_weights(n) @ (2 + 5 / n**2 - 7 / n**4 + 11 / n**6) == pytest.approx(
+        2, abs=1e-9
+    )
 
 
 def test_even_chains_go_to_the_beam():
     exact = beam.modes(RIG, 2).frequencies
-    found = np.array([chain_limit.even(model(), n).chain.modes()[0][:2] for n in chain_limit.CLOSE])
+    found = np.array(
+        [chain_limit.with_equal_segments(model(), n).chain.modes()[0][:2] for n in chain_limit.PRECISE]
+    )
     assert abs(found[-1] / exact - 1).max() > 1e-4
-    assert chain_limit.weights(chain_limit.CLOSE) @ found == pytest.approx(exact, rel=2e-6)
+    assert chain_limit.richardson_weights(chain_limit.PRECISE) @ found == pytest.approx(exact, rel=2e-6)
 
 
 @pytest.mark.parametrize("gauge", ["strain_base", "strain_mid"])
@@ -74,12 +78,12 @@ def test_curvature_beside_a_gauge_of_a_bent_link(gauge):
     # A bend with a third power, as large deflections make it: kappa = 1 - 2 x/l + 3 (x/l)^3.
     at = GAUGES[gauge].position / RIG["length"]
     values = []
-    for n in chain_limit.CLOSE:
-        even = chain_limit.even(model(), n)
+    for n in chain_limit.PRECISE:
+        even = chain_limit.with_equal_segments(model(), n)
         s = even.chain.hinges / RIG["length"]
         hinges = (1 - 2 * s + 3 * s**3) * RIG["length"] / n
         values.append(even.curvature_rows[gauge] @ hinges)
-    assert chain_limit.weights(chain_limit.CLOSE) @ np.array(values) == pytest.approx(
+    assert chain_limit.richardson_weights(chain_limit.PRECISE) @ np.array(values) == pytest.approx(
         1 - 2 * at + 3 * at**3, rel=1e-3
     )
 
@@ -93,7 +97,7 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
     channels = {"torque_command": still, "hub_angle": shaken(time), "strain_base": still}
     prepared, _ = prepare(Recording("shaken", time, channels), {"hub_angle": 1e-6, "strain_base": 2e-6})
     coarse = model().replace(step=2e-3)
-    view = look(prepared, coarse)
+    view = make_view(prepared, coarse)
     fine = np.arange(0, view.time[-1] + 1e-9, 1e-4)
     exact = CubicSpline(fine, shaken(fine))
     at_rest = np.zeros(len(coarse.chain.lengths))
@@ -101,7 +105,7 @@ def test_short_steps_follow_the_hub_between_the_instants_of_the_grid():
     bend = planar.simulate_prescribed_hub(coarse.plant, *given, 1e-4)[0][::20] @ [-1, 0, 0, 0, 0, 1]
     off = []
     for step in (2e-3, 2.5e-4):
-        motion, _ = move(view, prepared, coarse.replace(step=step), prepared.start)
+        motion, _ = move_link(view, prepared, coarse.replace(step=step), prepared.start)
         found = motion.angles @ [-1, 0, 0, 0, 0, 1]
         n = min(len(found), len(bend))
         off.append(np.abs(found[:n] - bend[:n]).max() / np.abs(bend).max())
@@ -126,7 +130,9 @@ def left(sweep, **gone):
     prepared, _ = prepare(recording, noise)
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(DrivenData([prepared], twin), pool)
-        chain_limit.move(bench, twin, [prepared.start], chain_limit.QUICK)
+        bench, _ = chain_limit.without_discretisation_error(
+            bench, twin, [prepared.start], chain_limit.STANDARD
+        )
         [residual] = bench.residuals([(twin, [prepared.start], None)])
     return {g.channel: residual[g.rows] for g in bench.data.groups}, bench.data.views[0]
 
@@ -134,11 +140,11 @@ def left(sweep, **gone):
 @pytest.mark.slow
 def test_noise_that_swells_where_the_link_bends_far_is_taken_for_noise(sweep):
     parts, view = left(sweep)
-    swell = view.swell["strain_base"]
-    loud = swell > 1.5
+    scale = view.noise_scale["strain_base"]
+    loud = scale > 1.5
     assert 0.02 < loud.mean() < 0.3
-    assert np.median(swell) < 1.05
-    assert np.std(parts["strain_base"][loud] * swell[loud]) > 1.5
+    assert np.median(scale) < 1.05
+    assert np.std(parts["strain_base"][loud] * scale[loud]) > 1.5
     assert np.std(parts["strain_base"][loud]) == pytest.approx(1.0, abs=0.35)
 
 
@@ -155,7 +161,7 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     prepared, _ = prepare(sweep[0], sweep[1])
     as_it_is, bridged = (
         residual.residual(v, prepared, sweep[2], prepared.start)["strain_base"]
-        for v in (view, replace(view, holes={}))
+        for v in (view, replace(view, with_gaps={}))
     )
     assert np.std((bridged - as_it_is)[known]) > 1.0
 
@@ -179,7 +185,7 @@ def test_commands_that_act_a_little_late_move_no_break_away():
     starts = [p.start for p in prepared]
     for late in (0.0, 5e-6, -5e-6):
         # A jump of the command tells no level, a ramp does.
-        [event] = breakaway.find(twin.replace(late=late), prepared, starts)
+        [event] = breakaway.find_break_aways(twin.replace(late=late), prepared, starts)
         assert event.recording == 1
         assert event.torque == pytest.approx(RIG["static_friction"], rel=0.01)
 
@@ -257,12 +263,12 @@ def test_errors_are_those_of_coloured_noise():
     for k in range(200):
         # Unit variance, correlated over 20 samples.
         noise = lfilter([1], [1, -0.95], rng.standard_normal(1200))[200:] * np.sqrt(1 - 0.95**2)
-        fitted = refine.refined(
+        fitted = refine.refined_fit(
             Bench([noise[:500], noise[500:]], wave), Bench([noise[:500], noise[500:]], wave).start(0.0, 0.0)
         )
         found.append(fitted.values)
         if k < 20:
-            e = sandwich.evidence(Bench([noise[:500], noise[500:]], wave), fitted)
+            e = sandwich.recording_information(Bench([noise[:500], noise[500:]], wave), fitted)
             said.append(np.sqrt(np.diag(e.covariance)))
             weighed.append(np.sqrt(np.diag(e.inverse)))
     true = np.std(found, axis=0)
@@ -275,8 +281,8 @@ def test_a_rough_cost_adds_what_a_parabola_takes_to_rise_by_it():
     rng = np.random.default_rng(6)
     noise, jump = rng.standard_normal(1000), rng.standard_normal(1000)
     smooth = Bench([noise], wave)
-    fitted = refine.refined(smooth, smooth.start(0.0, 0.0))
-    slopes, added = refine.looked_along(smooth, fitted)
+    fitted = refine.refined_fit(smooth, smooth.start(0.0, 0.0))
+    slopes, added = refine.jacobian_and_roughness(smooth, fitted)
     assert np.abs(added).max() < 1e-3 * fitted.covariance[0, 0]
     # Across all that the fit knows, so that its cost alone changes.
     known = np.column_stack([noise, slopes.jacobian])
@@ -288,7 +294,7 @@ def test_a_rough_cost_adds_what_a_parabola_takes_to_rise_by_it():
         away = np.linalg.norm(np.array([a, b]) - fitted.values) > near
         return wave(a, b) + jump * away
 
-    _, added = refine.looked_along(Bench([noise], rough), fitted)
+    _, added = refine.jacobian_and_roughness(Bench([noise], rough), fitted)
     # The smaller of two normal deviations is 1.71 times smaller than one of them; these two are as large.
     assert added == pytest.approx(1.71 * 2 * 2.0 * fitted.covariance, rel=0.1)
 
@@ -298,10 +304,10 @@ def test_a_cost_that_jumps_on_one_side_makes_a_value_no_less_certain():
     rng = np.random.default_rng(6)
     noise, jump = rng.standard_normal(1000), 5.0 * rng.standard_normal(1000)
     smooth = Bench([noise], wave)
-    fitted = refine.refined(smooth, smooth.start(0.0, 0.0))
+    fitted = refine.refined_fit(smooth, smooth.start(0.0, 0.0))
     beyond = fitted.values[0] + 1e-3 * fitted.errors[0]
     cliff = Bench([noise], lambda a, b: wave(a, b) + jump * (a > beyond))
-    slopes, added = refine.looked_along(cliff, fitted)
+    slopes, added = refine.jacobian_and_roughness(cliff, fitted)
     assert np.abs(added).max() < 1e-2 * fitted.covariance[0, 0]
     np.testing.assert_allclose(slopes.jacobian, fitted.jacobian, atol=1e-3)
 
@@ -315,7 +321,9 @@ def test_a_recording_that_contradicts_the_others_is_seen():
         bench = Bench(
             [noises[0] + off * known[0][:2500], *noises[1:]], lambda a, b: a * known[0] + b * known[1]
         )
-        distances = sandwich.evidence(bench, refine.refined(bench, bench.start(0.0, 0.0))).distances()
+        distances = sandwich.recording_information(
+            bench, refine.refined_fit(bench, bench.start(0.0, 0.0))
+        ).deletion_moves()
         assert (np.abs(distances).max() > 4) == seen
 
 
@@ -323,12 +331,12 @@ def test_a_recording_of_instants_alone_says_what_they_say():
     """Where the link's sensors are left out as faulty, a hub that hardly moves leaves when it broke away, no more."""
     noise = np.random.default_rng(3).standard_normal(1000)
     bench = Bench([noise[:500], noise[500:]], lambda a, b: a * np.sin(8 * T) + b * np.cos(8 * T))
-    fitted = refine.refined(bench, bench.start(0.0, 0.0))
-    with_both = sandwich.evidence(bench, fitted).information
+    fitted = refine.refined_fit(bench, bench.start(0.0, 0.0))
+    with_both = sandwich.recording_information(bench, fitted).information
     bench.data = SimpleNamespace(
         groups=[bench.data.groups[0], replace(bench.data.groups[1], channel="break_away")]
     )
-    alone = sandwich.evidence(bench, fitted)
+    alone = sandwich.recording_information(bench, fitted)
     assert alone.information == pytest.approx(with_both)
     assert np.isfinite(alone.covariance).all()
 
@@ -336,12 +344,12 @@ def test_a_recording_of_instants_alone_says_what_they_say():
 def test_the_first_state_of_a_recording_is_nothing_to_the_others():
     noise = np.random.default_rng(4).standard_normal(1000)
     bench = Bench([noise[:500], noise[500:]], lambda a, b: a * np.sin(8 * T) + b * (np.arange(1000) < 500))
-    fitted = refine.refined(bench, bench.start(0.0, 0.0))
+    fitted = refine.refined_fit(bench, bench.start(0.0, 0.0))
     # Slopes by differences leave a trace where there is none.
     trace = fitted.jacobian + 1e-9 * np.cos(3 * T)[:, None]
     first = Unknown("start", "b", 0.0, 1e3, False, (-3e3, 3e3), 0)
     owned = replace(fitted, jacobian=trace, unknowns=(fitted.unknowns[0], first))
-    distances = sandwich.evidence(bench, owned).distances()
+    distances = sandwich.recording_information(bench, owned).deletion_moves()
     assert distances[0, 1] == 0
     assert np.abs(distances).max() < 4
 
@@ -352,7 +360,7 @@ def test_first_states_that_move_nothing_are_not_fitted():
     slopes = np.column_stack([fitted.jacobian, 1e-15 * T])
     unknowns = (*fitted.unknowns, first)
     held = replace(fitted, unknowns=unknowns, values=np.array([1.0, 2.0, 85.0]), jacobian=slopes)
-    assert list(refine.seen(held)) == [True, True, False]
+    assert list(refine.observable(held)) == [True, True, False]
 
 
 @pytest.mark.parametrize("off", [0.0, 0.4])
@@ -362,7 +370,7 @@ def test_errors_are_those_of_recordings_that_differ(off):
     known = np.sin(2 * np.pi * (0.5 * t**2))
     apart = off * np.repeat([1, -1, 1, -1], 2500) * known
     bench = Bench(list(noise + apart.reshape(4, -1)), lambda a, b: a * known + b * np.cos(3 * t))
-    found = jackknife.sure(bench, refine.refined(bench, bench.start(0.0, 0.0)))
+    found = jackknife.with_jackknife_covariance(bench, refine.refined_fit(bench, bench.start(0.0, 0.0)))
     by_noise = np.sqrt(2 / 10000)
     assert found.errors[0] == pytest.approx(max(by_noise, off / np.sqrt(3)), rel=0.6 if off == 0 else 0.1)
     assert found.errors[1] == pytest.approx(by_noise, rel=0.6)
@@ -371,7 +379,9 @@ def test_errors_are_those_of_recordings_that_differ(off):
 def test_recordings_that_contradict_each_other_leave_what_was_declared():
     covariance, even = np.diag([1e-4, 1e-4]), np.full((2, 2), 5e-5)
     influences = np.array([[0.9, 5e-3], [-0.9, -5e-3]])
-    widened = jackknife.widened(covariance, 0 * covariance, influences, even, np.array([0.3, 0.3]))
+    widened = jackknife.inflated_covariance(
+        covariance, 0 * covariance, influences, even, np.array([0.3, 0.3])
+    )
     assert np.sqrt(np.diag(widened)) == pytest.approx([0.3, 0.01])
 
 
@@ -380,17 +390,17 @@ ONE, NOTHING, ANY = np.eye(1), np.zeros((1, 1)), np.array([np.inf])
 
 def test_a_recording_that_says_nothing_does_not_speak_for_the_others():
     influences, variances = np.array([[3.0], [4.0], [0.0]]), np.array([[0.5], [0.5], [0.0]])
-    assert jackknife.widened(ONE, NOTHING, influences, variances, ANY) == pytest.approx(25.0)
+    assert jackknife.inflated_covariance(ONE, NOTHING, influences, variances, ANY) == pytest.approx(25.0)
 
 
 def test_moves_that_noise_explains_leave_errors_as_they_are():
     influences, variances = np.array([[0.9], [-0.6], [0.5]]), np.full((3, 1), 1 / 3)
-    assert jackknife.widened(ONE, NOTHING, influences, variances, ANY) == 1.0
+    assert jackknife.inflated_covariance(ONE, NOTHING, influences, variances, ANY) == 1.0
 
 
 def test_recordings_that_disagree_say_nothing_of_the_declaration():
     influences, variances = np.array([[0.2], [-0.2]]), np.full((2, 1), 1e-4)
-    widened = jackknife.widened(1e-4 * ONE, ONE, influences, variances, ANY)
+    widened = jackknife.inflated_covariance(1e-4 * ONE, ONE, influences, variances, ANY)
     assert widened[0, 0] == pytest.approx(1 + 400e-4)
 
 
@@ -424,7 +434,7 @@ def test_slopes_along_the_ridge():
 
     noise = np.random.default_rng(2).standard_normal(1000) + valley(0.3, 0.2)
     bench = Bench([noise], valley)
-    fitted = refine.refined(bench, bench.start(0.301, 0.202, h=0.02))
+    fitted = refine.refined_fit(bench, bench.start(0.301, 0.202, h=0.02))
     a, b = fitted.values
     h = 1e-6
     exact = -(valley(a + h, b + h) - valley(a - h, b - h)) / (2 * h)
@@ -438,7 +448,7 @@ def test_profile_of_a_likelihood_that_is_no_ellipse():
         return 3 * np.exp(-np.exp(a) * T) + 0 * b
 
     bench = Bench([0.999 * np.sign(np.sin(700 * T)) + decay(1.0, 0.0)], decay)
-    fitted = refine.refined(bench, bench.start(1.0, 0.0, h=1e-3))
+    fitted = refine.refined_fit(bench, bench.start(1.0, 0.0, h=1e-3))
     error = 10 * fitted.errors[0]
     # With a variance that is 100 times the likelihood's, the interval is so wide that the two ends differ.
     low, high = likelihood_profile.Profile(bench, fitted, 0, error, 100.0).interval()
@@ -677,18 +687,18 @@ def test_a_backbone_that_was_not_simulated_is_no_softening():
 
 def test_the_limit_of_even_chains_knows_a_clamp_that_gives():
     soft = model().replace(effects={"root-compliance": {"stiffness": 40.0}})
-    chains = [chain_limit.even(soft, n) for n in chain_limit.CLOSE]
+    chains = [chain_limit.with_equal_segments(soft, n) for n in chain_limit.PRECISE]
     assert len({len(c.chain.stiffness) - len(c.chain.rigid.stiffness) for c in chains}) == 1
     # The curvature at the gauge per tip force: (l - x) / EI, whatever the root does.
     levers = [
         c.rig["length"] - np.r_[np.zeros(len(c.chain.stiffness) - n), c.chain.rigid.hinges]
-        for c, n in zip(chains, chain_limit.CLOSE, strict=True)
+        for c, n in zip(chains, chain_limit.PRECISE, strict=True)
     ]
     bends = [lever / c.chain.stiffness for lever, c in zip(levers, chains, strict=True)]
     found = np.array([c.curvature_rows["strain_base"] @ b for c, b in zip(chains, bends, strict=True)])
     gauge = soft.sensors["strain_base"].position
     expected = (soft.rig["length"] - gauge) / soft.rig["bending_stiffness"]
-    assert chain_limit.weights(chain_limit.CLOSE) @ found == pytest.approx(expected, rel=1e-6)
+    assert chain_limit.richardson_weights(chain_limit.PRECISE) @ found == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_interval_of_a_positive_figure_stays_above_zero():

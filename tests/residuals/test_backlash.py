@@ -55,7 +55,7 @@ def test_width_is_where_what_is_left_is_least(gap):
     with ThreadPoolExecutor(2) as pool:
         bench = Workbench(data, pool)
         starts = [p.start for p in data.prepared]
-        chain_limit.move(bench, _model(0.0), starts, chain_limit.CLOSE)
+        bench, _ = chain_limit.without_discretisation_error(bench, _model(0.0), starts, chain_limit.PRECISE)
         widths = gap * np.array([0.0, 0.9, 0.95, 1.0, 1.05, 1.1])
         costs = [bench.cost(r) for r in bench.residuals([(_model(w), starts, None) for w in widths])]
     assert widths[np.argmin(costs)] == gap
@@ -66,21 +66,21 @@ def test_motor_that_rattles_is_not_asked_what_it_did():
     data = _data(0.015, _sweep(3.0, 25.0, 0.13, 8.0))
     view, prepared = data.views[0], data.prepared[0]
     noise = view.noise["hub_torque"]
-    found = backlash.doubtful(view, prepared, _model(0.015), noise, 0.0)
+    found = backlash.undetermined(view, prepared, _model(0.015), noise, 0.0)
     # Up to 14 Hz the motor comes to rest on a flank in every half of a period.
     assert not found[view.time < 4.0].any()
     assert found[view.time > 4.0].mean() > 0.3
-    assert not backlash.doubtful(view, prepared, _model(0.0), noise, 1.0).any()
+    assert not backlash.undetermined(view, prepared, _model(0.0), noise, 1.0).any()
 
 
 def test_hub_that_friction_may_hold_between_impacts_is_not_told():
     data = _data(0.0063, _sweep(15.0, 25.0, 0.13, 6.0))
     view, prepared, model = data.views[0], data.prepared[0], _model(0.0063)
     noise = view.noise["hub_torque"]
-    held = backlash.doubtful(view, prepared, model, noise, 0.1) & ~backlash.doubtful(
+    held = backlash.undetermined(view, prepared, model, noise, 0.1) & ~backlash.undetermined(
         view, prepared, model, noise, 0.0
     )
     assert held[view.sliding].any()
     assert held[view.sliding].mean() < 0.2
     slack = model.with_friction(static_positive=0.0, static_negative=0.0)
-    assert not (backlash.doubtful(view, prepared, slack, noise, 0.1) & held).any()
+    assert not (backlash.undetermined(view, prepared, slack, noise, 0.1) & held).any()

@@ -11,10 +11,10 @@ from twin.mechanics.plant import declared_plant
 from twin.mechanics.state import Motion
 from twin.residuals import creep, hub_balance, stribeck_reversals
 from twin.residuals.data import DrivenData
-from twin.residuals.filters import GRID, REACH, low_passed, smooth
+from twin.residuals.filters import GRID, REACH, low_passed, smooth_spline
 from twin.residuals.prepared import prepare
 from twin.residuals.rest_run import RestRun
-from twin.residuals.view import View, move
+from twin.residuals.view import View, move_link
 from twin.rigs import preset
 from twin.rigs.model import Model
 
@@ -108,7 +108,7 @@ def test_a_missing_reading_about_a_break_away_is_not_compared(plain):
 def test_a_jump_of_the_command_is_no_slow_torque(plain):
     data, twin = plain
     [prepared], [view] = data.prepared, data.views
-    motion, _ = move(view, prepared, twin, prepared.start)
+    motion, _ = move_link(view, prepared, twin, prepared.start)
     onset, direction = view.departures[0]
     run = RestRun.of(twin, prepared, motion, onset, direction)
     assert run.is_slow
@@ -124,9 +124,9 @@ def test_a_jump_of_the_command_is_no_slow_torque(plain):
 def test_samples_that_share_an_instant_have_the_noise_of_one(plain):
     data, twin = plain
     [prepared], [view] = data.prepared, data.views
-    motion, _ = move(view, prepared, twin, prepared.start)
-    fine, _ = creep.residual(view.time, prepared, twin, motion, view.departures)
-    coarse, there = creep.residual(view.time[::5], prepared, twin, motion, view.departures)
+    motion, _ = move_link(view, prepared, twin, prepared.start)
+    fine, _ = creep.departure_residual(view.time, prepared, twin, motion, view.departures)
+    coarse, there = creep.departure_residual(view.time[::5], prepared, twin, motion, view.departures)
     assert there.sum() < 0.3 * view.departing.sum()
     assert (coarse**2).sum() < (fine**2).sum()
     assert np.std(coarse[there]) == pytest.approx(1.0, abs=0.4)
@@ -181,10 +181,10 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
     def move(t, x):
         return [x[1], (np.interp(t, fine, torque) + friction(x[1])) / inertia]
 
-    angle, rate = solve_ivp(move, (0, 2), [0.0, 0.0], "LSODA", fine, max_step=1e-4, rtol=1e-8).y
+    angle, rate = solve_ivp(move_link, (0, 2), [0.0, 0.0], "LSODA", fine, max_step=1e-4, rtol=1e-8).y
     exact = low_passed(low_passed(friction(rate), 2e-4, 70.0), 2e-4)[::finer]
     time = fine[::finer]
-    spline = smooth(time, low_passed(angle[::finer], GRID, 70.0))
+    spline = smooth_spline(time, low_passed(angle[::finer], GRID, 70.0))
     seen = spline(time), spline(time, 1), spline(time, 2)
     view = View(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, {}, ())
     links = len(twin.chain.lengths)
@@ -192,7 +192,7 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
     motion = Motion.from_coordinates(time, angles, rates, np.sign(seen[1]), links)
 
     def error():
-        return np.std((low_passed(hub_balance.hub_laws(view, twin, motion), GRID) - exact)[100:-100])
+        return np.std((low_passed(hub_balance.hub_law_torque(view, twin, motion), GRID) - exact)[100:-100])
 
     put_back = error()
     monkeypatch.setattr(stribeck_reversals, "_ROUNDS", 1)
@@ -212,7 +212,7 @@ def test_what_friction_seems_to_do_where_a_rest_ends_does_not_turn_a_creeping_hu
     view = View(time, angle, rate, nothing, np.sign(rate), surely, {}, {}, {}, ())
     links = len(twin.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in (angle, rate))
-    found = hub_balance.hub_laws(
+    found = hub_balance.hub_law_torque(
         view, twin, Motion.from_coordinates(time, angles, rates, np.sign(rate), links)
     )
     level = planar.sliding_level(twin.plant, 0.0, 0.015, 1)

@@ -90,7 +90,10 @@ def test_a_play_makes_static_levels_less_sure(rig_campaign):
 
 def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkeypatch):
     data, twin, starts = ramps
-    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in LEVELS.items()]
+    unknowns = [
+        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction")
+        for n, v in LEVELS.items()
+    ]
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(data, pool)
         [residual] = bench.residuals([(twin, starts, None)])
@@ -99,7 +102,7 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
         size = np.ones(len(bench.groups))
         best = Fit(twin, tuple(starts), tuple(unknowns), x, np.eye(4), residual, size, 0.0, slopes)
         monkeypatch.setattr(static_friction, "costs_at", None)
-        polished = static_friction.polish(data, best, best, twin, pool, whole=True)
+        polished = static_friction.final_models(data, best, best, twin, pool, whole=True)
     told = dict(zip(LEVELS, polished.augmented.errors, strict=True))
     assert told["static_positive"] < 1e-4
     assert told["static_negative"] < 2e-4
@@ -108,7 +111,10 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
 
 def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramps):
     data, twin, starts = ramps
-    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in LEVELS.items()]
+    unknowns = [
+        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction")
+        for n, v in LEVELS.items()
+    ]
     off, error = 0.004, 0.002
     x = np.array(list(LEVELS.values())) + [off, 0.0, -0.5 * off, 0.0]
     # Half a unit of Coulomb friction less for one of static friction more, and no word of the other direction.
@@ -131,7 +137,9 @@ def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramp
 def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell(ramps, monkeypatch):
     data, twin, starts = ramps
     off = {**LEVELS, "static_positive": 1.2 * LEVELS["static_positive"]}
-    unknowns = [Unknown("asymmetric-friction", n, v, 0.01, False, (0.0, 0.2)) for n, v in off.items()]
+    unknowns = [
+        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction") for n, v in off.items()
+    ]
     x, none = np.array(list(off.values())), np.zeros(0)
     model = twin.replace(effects={"asymmetric-friction": off})
     badly_known = Fit(model, tuple(starts), tuple(unknowns), x, np.eye(4), none, none, 0.0, none)
@@ -172,8 +180,8 @@ def test_a_rest_that_seems_to_end_below_the_coulomb_level_tells_nothing(ramps):
 
 def test_a_rest_that_ends_far_below_the_others_was_none():
     read = [Level(0.065, 1e-5), Level(0.06502, 2e-5), Level(0.013, 1e-5)]
-    assert static_levels.together(read).value == pytest.approx(0.065, abs=1e-5)
-    assert static_levels.together(read[2:]).value == 0.013
+    assert static_levels.combined_level(read).value == pytest.approx(0.065, abs=1e-5)
+    assert static_levels.combined_level(read[2:]).value == 0.013
 
 
 def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
@@ -190,7 +198,7 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
     motion = Motion.from_coordinates(time, angles, rates, np.sign(rate), links)
     inner = slice(200, -200)
-    mean = hub_balance.hub_laws(view, twin, motion)[inner].mean()
+    mean = hub_balance.hub_law_torque(view, twin, motion)[inner].mean()
     instants = np.linspace(time[200] - GRID / 2, time[-201] + GRID / 2, 200_000)
     ahead = np.cos(omega * instants) > 0
     exact = np.where(ahead, -LEVELS["coulomb_positive"], LEVELS["coulomb_negative"]).mean()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin.correlations import of_covariance
+from twin.correlations import from_covariance
 from twin.errors import InputError
 from twin.parameters import Rig
 from twin.report.augmented_rig import to_toml, write_augmented
@@ -59,7 +59,7 @@ def test_standard_errors_of_effects_are_read_back(diagnosis, tmp_path):
 def test_correlations_are_read_back(diagnosis, tmp_path):
     names = ("bending_stiffness", "length", "cable-torsion.stiffness")
     covariance = np.array([[4.0, 1.8, 0.0], [1.8, 1.0, -0.1], [0.0, -0.1, 0.25]])
-    found = of_covariance(names, covariance)
+    found = from_covariance(names, covariance)
     _, read = read_uncertainty(write_augmented(replace(diagnosis, correlations=found), tmp_path))
     assert read.names == names
     np.testing.assert_allclose(read.matrix, [[1.0, 0.9, 0.0], [0.9, 1.0, -0.2], [0.0, -0.2, 1.0]], atol=1e-4)
@@ -69,7 +69,7 @@ def test_correlations_are_read_back(diagnosis, tmp_path):
 
 def test_no_correlations_are_none(diagnosis, tmp_path):
     assert read_uncertainty(write_augmented(diagnosis, tmp_path))[1].names == ()
-    assert of_covariance(["a", "b"], np.diag([1.0, np.inf])).names == ("a",)
+    assert from_covariance(["a", "b"], np.diag([1.0, np.inf])).names == ("a",)
 
 
 def test_odd_names_survive(diagnosis, tmp_path):

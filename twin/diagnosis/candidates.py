@@ -21,7 +21,7 @@ from twin.diagnosis.spectrum import Peak
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
-from twin.estimation.slopes import slope_gain, slope_move
+from twin.estimation.slopes import linear_gain, linear_move
 from twin.estimation.unknowns import Unknown, effect_unknowns, replaced_parameters
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
@@ -161,7 +161,7 @@ def strained_parameters(base: Fit, names: Sequence[str]) -> bool:
     bounds, where the linear prediction is poor.
     """
     return any(
-        u.owner == "rig" and u.name in names and abs(v - u.start) > _STRAIN * u.scale
+        u.kind == "rig" and u.name in names and abs(v - u.start) > _STRAIN * u.scale
         for u, v in zip(base.unknowns, base.values, strict=True)
     )
 
@@ -173,7 +173,7 @@ def score_test(bench: Workbench, base: Fit, slopes: Slopes) -> float:
     """
     if not slopes.columns.shape[1]:
         return 0.0
-    return slope_gain(bench, base, slopes.columns, slopes.replaces) - slopes.penalty
+    return linear_gain(bench, base, slopes.columns, slopes.replaces) - slopes.penalty
 
 
 def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] = ()) -> Slopes:
@@ -222,7 +222,7 @@ def _point_off_neutral(bench: Workbench, base: Fit, name: str, slopes: Slopes) -
     """
     effect = REGISTRY[name]
     if slopes.coefficients.size:
-        _, amounts = slope_move(bench, base, slopes.columns, slopes.replaces)
+        _, amounts = linear_move(bench, base, slopes.columns, slopes.replaces)
         values = effect.from_linear_coefficients(amounts @ slopes.coefficients)
         if values is not None:
             values = {p.name: float(np.clip(values[p.name], *p.bounds)) for p in effect.parameters}
@@ -246,7 +246,7 @@ def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float
     model = with_effect(base.model, name, values)
     unknowns = fit_unknowns(bench, model, base)
     first = initial_values(unknowns, model, base)
-    return minimise(bench, model, base.starts, unknowns, first, base.slopes, _QUICK_ITERATIONS)
+    return minimise(bench, model, base.starts, unknowns, first, base.jacobian_columns, _QUICK_ITERATIONS)
 
 
 def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float]:
@@ -294,13 +294,11 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
 def fit_unknowns(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
     """Unknowns of a fit: declared parameters that no effect replaces, clock, parameters of effects, first states."""
     replaced = replaced_parameters(model)
-    kept = [u for u in base.unknowns if u.owner == "rig" and u.name not in replaced]
-    kept += [u for u in base.unknowns if u.owner == "clock"]
-    starts = [u for u in base.unknowns if u.owner == "start"]
+    kept = [u for u in base.unknowns if u.kind == "rig" and u.name not in replaced]
+    kept += [u for u in base.unknowns if u.kind == "clock"]
+    starts = [u for u in base.unknowns if u.kind == "start"]
     effects = [
-        u
-        for name, values in model.effects.items()
-        for u in effect_unknowns(model, name, values, bench.channels())
+        u for name, values in model.effects.items() for u in effect_unknowns(name, values, bench.channels())
     ]
     return (*kept, *effects, *starts)
 
@@ -311,7 +309,7 @@ def initial_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.
     first = []
     for u in unknowns:
         value = known.get(u.key, u.start)
-        first.append(u.turned(model.effects[u.owner][u.name]) if u.owner in model.effects else value)
+        first.append(u.turned(model.effects[u.effect][u.name]) if u.effect in model.effects else value)
     return np.array(first)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin import labels
 from twin.campaigns.campaign import Campaign
-from twin.correlations import Correlations, of_covariance
+from twin.correlations import Correlations, from_covariance
 from twin.diagnosis import dependence, experiments, fit_patch, notes, remainder, rules, traces
 from twin.diagnosis.answer import (
     AdoptedEffect,
@@ -26,7 +26,7 @@ from twin.diagnosis.experiments import Plan
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
-from twin.estimation.static_friction import Polished
+from twin.estimation.static_friction import FinalModels
 from twin.recording import HUB_TORQUE
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
@@ -53,7 +53,7 @@ def conclude(
     campaign: Campaign,
     state: SearchState,
     residuals: Mapping[str, Unexplained],
-    polished: Polished,
+    polished: FinalModels,
     predictions: Mapping[str, Prediction],
     plans: Sequence[Plan],
     patched: Patched | None,
@@ -116,7 +116,7 @@ def verdict_of(state: SearchState) -> Verdict:
     return "explained" if state.adopted else "no-missing-effect"
 
 
-def _effects(state: SearchState, polished: Polished) -> tuple[AdoptedEffect, ...]:
+def _effects(state: SearchState, polished: FinalModels) -> tuple[AdoptedEffect, ...]:
     probabilities = effect_probabilities(state)
     return tuple(
         AdoptedEffect(**_effect_values(polished.augmented, name), probability=probabilities[name])
@@ -158,7 +158,7 @@ def _judgements(state: SearchState) -> dict[str, tuple[RoundJudgement, ...]]:
 
 def standard_errors(fit: Fit, name: str) -> dict[str, float]:
     """Parameter of an effect -> its standard error; where the reciprocal was fitted, by error propagation."""
-    pairs = [(u, float(e)) for u, e in zip(fit.unknowns, fit.errors, strict=True) if u.owner == name]
+    pairs = [(u, float(e)) for u, e in zip(fit.unknowns, fit.errors, strict=True) if u.effect == name]
     values = fit.model.effects[name]
     return {u.name: e * values[u.name] ** 2 if u.inverse else e for u, e in pairs}
 
@@ -166,7 +166,7 @@ def standard_errors(fit: Fit, name: str) -> dict[str, float]:
 def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
     calibrated = {}
     for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
-        if u.owner == "rig":
+        if u.kind == "rig":
             unit = campaign.rig.parameters[u.name].unit
             calibrated[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
     for name, declared in campaign.effects.items():
@@ -181,10 +181,10 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
 
 def _correlations(fit: Fit) -> Correlations:
     """Correlations of parameters of rig and effects; a parameter whose reciprocal was fitted changes its sign."""
-    kept = [i for i, u in enumerate(fit.unknowns) if u.of_rig]
+    kept = [i for i, u in enumerate(fit.unknowns) if u.is_parameter]
     unknowns = [fit.unknowns[i] for i in kept]
     sign = np.array([-1.0 if u.inverse else 1.0 for u in unknowns])
-    return of_covariance(
+    return from_covariance(
         [u.full_name for u in unknowns], fit.covariance[np.ix_(kept, kept)] * np.outer(sign, sign)
     )
 

@@ -12,7 +12,7 @@ from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement, passes
 from twin.diagnosis.rules import Trial
 from twin.estimation import chain_limit
-from twin.estimation.calibrate import seen_by
+from twin.estimation.calibrate import with_noise_of
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.static_friction import with_static_levels
@@ -127,7 +127,7 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
 def _from_declared(before: Fit) -> np.ndarray:
     """The values (p) of a fit with the declared parameters at their declared values."""
     return np.array(
-        [u.start if u.owner == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
+        [u.start if u.kind == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
     )
 
 
@@ -182,7 +182,7 @@ def refit_with_own_noise(bench: Workbench, base: Fit, fit: Fit) -> tuple[Workben
     """
     if not _has_other_resonances(fit.model, base.model):
         return bench, fit
-    return refit_in_fine_limit(seen_by(bench, fit.model), fit)
+    return refit_in_fine_limit(with_noise_of(bench, fit.model), fit)
 
 
 def _has_other_resonances(model: Model, before: Model) -> bool:
@@ -195,5 +195,5 @@ def _has_other_resonances(model: Model, before: Model) -> bool:
 
 def refit_in_fine_limit(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     """The data corrected for the discretisation error of the chain at a fit, and the fit to them."""
-    bench, _ = chain_limit.corrected(bench, fit.model, fit.starts, chain_limit.QUICK)
+    bench, _ = chain_limit.without_discretisation_error(bench, fit.model, fit.starts, chain_limit.STANDARD)
     return bench, minimise(bench, fit.model, fit.starts, fit.unknowns, fit.values, iterations=6)

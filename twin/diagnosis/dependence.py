@@ -17,13 +17,13 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 
 from twin.estimation.fit import Fit
-from twin.estimation.loss import SOUND
+from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench
 from twin.recording import HUB_TORQUE
 from twin.residuals import residual
-from twin.residuals.data import SINGLE, DrivenData
+from twin.residuals.data import EVENT_CHANNELS, DrivenData
 from twin.residuals.filters import BAND, GRID
-from twin.residuals.view import View, move
+from twin.residuals.view import View, move_link
 from twin.rigs.model import with_fine_chain
 
 _BINS = (16, 100)
@@ -103,13 +103,13 @@ def _joined(parts: Sequence[Unexplained], resonances: tuple[float, ...]) -> Unex
 def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[str, Unexplained]:
     """Channel -> its residuals in recording i."""
     view = data.views[i]
-    values = residual.missing(view, data.prepared[i], fit.model, fit.starts[i])
-    white = residual.white(values, view)
+    values = residual.raw_residual(view, data.prepared[i], fit.model, fit.starts[i])
+    white = residual.normalise_all(values, view)
     variables = motion_variables(data, fit, i) | _strains(view, values)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     channels = {}
     for group in data.groups:
-        if group.recording != i or group.channel in SINGLE:
+        if group.recording != i or group.channel in EVENT_CHANNELS:
             continue
         keep = bench.weight[group.rows] > 0
         channels[group.channel] = Unexplained(
@@ -128,7 +128,7 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
 def motion_variables(data: DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:
     """Name -> (m) command, time, and motion of the model in recording i, SI, on the grid of its view."""
     view, prepared = data.views[i], data.prepared[i]
-    motion, _ = move(view, prepared, fit.model, fit.starts[i])
+    motion, _ = move_link(view, prepared, fit.model, fit.starts[i])
     command = fit.model.drive(prepared.recording).at(view.time)
     return {
         "hub_angle": motion.angles[:, 0],
@@ -148,7 +148,7 @@ def _strains(view: View, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
 
 def _slopes(fit: Fit, rows: np.ndarray) -> dict[str, np.ndarray]:
     """Parameter of the rig or of its effects -> derivative (n) of these rows of the residual."""
-    return {u.full_name: fit.jacobian[rows, j] for j, u in enumerate(fit.unknowns) if u.of_rig}
+    return {u.full_name: fit.jacobian[rows, j] for j, u in enumerate(fit.unknowns) if u.is_parameter}
 
 
 # Shares of the variance
@@ -360,5 +360,5 @@ def _has_rare_impacts(unexplained: Unexplained) -> bool:
     count, power = np.bincount(piece), np.bincount(piece, unexplained.white**2)
     quietest = np.argsort(power / count)
     size = np.sqrt(np.cumsum(power[quietest]) / np.cumsum(count[quietest]))
-    quiet = quietest[size <= SOUND]
+    quiet = quietest[size <= ADEQUATE_RMS]
     return bool(2 * power[quiet].sum() < power.sum() and len(quiet) > (1 - _RARE) * len(count))

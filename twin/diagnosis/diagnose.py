@@ -69,7 +69,7 @@ def diagnose(
         followed = not remainder.unexplained_channels(state)
         if followed:
             progress("reading the static friction")
-        polished = static_friction.polish(
+        polished = static_friction.final_models(
             state.data, state.base, state.best, state.start.declared, pool, whole=followed
         )
         progress("simulating every recording")
@@ -190,7 +190,7 @@ def on_sound_channels(state: SearchState) -> tuple[SearchState, Workbench]:
         return on_sound_channels(_without_last(state))
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return state, bench
-    sound = bench.without(faulty)
+    sound = bench.without_channels(faulty)
     again = minimise(
         sound, best.model, best.starts, best.unknowns, best.values, iterations=contest.FULL_ITERATIONS
     )
@@ -208,7 +208,7 @@ def with_errors(state: SearchState, bench: Workbench) -> SearchState:
     """The state with covariances of its last fit, for these data, and of the calibration."""
     best = _with_covariance(bench, state.best)
     if state.adopted:
-        calibrated = jackknife.sure(state.start.bench, state.base)
+        calibrated = jackknife.with_jackknife_covariance(state.start.bench, state.base)
         state = replace(state, start=replace(state.start, base=calibrated))
     return state.with_last_fit(best)
 
@@ -219,10 +219,10 @@ def _with_covariance(bench: Workbench, best: Fit) -> Fit:
     Where the common scale of inertias and stiffnesses is determined by their declared uncertainty alone, the optimiser
     stops before the minimum.
     """
-    smooth, by_roughness = refine.looked_along(bench, best)
-    if refine.promised(bench, smooth) > refine.WORTH:
-        smooth, by_roughness = refine.looked_along(bench, refine.refined(bench, smooth))
-    sure = jackknife.sure(bench, smooth)
+    smooth, by_roughness = refine.jacobian_and_roughness(bench, best)
+    if refine.predicted_gain(bench, smooth) > refine.MIN_GAIN:
+        smooth, by_roughness = refine.jacobian_and_roughness(bench, refine.refined_fit(bench, smooth))
+    sure = jackknife.with_jackknife_covariance(bench, smooth)
     return replace(sure, covariance=sure.covariance + by_roughness)
 
 

@@ -14,8 +14,8 @@ from twin.diagnosis.answer import Patched, Prediction
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import first_state
-from twin.estimation.calibrate import made_ready, noise_levels
-from twin.estimation.static_friction import Polished
+from twin.estimation.calibrate import noise_levels, prepare_clean
+from twin.estimation.static_friction import FinalModels
 from twin.mechanics.state import Start
 from twin.recording import CHANNEL_UNITS, HUB_TORQUE
 from twin.residuals.prepared import Prepared
@@ -31,7 +31,7 @@ def fit_patch(
     campaign: Campaign,
     state: SearchState,
     residuals: Mapping[str, Unexplained],
-    polished: Polished,
+    polished: FinalModels,
     predictions: Mapping[str, Prediction],
     pool: ThreadPoolExecutor,
 ) -> Patched | None:
@@ -60,7 +60,7 @@ def fit_patch(
         before = predictions[prepared.recording.name].errors
         return {c: (before[c].after, _rms(prepared.recording[c] - after[c])) for c in prepared.channels}
 
-    ready = [made_ready(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]
+    ready = [prepare_clean(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]
     starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
     unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == HUB_TORQUE else CHANNEL_UNITS[lookup.channel]
     gains = dict(zip((p.recording.name for p in ready), pool.map(errors, ready, starts), strict=True))

@@ -13,7 +13,7 @@ from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import SearchState
 from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
-from twin.estimation.static_friction import Polished
+from twin.estimation.static_friction import FinalModels
 from twin.labels import with_the
 from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.recording import HUB_TORQUE
@@ -36,7 +36,7 @@ def all_notes(
     campaign: Campaign,
     state: SearchState,
     residuals: Mapping[str, Unexplained],
-    polished: Polished,
+    polished: FinalModels,
     predictions: Mapping[str, Prediction],
     depends: Sequence[str],
 ) -> tuple[str, ...]:
@@ -159,8 +159,8 @@ def at_range_end(best: Fit, names: Sequence[str]) -> list[str]:
     for u, value in zip(best.unknowns, best.values, strict=True):
         # A bound of 0 is physical: a friction level may be 0.
         ends = [end for end in u.bounds if end != 0 and abs(value - end) <= _AT_END * abs(end)]
-        if u.owner in names and ends:
-            at_bound.setdefault(u.owner, []).append(f"{u.name} {u.turned(value):.3g}")
+        if u.effect in names and ends:
+            at_bound.setdefault(u.effect, []).append(f"{u.name} {u.turned(value):.3g}")
     return [
         f"{name} came to the end of its range ({', '.join(numbers)}): it fits the recordings, but it may imitate "
         "another fault."
@@ -177,12 +177,12 @@ def break_away_notes(state: SearchState) -> list[str]:
     # Only after a long rest under a slowly growing torque: otherwise the instant of the break-away is uncertain.
     runs = [
         run
-        for i, run in static_levels.runs(state.data, best.model, best.starts)
+        for i, run in static_levels.rest_runs(state.data, best.model, best.starts)
         if run.is_slow and _at_onset(state.data.views[i], run)
     ]
     differing = []
     for direction, where in ((1, "forwards"), (-1, "backwards")):
-        torques = np.array([run.borne[0] for run in runs if run.direction == direction])
+        torques = np.array([run.holding_torque[0] for run in runs if run.direction == direction])
         levels = np.array([run.level for run in runs if run.direction == direction])
         if len(torques) and abs(np.median(torques / levels) - 1) > _BREAK_AWAY_ERROR:
             differing.append(

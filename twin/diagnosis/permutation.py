@@ -136,7 +136,7 @@ def _linearised_costs(
     columns: np.ndarray | None,
 ) -> np.ndarray:
     """Cost (draws) of the sign-flipped residuals after one Gauss-Newton step of the base's unknowns and the columns."""
-    kept = np.array([u.owner != "rig" or u.name not in replaces for u in base.unknowns], dtype=bool)
+    kept = np.array([u.kind != "rig" or u.name not in replaces for u in base.unknowns], dtype=bool)
     J = base.jacobian[:, kept] if columns is None else np.hstack([base.jacobian[:, kept], columns])
     scale = np.sqrt(np.maximum(J.T**2 @ weights, 1e-300))
     J = J / scale

@@ -12,8 +12,8 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis.answer import ChannelError, Prediction
 from twin.diagnosis.state import SearchState
 from twin.estimation import first_state
-from twin.estimation.calibrate import made_ready, noise_levels
-from twin.estimation.static_friction import Polished
+from twin.estimation.calibrate import noise_levels, prepare_clean
+from twin.estimation.static_friction import FinalModels
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model, with_fine_chain
@@ -23,7 +23,7 @@ _BREAK_AWAY_CHANGE = 1e-3  # relative change of the break-away torque for `Chann
 
 
 def predict(
-    campaign: Campaign, state: SearchState, polished: Polished, pool: ThreadPoolExecutor
+    campaign: Campaign, state: SearchState, polished: FinalModels, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
     """File -> recording and its free-running simulations by the three models of `polished`."""
     noise = noise_levels(campaign)
@@ -36,7 +36,7 @@ def predict(
     )
     for role, recordings in roles:
         for recording in recordings:
-            prepared, left_out = made_ready(recording, campaign.sensors, state.start.clock, noise)
+            prepared, left_out = prepare_clean(recording, campaign.sensors, state.start.clock, noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
             errors = {c: _error(prepared, c, runs, nearby) for c in prepared.channels}

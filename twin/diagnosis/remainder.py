@@ -9,10 +9,10 @@ from twin.diagnosis.rules import EXPLANATION, LEFT_SHARE, SIZE_DEVIATIONS, Lefto
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import loss
 from twin.estimation.fit import Fit
-from twin.estimation.loss import SOUND
-from twin.estimation.workbench import Workbench, known_weights
+from twin.estimation.loss import ADEQUATE_RMS
+from twin.estimation.workbench import Workbench, reversal_weights
 from twin.recording import HUB_TORQUE
-from twin.residuals.data import SINGLE
+from twin.residuals.data import EVENT_CHANNELS
 
 QUIET = 1 / 3
 """Residual size [noise levels] below which the declared noise of a channel is too large."""
@@ -44,7 +44,7 @@ def large_residuals(state: SearchState) -> tuple[str, ...]:
         worst, repeated, _ = judge_all(EXPLANATION, left)
         if not worst.passed and not repeated.passed:
             sizes = np.asarray(left.sizes)
-            medians[channel] = float(np.median(sizes[excesses(left, SOUND, SIZE_DEVIATIONS) > 1]))
+            medians[channel] = float(np.median(sizes[excesses(left, ADEQUATE_RMS, SIZE_DEVIATIONS) > 1]))
     return tuple(sorted(medians, key=lambda c: -medians[c]))
 
 
@@ -56,7 +56,7 @@ def in_one_recording(state: SearchState) -> list[tuple[int, str, float]]:
         worst, *_ = judge_all(EXPLANATION, left)
         if channel in repeated or worst.passed:
             continue
-        for k in np.flatnonzero(excesses(left, SOUND, SIZE_DEVIATIONS) > 1).tolist():
+        for k in np.flatnonzero(excesses(left, ADEQUATE_RMS, SIZE_DEVIATIONS) > 1).tolist():
             single.append((recordings[channel][k], channel, float(left.sizes[k])))
     return single
 
@@ -66,14 +66,14 @@ def overstated_noise(state: SearchState) -> dict[str, float]:
     sizes = residual_sizes(state.bench, state.best)
     medians = {
         channel: float(np.median([s for (_, c), s in sizes.items() if c == channel and s > 0] or [1.0]))
-        for channel in {c for _, c in sizes} - set(SINGLE)
+        for channel in {c for _, c in sizes} - set(EVENT_CHANNELS)
     }
     return {channel: size for channel, size in sorted(medians.items()) if size < QUIET}
 
 
 def residual_sizes(bench: Workbench, fit: Fit) -> dict[tuple[int, str], float]:
     """Recording and channel -> root-mean-square residual [noise levels]."""
-    sizes = loss.group_sizes(fit.residual, bench.data.groups, bench.weight * known_weights(bench, fit))
+    sizes = loss.group_sizes(fit.residual, bench.data.groups, bench.weight * reversal_weights(bench, fit))
     return {(g.recording, g.channel): float(s) for g, s in zip(bench.data.groups, sizes, strict=True)}
 
 
@@ -107,7 +107,7 @@ def _recordings(bench: Workbench) -> dict[str, list[int]]:
     """Channel -> recordings that have it; channels of single instants are left out."""
     recordings: dict[str, list[int]] = {}
     for group in bench.data.groups:
-        if group.channel not in SINGLE:
+        if group.channel not in EVENT_CHANNELS:
             recordings.setdefault(group.channel, []).append(group.recording)
     return recordings
 

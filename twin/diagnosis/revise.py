@@ -112,7 +112,7 @@ def refit(
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
     unknowns = candidates.fit_unknowns(bench, model, state.base)
     first = candidates.initial_values(unknowns, model, state.base, near)
-    kept = near.slopes if iterations == _QUICK_ITERATIONS else None
+    kept = near.jacobian_columns if iterations == _QUICK_ITERATIONS else None
     return minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 
@@ -181,7 +181,7 @@ def size_in_errors(best: Fit, name: str) -> float:
         (
             abs(value - at_neutral[u.name]) / error if error > 0 else 0.0
             for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True)
-            if u.owner == name and u.name in at_neutral
+            if u.effect == name and u.name in at_neutral
         ),
         default=DETERMINED,
     )
@@ -238,7 +238,7 @@ def with_whole_orders(bench: Workbench, best: Fit) -> Fit:
 
 
 def _is_order(u: Unknown) -> bool:
-    effect = REGISTRY.get(u.owner)
+    effect = REGISTRY.get(u.effect)
     return (
         effect is not None
         and effect.wave is not None
@@ -255,9 +255,11 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     whole = float(np.round(best.values[index]))
     values = best.values[kept] + _conditional_slope(bench, best, index)[kept] * (whole - best.values[index])
     effects = {name: dict(p) for name, p in best.model.effects.items()}
-    effects[order.owner][order.name] = whole
+    effects[order.effect][order.name] = whole
     model = best.model.replace(effects=effects)
-    return minimise(bench, model, best.starts, unknowns, values, best.slopes, _WHOLE_ORDER_ITERATIONS)
+    return minimise(
+        bench, model, best.starts, unknowns, values, best.jacobian_columns, _WHOLE_ORDER_ITERATIONS
+    )
 
 
 def _conditional_slope(bench: Workbench, best: Fit, index: int) -> np.ndarray:

@@ -19,7 +19,7 @@ from twin.diagnosis.candidates import Candidate, is_resolved
 from twin.diagnosis.judgement import Judgement, Rule, judge_all
 from twin.estimation import cross_validation, loss
 from twin.estimation.fit import Fit
-from twin.estimation.loss import SOUND
+from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench
 
 MODEL_ERROR_SCORE = 30.0
@@ -290,9 +290,9 @@ EXPLANATION: tuple[Rule[Leftover], ...] = (
         "repeated-residual",
         "Do fewer than two recordings have a residual of the channel above noise?",
         "number of recordings above the limit",
-        lambda x: int((excesses(x, SOUND, SIZE_DEVIATIONS) > 1).sum()),
+        lambda x: int((excesses(x, ADEQUATE_RMS, SIZE_DEVIATIONS) > 1).sum()),
         lambda x: min(REPEATED, x.recordings) - 1,
-        f"{REPEATED - 1}, with a single recording 0; the limit is {SOUND:g} noise levels or "
+        f"{REPEATED - 1}, with a single recording 0; the limit is {ADEQUATE_RMS:g} noise levels or "
         f"1 + {SIZE_DEVIATIONS:g} standard deviations",
         "policy",
         "a single recording may be faulty; a note names it",

@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.unknowns import Unknown, placed
-from twin.estimation.workbench import CORRELATION
+from twin.estimation.unknowns import Unknown, model_at
+from twin.estimation.workbench import CORRELATION_TIME
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.rigs.model import Model
@@ -72,7 +72,7 @@ class Explanation:
     @staticmethod
     def of_fit(fitted: Fit, step: float) -> Explanation:
         """From a fit, without first states and clock; simulated with this time step [s]."""
-        kept = [j for j, u in enumerate(fitted.unknowns) if u.of_rig]
+        kept = [j for j, u in enumerate(fitted.unknowns) if u.is_parameter]
         unknowns = [fitted.unknowns[j] for j in kept]
         covariance = fitted.covariance[np.ix_(kept, kept)]
         return Explanation.of(fitted.model.replace(step=step), unknowns, fitted.values[kept], covariance)
@@ -80,7 +80,7 @@ class Explanation:
     def moved(self, move: np.ndarray) -> Model:
         """The model with its unknowns changed by `move` (p), within their bounds."""
         low, high = np.array([u.bounds for u in self.unknowns]).T
-        return placed(self.model, self.unknowns, np.clip(self.values + move, low, high))
+        return model_at(self.model, self.unknowns, np.clip(self.values + move, low, high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ def difference(
         columns = [column for m in moves for column in m.slopes(channel, change)]
         values[channel] = change(other[channel], one[channel]) / level
         slopes[channel] = np.reshape(columns, (len(columns), len(recording))).T / level
-    return Difference(values, slopes, recording.period / CORRELATION)
+    return Difference(values, slopes, recording.period / CORRELATION_TIME)
 
 
 Compared = Callable[[np.ndarray, np.ndarray], np.ndarray]

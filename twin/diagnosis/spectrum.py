@@ -23,9 +23,9 @@ from twin.estimation.fit import Fit
 from twin.estimation.slopes import normal_equations, row_weights
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
-from twin.residuals.data import SINGLE, DrivenData
-from twin.residuals.filters import GRID, low_passed, passed
-from twin.residuals.view import View, move, whitened
+from twin.residuals.data import EVENT_CHANNELS, DrivenData
+from twin.residuals.filters import GRID, low_pass_gain, low_passed
+from twin.residuals.view import View, move_link, whitened
 from twin.rigs.model import Model
 
 _PEAKS = 3  # peaks of a spectrum that are returned
@@ -170,7 +170,9 @@ class _Scan:
     @staticmethod
     def of(bench: Workbench, base: Fit, acts: str) -> _Scan | None:
         data = cast(DrivenData, bench.data)
-        usable = [(k, g) for k, g in enumerate(data.groups) if g.channel not in (*SINGLE, "motor_torque")]
+        usable = [
+            (k, g) for k, g in enumerate(data.groups) if g.channel not in (*EVENT_CHANNELS, "motor_torque")
+        ]
         moving = {i for i, p in enumerate(data.prepared) if p.hub is not None or acts == "shake"}
         groups = [
             (k, g)
@@ -180,7 +182,7 @@ class _Scan:
         if not groups:
             return None
         motions = {
-            i: move(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
+            i: move_link(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
             for i in {g.recording for _, g in groups}
         }
         views = {i: data.views[i] for i in motions}
@@ -193,7 +195,7 @@ class _Scan:
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
                         slopes[k] = (
-                            parts[g.channel] * bench.weight[g.rows] / views[i].swell.get(g.channel, 1.0)
+                            parts[g.channel] * bench.weight[g.rows] / views[i].noise_scale.get(g.channel, 1.0)
                         )
             return slopes
 
@@ -294,7 +296,7 @@ def _responses(
 ) -> dict[str, np.ndarray]:
     """Channel -> (k, o, m) derivative of the residual by the coefficients of the waves, noise units."""
     if acts == "time":
-        share = passed(orders, GRID)[:, None]
+        share = low_pass_gain(orders, GRID)[:, None]
         return {"hub_torque": -share * waves / view.noise["hub_torque"]}
     if acts == "resonance":
         return _resonances(waves[0], view, model)

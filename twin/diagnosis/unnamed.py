@@ -20,9 +20,9 @@ import numpy as np
 from twin.diagnosis import dependence, permutation
 from twin.diagnosis.state import FunctionOf, UnnamedFunction
 from twin.estimation.fit import Fit
-from twin.estimation.gaussian_process import Evidence, likeliest, likely
+from twin.estimation.gaussian_process import FunctionEvidence, maximise_evidence, posterior_mean
 from twin.estimation.slopes import prior_precision, row_weights
-from twin.estimation.workbench import Workbench, known_weights
+from twin.estimation.workbench import Workbench, reversal_weights
 from twin.recording import HUB_TORQUE
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
@@ -141,7 +141,7 @@ def _on_hub(view: View, variables: Mapping[str, np.ndarray], law: FunctionOf, x:
     if law.sided or law.variable == _COMMAND:
         # In the balance, friction and drive torque pass the low-pass of the motion as well.
         added = low_passed(added, GRID, view.band)
-    return -residual.white_of(view.sliding * low_passed(added, GRID), view, HUB_TORQUE)
+    return -residual.normalise(view.sliding * low_passed(added, GRID), view, HUB_TORQUE)
 
 
 def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:
@@ -149,7 +149,7 @@ def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> 
     time = prepared.recording.time
     read = _hats(model.read_torque(prepared.recording), x)
     added = low_passed(np.array([np.interp(view.time, time, row) for row in read]), GRID)
-    return -residual.white_of(view.known[_TORQUE] * added, view, _TORQUE)
+    return -residual.normalise(view.known[_TORQUE] * added, view, _TORQUE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +176,7 @@ class _Linearised:
 
     @classmethod
     def of(cls, bench: Workbench, base: Fit) -> _Linearised:
-        weights = row_weights(bench, base.residual) * known_weights(bench, base)
+        weights = row_weights(bench, base.residual) * reversal_weights(bench, base)
         prior = prior_precision(base.unknowns)
         diagonal = base.jacobian.T**2 @ weights + prior
         scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
@@ -190,7 +190,9 @@ class _Linearised:
         return cls(weights, weighted, slopes, information, gradients, prior * away / scale, stretch)
 
 
-def _evidence(linearised: _Linearised, basis: _Basis, signs: np.ndarray) -> tuple[Evidence, np.ndarray]:
+def _evidence(
+    linearised: _Linearised, basis: _Basis, signs: np.ndarray
+) -> tuple[FunctionEvidence, np.ndarray]:
     """Evidence of a function beside the unknowns of the fit, and the function (k) that corrects the fit as it is [N m].
 
     The unknowns are eliminated from information and gradient by their Schur complement.
@@ -203,8 +205,8 @@ def _evidence(linearised: _Linearised, basis: _Basis, signs: np.ndarray) -> tupl
     own = _sums_by_stretch(columns * weighted, stretch, signs.shape[1])
     gradient = own.sum(0) - (linearised.gradients.sum(0) + linearised.prior_gradient) @ eliminated
     flipped = signs @ (own - linearised.gradients @ eliminated)
-    evidence = likeliest(alone - shared.T @ eliminated, gradient, flipped)
-    return evidence, likely(alone, own.sum(0), evidence.length, evidence.size)
+    evidence = maximise_evidence(alone - shared.T @ eliminated, gradient, flipped)
+    return evidence, posterior_mean(alone, own.sum(0), evidence.length, evidence.size)
 
 
 def _sums_by_stretch(values: np.ndarray, stretch: np.ndarray, count: int) -> np.ndarray:

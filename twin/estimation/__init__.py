@@ -1,1 +1,1 @@
-"""Fits of the model's parameters to residuals, and the uncertainty of what was fitted."""
+"""Fits of a model to residuals: unknowns, cost, minimisation, and the uncertainty of the result."""

@@ -1,4 +1,8 @@
-"""From recordings to the calibrated model: what is sound in them, when commands act, where parameters stand."""
+"""Calibration: from recordings to the declared model with its parameters refitted within their uncertainty.
+
+Defective readings are left out, the time at which commands act is determined, and the calibrated model defines the
+filters and the noise of the data on which effects are searched for.
+"""
 
 from __future__ import annotations
 
@@ -35,22 +39,25 @@ from twin.residuals.prepared import Prepared, prepare
 from twin.rigs.model import Model
 
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
-"""A coarse chain is enough to search on: its own error is taken out by `limit.move`."""
+"""Segments and integration step [s] of the search. Its discretisation error is removed, see `chain_limit`."""
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
+_WIDE = 0.2  # relative standard deviation beyond which a declared value is only a rough starting value
+_SIGNIFICANT = 3.0  # standard errors from which a delay of the commands is reported
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The declared model with its parameters moved within their uncertainty, and what it was moved on.
+    """The calibrated model and the data that it was fitted to.
 
     Attributes:
-      declared: the model as declared.
-      readings: the fit recordings, without readings that are no measurements.
-      sound: of these what can be followed, on no clock yet.
-      bench: the same, made ready.
+      declared: the model as declared, with the chain of the search.
+      readings: the fit recordings, defective readings missing.
+      sound: of each of these the longest stretch in which the motion of the hub can be followed; commands at their
+        time stamps.
+      bench: the data of the fit, made from `sound` on `clock`.
       base: the fit.
-      clock: when commands act.
-      notes: what was left out of the recordings or assumed of them.
+      clock: the clock on which commands are held.
+      notes: what was left out of the recordings, or assumed of them.
     """
 
     declared: Model
@@ -63,12 +70,12 @@ class Calibration:
 
     @property
     def prepared(self) -> tuple[Prepared, ...]:
-        """The recordings."""
+        """The prepared recordings of the data."""
         return self.bench.prepared
 
     @property
     def data(self) -> DrivenData:
-        """The recordings, the link driven by the measured hub angle."""
+        """The data of the fit, in which the measured hub angle drives the link."""
         assert isinstance(self.bench.data, DrivenData)
         return self.bench.data
 
@@ -77,17 +84,20 @@ def calibrate(
     campaign: Campaign,
     pool: ThreadPoolExecutor,
     progress: Progress = silent,
-    told: Mapping[str, float] = MappingProxyType({}),
+    initial_values: Mapping[str, float] = MappingProxyType({}),
     clock: Clock | None = None,
 ) -> Calibration:
     """Calibrates the declared model on the fit recordings.
 
     Args:
-      campaign: the recordings; held-out ones are not looked at.
+      campaign: the recordings; held-out ones are not read.
       pool: threads for the simulations.
-      progress: told of every stage.
-      told: parameter of the rig -> where to begin, if not as declared.
-      clock: when commands act; None for that on which the calibrated model fits best.
+      progress: called at the beginning of each stage.
+      initial_values: parameter of the rig -> where the fit starts, if not at its declared value.
+      clock: the clock on which commands are held; None for the one on which the model fits best.
+
+    Raises:
+      InputError: the declared link diverges under the measured motion of the hub in every recording.
     """
     noise = noise_levels(campaign)
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
@@ -96,18 +106,18 @@ def calibrate(
     readings, odd = defects.without_defects(campaign.fit, campaign.sensors)
     sound, cuts = sound_stretches(readings, noise, model)
     progress("calibrating")
-    # Some tenths of a millisecond decide more than many an effect does, but less than a calibration.
-    known = _Known(campaign.effect_errors, told)
+    # Some tenths of a millisecond matter more than many an effect does, but less than a calibration.
+    given = _Given(campaign.effect_errors, initial_values)
     clocks = possible_clocks(sound) if clock is None else (clock,)
-    options = [_roughly(option, sound, noise, model, known, pool) for option in clocks]
+    options = [_rough_calibration(option, sound, noise, model, given, pool) for option in clocks]
     rough = min(options, key=lambda option: option.fit.cost)
-    bench, base = _calibrated(rough.bench, model, rough.fit)
+    bench, base = _final_calibration(rough.bench, model, rough.fit)
     notes = (*odd, *cuts, *rough.notes)
     return Calibration(model, tuple(readings), tuple(sound), bench, base, rough.clock, notes)
 
 
 def likeliest_clock(start: Calibration, best: Fit) -> Clock:
-    """The clock on which a model fits best; one that lacks an effect may have chosen another."""
+    """The clock on which a model with effects fits best, which may differ from that of the calibration."""
     clocks = possible_clocks(start.sound)
     if len(clocks) == 1:
         return start.clock
@@ -115,32 +125,33 @@ def likeliest_clock(start: Calibration, best: Fit) -> Clock:
 
 
 def _cost_on(clock: Clock, start: Calibration, best: Fit) -> float:
+    """Cost of the model of `best`, refitted to the recordings with commands held on this clock."""
     pairs = zip(start.sound, start.prepared, strict=True)
-    prepared = [_prepared(clock, recording, p.noise, best.model)[0] for recording, p in pairs]
+    prepared = [_prepare_on_clock(clock, recording, p.noise, best.model)[0] for recording, p in pairs]
     bench = Workbench(DrivenData(prepared, best.model), start.bench.pool)
-    bench, _ = chain_limit.corrected(bench, best.model, best.starts, chain_limit.ROUGH)
+    bench, _ = chain_limit.without_discretisation_error(bench, best.model, best.starts, chain_limit.ROUGH)
     return minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
 
 
-def _prepared(
+def _prepare_on_clock(
     clock: Clock, recording: Recording, noise: Mapping[str, float], model: Model
 ) -> tuple[Prepared, list[str]]:
-    """The recording made ready on a clock, its first state too, and what was left out of it."""
+    """The prepared recording with commands held on a clock and its initial state, and what was left out of it."""
     prepared, left_out = prepare(with_command_clock(recording, clock), noise)
     return first_state.with_bend(prepared, model), left_out
 
 
 @dataclass(frozen=True)
-class _Known:
-    """Standard errors of the effects that a rig has (effect -> name), and where its parameters begin."""
+class _Given:
+    """Prior knowledge: standard errors of declared effects (effect -> parameter), initial values of rig parameters."""
 
-    errors: Mapping[str, Mapping[str, float]]
-    told: Mapping[str, float]
+    effect_errors: Mapping[str, Mapping[str, float]]
+    initial_values: Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class _Rough:
-    """A calibration on one clock, as it begins."""
+class _RoughCalibration:
+    """A first calibration with commands held on one clock, and notes on its data."""
 
     clock: Clock
     bench: Workbench
@@ -148,40 +159,50 @@ class _Rough:
     notes: tuple[str, ...]
 
 
-def _roughly(
+def _rough_calibration(
     clock: Clock,
     recordings: Sequence[Recording],
     noise: Mapping[str, float],
     model: Model,
-    known: _Known,
+    given: _Given,
     pool: ThreadPoolExecutor,
-) -> _Rough:
-    """Moves declared parameters within their uncertainty, commands held on this clock; the chain is a rough one."""
-    pairs = [_prepared(clock, recording, noise, model) for recording in recordings]
+) -> _RoughCalibration:
+    """Fits declared parameters, declared effects, command delay and initial states with a rough chain correction.
+
+    Args:
+      clock: on which commands are held.
+      recordings: sound stretches.
+      noise: channel -> standard deviation.
+      model: the declared model.
+      given: prior knowledge.
+      pool: threads for the simulations.
+    """
+    pairs = [_prepare_on_clock(clock, recording, noise, model) for recording in recordings]
     data = DrivenData([prepared for prepared, _ in pairs], model)
     left_out = [note for _, notes in pairs for note in notes]
-    notes = (*left_out, *clock_notes(clock), *_out_of_reach(data))
+    notes = (*left_out, *clock_notes(clock), *_divergence_notes(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
     unknowns = (
         *declared_unknowns(model),
-        *known_effect_unknowns(model, known.errors, bench.channels()),
+        *known_effect_unknowns(model, given.effect_errors, bench.channels()),
         clock_unknown(bench.prepared),
         *start_unknowns(bench.prepared),
     )
-    bench, _ = chain_limit.corrected(bench, model, starts, chain_limit.ROUGH)
-    x = roughly(bench, model, starts, unknowns, known.told)
-    return _Rough(clock, bench, minimise(bench, model, starts, unknowns, x, iterations=20), notes)
+    bench, _ = chain_limit.without_discretisation_error(bench, model, starts, chain_limit.ROUGH)
+    x = initial_point(bench, model, starts, unknowns, given.initial_values)
+    fit = minimise(bench, model, starts, unknowns, x, iterations=20)
+    return _RoughCalibration(clock, bench, fit, notes)
 
 
-def _out_of_reach(data: DrivenData) -> list[str]:
-    """What is said of recordings in which the declared link runs away under the motion of the hub.
+def _divergence_notes(data: DrivenData) -> list[str]:
+    """Notes on recordings without residuals, because the declared link diverges under the motion of the hub.
 
     Raises:
-      InputError: these are all.
+      InputError: no recording has residuals.
     """
-    seen = {group.recording for group in data.groups}
-    lost = [p.recording.name for i, p in enumerate(data.prepared) if i not in seen]
-    if not seen:
+    used = {group.recording for group in data.groups}
+    lost = [p.recording.name for i, p in enumerate(data.prepared) if i not in used]
+    if not used:
         raise InputError(
             f"{', '.join(lost)}: the declared link runs away under the measured motion of the hub; expected parameters "
             "and units with which it can be simulated"
@@ -193,29 +214,39 @@ def _out_of_reach(data: DrivenData) -> list[str]:
     ]
 
 
-def made_ready(
+def prepare_clean(
     recording: Recording, sensors: Mapping[str, Sensor], clock: Clock, noise: Mapping[str, float]
 ) -> tuple[Prepared, tuple[str, ...]]:
-    """A whole recording as models are held beside it, and what was left out of it; `noise` as by `noise_levels`."""
+    """A whole recording prepared for comparison with a model, defective readings missing.
+
+    Args:
+      recording: as read.
+      sensors: channel -> how it is measured.
+      clock: on which commands are held.
+      noise: channel -> standard deviation, see `noise_levels`.
+
+    Returns:
+      The prepared recording, and notes on what was left out.
+    """
     [clean], odd = defects.without_defects([recording], sensors)
     prepared, left_out = prepare(with_command_clock(clean, clock), noise)
     return prepared, (*odd, *left_out)
 
 
 def noise_levels(campaign: Campaign) -> dict[str, float]:
-    """Channel -> standard deviation of its noise: declared, or seen in the fit recordings."""
-    found = {}
+    """Channel -> standard deviation of its noise: declared, or the largest estimate from a fit recording."""
+    levels = {}
     for name, sensor in campaign.sensors.items():
-        seen = [estimate_noise(r[name]) for r in campaign.fit if name in r]
+        estimates = [estimate_noise(r[name]) for r in campaign.fit if name in r]
         declared = sensor.noise
-        found[name] = declared if declared else max(seen, default=0.0)
-    return {name: value for name, value in found.items() if value > 0 and name in CHANNEL_UNITS}
+        levels[name] = declared if declared else max(estimates, default=0.0)
+    return {name: value for name, value in levels.items() if value > 0 and name in CHANNEL_UNITS}
 
 
 def sound_stretches(
     recordings: Sequence[Recording], noise: Mapping[str, float], model: Model
 ) -> tuple[list[Recording], list[str]]:
-    """The recordings without the stretches in which the hub's motion cannot be followed, and what was left out."""
+    """The longest stretch of each recording in which the motion of the hub can be followed, and notes on the rest."""
     kept, notes = [], []
     for recording in recordings:
         peak = np.nanmax(np.abs(recording["torque_command"])) + model.declared["static_friction"]
@@ -226,40 +257,37 @@ def sound_stretches(
     return kept, notes
 
 
-def _calibrated(bench: Workbench, model: Model, rough: Fit) -> tuple[Workbench, Fit]:
-    """The data as the calibrated model sees them, the chain's own error taken out, and the fit to them."""
-    bench = seen_by(bench, rough.model)
-    bench, _ = chain_limit.corrected(bench, rough.model, rough.starts, chain_limit.QUICK)
+def _final_calibration(bench: Workbench, model: Model, rough: Fit) -> tuple[Workbench, Fit]:
+    """Data whose noise and chain correction are those of a roughly calibrated model, and the fit to them."""
+    bench = with_noise_of(bench, rough.model)
+    bench, _ = chain_limit.without_discretisation_error(
+        bench, rough.model, rough.starts, chain_limit.STANDARD
+    )
     return bench, minimise(bench, model, rough.starts, rough.unknowns, rough.values, iterations=3)
 
 
-def seen_by(bench: Workbench, model: Model) -> Workbench:
-    """The same data, their noise that of this model: it rings at its frequencies."""
+def with_noise_of(bench: Workbench, model: Model) -> Workbench:
+    """The same recordings, their noise propagated through this model: the link rings at its clamped frequencies."""
     return Workbench(DrivenData(bench.prepared, model), bench.pool)
 
 
-_ROUGH = 0.2  # relative uncertainty beyond which a declared value is only a rough start
-
-
-def roughly(
+def initial_point(
     bench: Workbench,
     model: Model,
     starts: Sequence[Start],
     unknowns: Sequence[Unknown],
-    told: Mapping[str, float],
+    initial_values: Mapping[str, float],
 ) -> np.ndarray:
-    """Where the fit of a rig starts: as declared, or for a rig known only roughly, the best of a coarse grid.
+    """Values (p) from which the fit of a rig starts: `initial_values`, then declared values.
 
-    What is `told` of a parameter otherwise, by a test of its own, say, goes before its declaration.
-
-    A link whose frequencies are far off is in another valley than the right one: stiffness and damping, where their
-    uncertainty is large, are tried over their range first.
+    A link whose frequencies are far off lies in another local minimum of the cost. Bending stiffness and damping ratio,
+    where their declared uncertainty is large, are therefore set to the best point of a coarse grid first.
     """
-    first = [told.get(u.name, u.start) if u.owner == "rig" else u.start for u in unknowns]
+    first = [initial_values.get(u.name, u.start) if u.kind == "rig" else u.start for u in unknowns]
     x = np.array([np.clip(value, *u.bounds) for value, u in zip(first, unknowns, strict=True)])
     for name in ("bending_stiffness", "damping_ratio", "bending_stiffness"):
         for index, u in enumerate(unknowns):
-            if u.name == name and u.prior and u.scale > _ROUGH * abs(u.start):
+            if u.name == name and u.prior and u.scale > _WIDE * abs(u.start):
                 spread = min(1.0, 2 * u.scale / abs(u.start))
                 values = np.clip(x[index] * np.geomspace(1 / (1 + spread), 1 + spread, 11), *u.bounds)
                 points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
@@ -267,12 +295,9 @@ def roughly(
     return x
 
 
-_SURE = 3.0  # standard errors from which commands are said to act late
-
-
-def late_command_notes(found: Fit) -> list[str]:
-    """What a fit found of the instant within a sample at which commands act, where it is surely off its stamp."""
-    for u, value, error in zip(found.unknowns, found.values, found.errors, strict=True):
-        if u.owner == "clock" and abs(value) > _SURE * error:
+def late_command_notes(fit: Fit) -> list[str]:
+    """A note on the fitted delay of the commands against their time stamps, if it is significant."""
+    for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
+        if u.kind == "clock" and abs(value) > _SIGNIFICANT * error:
             return [f"Commands are taken to act {1e3 * value:+.2f} ms off their time stamps."]
     return []

@@ -1,9 +1,9 @@
-"""What a chain of ever more segments comes to, by extrapolation.
+"""Discretisation error of the chain, removed by Richardson extrapolation.
 
-A chain whose proportions are fitted is good with few segments, but what is left of its error does not fall steadily
-with their number n. That of equal segments does: a n^-2 + b n^-4 + ... in every figure, however far the link bends, if
-the curvature at a gauge is read off the hinges beside it. So a few coarse chains give the limit (L. F. Richardson,
-1911; W. Romberg, 1955).
+A chain of few segments whose proportions are fitted to the modes is accurate, but its remaining error does not fall
+regularly with the number n of segments. With equal segments, and the curvature at a gauge interpolated from the hinges
+near it, the error of every quantity is a n^-2 + b n^-4 + ..., at large bends too. So a few coarse chains of equal
+segments give the limit n -> infinity (L. F. Richardson, 1911; W. Romberg, 1955).
 """
 
 from __future__ import annotations
@@ -20,31 +20,37 @@ from twin.mechanics.state import Start
 from twin.rigs.model import FINE_STEP, Model
 
 ROUGH = (6, 8, 12)
-"""Numbers of segments to begin with: they leave half a noise level at a resonance, in a third of the time."""
-QUICK = (8, 12, 16)
-"""Numbers of segments that leave an error of a tenth of the noise's or so."""
-CLOSE = (8, 12, 16, 20)
-"""Numbers of segments of a last step."""
-_BESIDE = 4  # hinges between which the curvature at a gauge is interpolated
+"""Numbers of segments before a calibration: an error of half the noise at a resonance, in a third of the time."""
+STANDARD = (8, 12, 16)
+"""Numbers of segments that leave an error of about a tenth of the noise."""
+PRECISE = (8, 12, 16, 20)
+"""Numbers of segments for the last steps of a fit."""
+_STENCIL = 4  # hinges between which the curvature at a gauge is interpolated
 
 
-class EvenModel(Model):
-    """A model on a chain of equal segments, strains read off the hinges beside the gauge."""
+class UniformChainModel(Model):
+    """A model on a chain of equal segments, strains interpolated from the hinges near the gauge."""
 
     def gauge_row(self, links: Chain, x: float) -> np.ndarray:
         """See `Model.gauge_row`."""
-        return _row(links.hinges, self.rig["length"], x)
+        return _interpolated_curvature_row(links.hinges, self.rig["length"], x)
 
 
-def even(model: Model, segments: int) -> EvenModel:
-    """The model on a chain of so many equal segments, in steps as short as those of a fine one."""
+def with_equal_segments(model: Model, segments: int) -> UniformChainModel:
+    """The model on a chain of this number of equal segments, with the step of the fine model."""
     values = {f.name: getattr(model, f.name) for f in fields(model)}
-    return EvenModel(**{**values, "shape": chain.uniform_shape(segments), "step": FINE_STEP})
+    return UniformChainModel(**{**values, "shape": chain.uniform_shape(segments), "step": FINE_STEP})
 
 
-def _row(hinges: np.ndarray, length: float, x: float) -> np.ndarray:
-    """Curvature at x [m] of the polynomial through the curvatures at the hinges beside it (n) [1/m per rad]."""
-    near = np.argsort(np.abs(hinges - x))[:_BESIDE]
+def _interpolated_curvature_row(hinges: np.ndarray, length: float, x: float) -> np.ndarray:
+    """Row (n) from hinge angles [rad] to the curvature at x [1/m], by Lagrange interpolation.
+
+    Args:
+      hinges: positions of the hinges (n) [m].
+      length: of the link [m]; a hinge angle over the length of a segment is the curvature at the hinge.
+      x: position of the gauge [m].
+    """
+    near = np.argsort(np.abs(hinges - x))[:_STENCIL]
     row = np.zeros(len(hinges))
     for i in near:
         others = np.setdiff1d(near, i)
@@ -52,29 +58,32 @@ def _row(hinges: np.ndarray, length: float, x: float) -> np.ndarray:
     return row * len(hinges) / length
 
 
-def weights(segments: Sequence[int]) -> np.ndarray:
-    """Weights (k) with which figures of chains of so many segments (k) give their limit, k - 1 powers of n^-2 out."""
+def richardson_weights(segments: Sequence[int]) -> np.ndarray:
+    """Weights (k) of a quantity on chains with these numbers of segments (k) whose sum is its limit.
+
+    They eliminate the error's first k - 1 powers of n^-2.
+    """
     powers = np.array(segments, dtype=float) ** (-2.0 * np.arange(len(segments))[:, None])
     return np.linalg.solve(powers, np.eye(len(segments))[0])
 
 
-def corrected(
+def without_discretisation_error(
     bench: Workbench, model: Model, starts: Sequence[Start], segments: Sequence[int]
 ) -> tuple[Workbench, np.ndarray]:
-    """Takes the discretisation error of a model's chain out of the residuals of a bench.
+    """A workbench whose residuals are corrected for the discretisation error of a model's chain.
 
     Args:
-      bench: the data; whatever was taken out of it before is put back.
-      model, starts: where the error is determined.
-      segments: numbers of segments of the equal chains that give the limit.
+      bench: the data; an earlier correction is discarded.
+      model, starts: where the error is evaluated. It is taken as constant in the neighbourhood.
+      segments: numbers of segments of the equal chains to extrapolate from.
 
     Returns:
-      The data without the error, and the change (n) of the residual by the coarsest of these chains, which is the
-      contribution of the highest power.
+      The workbench, and the change of the residual (n) by the coarsest of these chains: the contribution of the
+      highest power, an estimate of the remaining error.
     """
     bench = bench.with_defect(np.zeros(len(bench.weight)))
-    models = [model, *(even(model, n) for n in segments)]
-    given, *found = bench.residuals([(m, starts, None) for m in models])
-    at_limit = weights(segments) @ np.array(found)
-    last = at_limit - weights(segments[1:]) @ np.array(found[1:])
+    models = [model, *(with_equal_segments(model, n) for n in segments)]
+    given, *uniform = bench.residuals([(m, starts, None) for m in models])
+    at_limit = richardson_weights(segments) @ np.array(uniform)
+    last = at_limit - richardson_weights(segments[1:]) @ np.array(uniform[1:])
     return bench.with_defect(given - at_limit), last

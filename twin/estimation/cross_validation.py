@@ -1,6 +1,6 @@
-"""Each recording as the others predict it: cross-validation within the recordings of a fit.
+"""Leave-one-recording-out cross-validation of a fit, linearised.
 
-A fit without one of them is one step of Gauss and Newton away from the fit to all of them: no simulation more.
+A fit without one recording is one Gauss-Newton step away from the fit to all recordings: no simulation is needed.
 """
 
 from __future__ import annotations
@@ -8,35 +8,37 @@ from __future__ import annotations
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import bounded_move, normal_equations, row_weights
+from twin.estimation.slopes import bounded_step, normal_equations, row_weights
 from twin.estimation.workbench import Workbench
 
-_ALONE = 0.01  # part of what is known of a number below which the other recordings do not tell it
+_DETERMINED = 0.01  # share of an unknown's information that the other recordings must have to determine it
 
 
-def residual(bench: Workbench, found: Fit, effect: str | None = None) -> np.ndarray:
-    """Residual (n), that of each recording by a fit to the other ones.
+def residual(bench: Workbench, base: Fit, effect: str | None = None) -> np.ndarray:
+    """Residual (n) in which each recording is predicted with parameters fitted to the other recordings.
 
-    What a recording alone tells, as the state at its first sample, is kept as it is.
+    Unknowns that one recording alone determines, such as its initial state, keep their values.
 
     Args:
       bench: the data.
-      found: the fit to all of them, with its slopes.
-      effect: the only one whose parameters are told by the others; all else stays as all recordings tell it.
+      base: the fit to all of them, with its Jacobian.
+      effect: refit only the parameters of this effect without the recording; None for all unknowns.
     """
-    weights = row_weights(bench, found.residual)
-    information, gradient = normal_equations(bench, found)
-    low, high = np.array([u.bounds for u in found.unknowns]).T - found.values
-    mine = np.array([effect is None or u.owner == effect for u in found.unknowns])
-    predicted = found.residual.copy()
+    weights = row_weights(bench, base.residual)
+    information, gradient = normal_equations(bench, base)
+    low, high = np.array([u.bounds for u in base.unknowns]).T - base.values
+    mine = np.array([effect is None or u.effect == effect for u in base.unknowns])
+    predicted = base.residual.copy()
     for i in {g.recording for g in bench.groups}:
         own = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in bench.groups if g.recording == i])
-        J, weighted = found.jacobian[own], weights[own, None] * found.jacobian[own]
+        J, weighted = base.jacobian[own], weights[own, None] * base.jacobian[own]
         others = information - J.T @ weighted
-        told = mine & (np.diag(others) > _ALONE * np.diag(information))
-        if not told.any():
+        refitted = mine & (np.diag(others) > _DETERMINED * np.diag(information))
+        if not refitted.any():
             continue
-        pulls = gradient - weighted.T @ found.residual[own]
-        move = bounded_move(others[np.ix_(told, told)], pulls[told], low[told], high[told])
-        predicted[own] += J[:, told] @ move * bench.weight[own]
+        score = gradient - weighted.T @ base.residual[own]
+        step = bounded_step(
+            others[np.ix_(refitted, refitted)], score[refitted], low[refitted], high[refitted]
+        )
+        predicted[own] += J[:, refitted] @ step * bench.weight[own]
     return predicted

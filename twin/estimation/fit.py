@@ -1,4 +1,4 @@
-"""A fitted model, and how well the data determine it."""
+"""The result of a fit: model, values, covariance and Jacobian."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from twin.rigs.model import Model
 
 @dataclass(frozen=True)
 class Fit:
-    """A model at its best, and how well the data determine it.
+    """A model fitted to recordings; p unknowns, n residuals, g blocks of residuals.
 
     Attributes:
-      model: the fitted model.
-      starts: state of each recording at its first sample.
+      model: the model at the fitted values.
+      starts: the initial state of each recording at the fitted values.
       unknowns: what was fitted (p).
-      values, errors: (p) and their standard errors.
-      covariance: (p x p).
-      residual: (n) in noise units.
-      size: (g) root-mean-square of each group.
-      cost: what was minimised.
-      jacobian: (n x p) of the residual.
+      values: fitted values (p), in the unit of each parameter or its reciprocal (`Unknown.inverse`).
+      covariance: of the values (p x p).
+      residual: measured minus simulated (n), whitened and in multiples of the noise's standard deviation.
+      size: root mean square of the residual in each block (g).
+      cost: negative log posterior up to a constant: loss of the blocks plus Gaussian priors.
+      jacobian: derivative of the residual by the values (n x p).
     """
 
     model: Model
@@ -39,10 +39,10 @@ class Fit:
 
     @property
     def errors(self) -> np.ndarray:
-        """Standard errors (p)."""
+        """Standard errors of the values (p)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0))
 
     @property
-    def slopes(self) -> dict[Key, np.ndarray]:
-        """`Unknown.key` -> what it changes in the residual (n)."""
+    def jacobian_columns(self) -> dict[Key, np.ndarray]:
+        """`Unknown.key` -> column of the Jacobian (n)."""
         return {u.key: self.jacobian[:, j] for j, u in enumerate(self.unknowns)}

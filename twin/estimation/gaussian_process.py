@@ -1,8 +1,11 @@
-"""Evidence of a smooth function, a Gaussian process on evenly spaced knots, in linear data.
+"""Bayesian evidence of an unknown smooth function in linearised data: a Gaussian process on evenly spaced knots.
 
-How much more likely data are with it than without (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for
-Machine Learning, 2006, eq. 5.8). Many wiggles cost what they could have been: there is no number of parameters to
-choose.
+The evidence is the marginal likelihood with the function over the likelihood without it (C. E. Rasmussen and
+C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.8). It penalises a function that could have
+been larger or more wiggly, so that no number of parameters has to be chosen.
+
+The values f (k) of the function at the knots enter the negative log likelihood as g' f + f' H f / 2, with the gradient
+g (k) and the information H (k x k). Their prior is normal with mean 0 and covariance size^2 R R', see `_prior_root`.
 """
 
 from __future__ import annotations
@@ -11,21 +14,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SMOOTH = (0.4, 0.2, 0.1, 0.05)
-"""Lengths over which the function may change, in the range of its variable."""
-SIZES = np.geomspace(0.1, 300.0, 15)
-"""Standard deviations that it may have, in what the data tell of one knot's value alone."""
-_LEAST = 1e-9  # part of a variance that keeps a matrix regular
+LENGTH_SCALES = (0.4, 0.2, 0.1, 0.05)
+"""Length scales of the function that are tried, relative to the range of its variable."""
+AMPLITUDES = np.geomspace(0.1, 300.0, 15)
+"""Prior standard deviations of the function that are tried, relative to the standard error of the value at one knot."""
+_MIN_INFORMATION = 1e-9  # of one knot relative to that of all, which keeps the median finite
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """How much likelier a function makes data, as a natural logarithm.
+class FunctionEvidence:
+    """Log evidence of a smooth function, maximised over its length scale and amplitude.
 
     Attributes:
-      value: of the data.
-      by_draw: (d) of what chance draws instead.
-      length, size: of the function, that make the data likeliest.
+      value: of the data [nat].
+      by_draw: of d permuted data sets (d), each maximised by itself [nat].
+      length, size: length scale and amplitude that maximise the evidence of the data.
     """
 
     value: float
@@ -34,38 +37,46 @@ class Evidence:
     size: float
 
 
-def likeliest(information: np.ndarray, gradient: np.ndarray, gradients: np.ndarray) -> Evidence:
-    """The evidence of the smoothness and size that make the data, and each draw, likeliest.
+def maximise_evidence(
+    information: np.ndarray, gradient: np.ndarray, gradients: np.ndarray
+) -> FunctionEvidence:
+    """The log evidence of a function, maximised over `LENGTH_SCALES` and `AMPLITUDES`.
 
     Args:
-      information: (k x k) of the knots' values.
-      gradient: (k) of the data's log likelihood, its sign turned.
-      gradients: (d x k) of the draws'.
+      information: of the values at the knots (k x k).
+      gradient: of the negative log likelihood of the data (k).
+      gradients: of permuted data sets (d x k).
     """
-    alone = np.median(np.maximum(np.diag(information), _LEAST * information.trace())) ** -0.5
+    alone = np.median(np.maximum(np.diag(information), _MIN_INFORMATION * information.trace())) ** -0.5
     both = np.vstack([gradient, gradients])
-    best, length, size = np.full(len(both), -np.inf), SMOOTH[0], alone
-    for smooth in SMOOTH:
-        root = _root(len(gradient), smooth)
+    best, length, size = np.full(len(both), -np.inf), LENGTH_SCALES[0], alone
+    for scale in LENGTH_SCALES:
+        root = _prior_root(len(gradient), scale)
         strengths, axes = np.linalg.eigh(root.T @ information @ root)
         strengths, along = np.maximum(strengths, 0.0), both @ root @ axes
-        for large in alone * SIZES:
-            shrunk = large**2 / (1 + large**2 * strengths)
-            evidence = 0.5 * along**2 @ shrunk - 0.5 * np.log1p(large**2 * strengths).sum()
+        for amplitude in alone * AMPLITUDES:
+            shrunk = amplitude**2 / (1 + amplitude**2 * strengths)
+            evidence = 0.5 * along**2 @ shrunk - 0.5 * np.log1p(amplitude**2 * strengths).sum()
             if evidence[0] > best[0]:
-                length, size = smooth, large
+                length, size = scale, amplitude
             best = np.maximum(best, evidence)
-    return Evidence(float(best[0]), best[1:], length, float(size))
+    return FunctionEvidence(float(best[0]), best[1:], length, float(size))
 
 
-def likely(information: np.ndarray, gradient: np.ndarray, length: float, size: float) -> np.ndarray:
-    """The function (k) that data with this information (k x k) and gradient (k) ask for."""
-    root = size * _root(len(gradient), length)
+def posterior_mean(information: np.ndarray, gradient: np.ndarray, length: float, size: float) -> np.ndarray:
+    """Posterior mean of the function at the knots (k).
+
+    Args:
+      information: of the values at the knots (k x k).
+      gradient: of the negative log likelihood of the data (k).
+      length, size: length scale and amplitude, as in `FunctionEvidence`.
+    """
+    root = size * _prior_root(len(gradient), length)
     return -root @ np.linalg.solve(np.eye(len(gradient)) + root.T @ information @ root, root.T @ gradient)
 
 
-def _root(count: int, length: float) -> np.ndarray:
-    """Root (k x k) of the covariance of the function's values at the knots, of size one."""
+def _prior_root(count: int, length: float) -> np.ndarray:
+    """Cholesky factor R (k x k) of a squared-exponential covariance at evenly spaced knots, unit amplitude."""
     place = np.linspace(0, 1, count)
-    likeness = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2)
-    return np.linalg.cholesky(likeness + 1e-6 * np.eye(count))
+    covariance = np.exp(-0.5 * ((place[:, None] - place) / length) ** 2)
+    return np.linalg.cholesky(covariance + 1e-6 * np.eye(count))

@@ -1,8 +1,9 @@
-"""How sure a fit is of its values where recordings disagree by more than their noise.
+"""Standard errors that grow where recordings contradict each other by more than their noise.
 
-Each recording is given a little less weight in turn (the infinitesimal jackknife: L. A. Jaeckel, 1972). A rig that is
-not quite the model makes the estimate move by more than the noise does: its errors grow in that proportion
-(R. T. Birge, 1932). Moves that the noise explains leave them as they are; the jackknife's own errors would not.
+The influence of each recording on the estimate is compared with what its noise explains (infinitesimal jackknife:
+L. A. Jaeckel, 1972). Where a rig is not quite the model, the influences are larger, and the standard errors are
+multiplied by the root of that ratio (R. T. Birge, 1932). Influences that noise explains leave the sandwich standard
+errors unchanged, where those of a plain jackknife would scatter.
 """
 
 from __future__ import annotations
@@ -16,18 +17,23 @@ from twin.estimation import sandwich
 from twin.estimation.fit import Fit
 from twin.estimation.workbench import Workbench
 
-_CHANCE = 0.05  # of moves as large as these by the noise alone, up to which it is not taken to explain them
+_SIGNIFICANCE = 0.05  # probability below which influences as large are not taken for noise
 
 
-def sure(bench: Workbench, base: Fit) -> Fit:
-    """The fit with the covariance of its residuals as they are, and of recordings as far apart as they are."""
-    said = sandwich.evidence(bench, base)
-    covariance = widened(said.by_noise, said.by_declaration, *said.influences(), most(base))
+def with_jackknife_covariance(bench: Workbench, base: Fit) -> Fit:
+    """The fit with its sandwich covariance, inflated where recordings contradict each other."""
+    per_recording = sandwich.recording_information(bench, base)
+    covariance = inflated_covariance(
+        per_recording.noise_covariance,
+        per_recording.prior_covariance,
+        *per_recording.influences(),
+        largest_errors(base),
+    )
     return replace(base, covariance=covariance)
 
 
-def most(base: Fit) -> np.ndarray:
-    """Error (p) of an estimate of which nothing is known but its declaration, and that it lies off it."""
+def largest_errors(base: Fit) -> np.ndarray:
+    """Upper limit (p) of the standard errors: prior deviation and distance from its mean, in quadrature."""
     return np.array(
         [
             np.hypot(u.scale, value - u.start) if u.prior else np.inf
@@ -36,23 +42,23 @@ def most(base: Fit) -> np.ndarray:
     )
 
 
-def widened(
+def inflated_covariance(
     noise: np.ndarray, rest: np.ndarray, influences: np.ndarray, variances: np.ndarray, most: np.ndarray
 ) -> np.ndarray:
-    """The covariance (p x p) with errors as much larger as recordings lie further apart than their noise.
+    """Covariance (p x p) with the part due to noise inflated by the scatter of k recordings; correlations are kept.
 
     Args:
-      noise: (p x p) what the noise of the recordings adds to it.
-      rest: (p x p) what else does: recordings that disagree say nothing of that.
-      influences: (k x p) of each recording on the estimate.
-      variances: (k x p) of these by the noise.
-      most: (p) that the recordings can make an error.
+      noise: part of the covariance that is due to noise (p x p).
+      rest: other parts (p x p), of which the scatter of recordings tells nothing.
+      influences: of each recording on the estimate (k x p).
+      variances: of these by noise (k x p).
+      most: upper limit of the standard errors (p), see `largest_errors`.
     """
     squares, expected = (influences**2).sum(axis=0), variances.sum(axis=0)
     ratio = np.divide(squares, expected, out=np.ones_like(squares), where=expected > 0)
-    # So many recordings, all alike, would scatter as those that speak (F. E. Satterthwaite, 1946).
-    alike = np.divide(expected**2, (variances**2).sum(axis=0), out=np.ones_like(ratio), where=expected > 0)
-    ratio = np.where(ratio * alike > chi2.isf(_CHANCE, alike), ratio, 1.0)
+    # Effective degrees of freedom of a sum of unequal variances (F. E. Satterthwaite, 1946).
+    freedom = np.divide(expected**2, (variances**2).sum(axis=0), out=np.ones_like(ratio), where=expected > 0)
+    ratio = np.where(ratio * freedom > chi2.isf(_SIGNIFICANCE, freedom), ratio, 1.0)
     covariance = noise + rest
     own = np.sqrt(np.diag(covariance))
     wide = np.sqrt(ratio * np.diag(noise) + np.diag(rest))

@@ -1,10 +1,10 @@
-"""How much one model is to be preferred to another, where neither need be right.
+"""Negative log likelihood of residuals whose size is a nuisance parameter.
 
-Residuals are grouped by recording and channel. Where a model is right a group is sensor noise. Where it is wrong
-the misfit is larger than the noise, and its size is estimated with the rest (profile likelihood, -n log s for a
-group of root-mean-square s in noise units); n is the number of independent samples that the data say they have.
-A model is seldom wrong everywhere: the sizes are those of stretches of a second or two, so that a resonance that
-bends the link too far for it does not take the rest of a recording's word away.
+Residuals are grouped by recording, channel and stretch of time. Where a model is right, the residual of a group is
+sensor noise of unit size. Where it is wrong, the residual is larger and its size s is estimated with the other
+parameters, which gives the profile likelihood s^-n for a group of root mean square s; n is the number of independent
+samples in the group. The stretches are a second or two long, because a model is seldom wrong everywhere: a resonance
+that bends the link beyond the model's validity then does not reduce the weight of the rest of its recording.
 """
 
 from __future__ import annotations
@@ -17,9 +17,12 @@ from twin.residuals.groups import Group
 
 
 def group_sizes(residual: np.ndarray, groups: Sequence[Group], weight: np.ndarray) -> np.ndarray:
-    """Root-mean-square of each group (g) in noise units; `weight` (n) is 0 where a sample is missing.
+    """Root mean square of each group (g), in multiples of the noise.
 
-    The groups follow one another without a gap.
+    Args:
+      residual: (n) in multiples of the noise.
+      groups: adjacent ranges of rows that cover the residual without a gap.
+      weight: (n) 0 where a sample is missing, otherwise 1.
     """
     starts = [g.rows.start for g in groups]
     squares = np.add.reduceat(residual**2 * weight, starts)
@@ -27,12 +30,14 @@ def group_sizes(residual: np.ndarray, groups: Sequence[Group], weight: np.ndarra
 
 
 def loss(size: np.ndarray) -> np.ndarray:
-    """Negative log likelihood per sample of groups of this size (g), noise units.
+    """Negative log likelihood per sample (g), up to a constant, of groups with these root mean squares (g).
 
-    s^2/2 up to the noise; log s beyond it, where the misfit's own size is the better guess.
+    s^2/2 up to the noise level, 1/2 + log s above it: a profile likelihood in which a group is never quieter than its
+    sensor noise. Value and slope are continuous at s = 1.
     """
     return np.where(size < 1, 0.5 * size**2, 0.5 + np.log(np.maximum(size, 1.0)))
 
 
-SOUND = 1.4
-"""Noise levels up to which residuals of a right model lie, on dirty recordings too."""
+ADEQUATE_RMS = 1.4
+"""Root mean square, in multiples of the noise, below which the residuals of a right model lie, on recordings with
+defects too."""

@@ -1,4 +1,4 @@
-"""Fits of a model to recordings: declared parameters within their uncertainty, effects freely."""
+"""Levenberg-Marquardt minimisation of a fit's cost within bounds, with Broyden updates of the Jacobian."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import _jacobian, cost_of, equations_at
-from twin.estimation.unknowns import Key, Unknown, placed_both
+from twin.estimation.slopes import cost_of, difference_jacobian, normal_equations_at
+from twin.estimation.unknowns import Key, Unknown, model_and_starts_at
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
 from twin.rigs.model import Model
 
-_TRIALS, _SECANTS = 5, 4  # trials of a step with a new Jacobian; steps with one that was put right
-_PACE = 3.0  # times what the last iteration gained that those to come may gain
+_TRIALS = 5  # dampings that are tried with a Jacobian by differences, each at least ten times the one before
+_BROYDEN_STEPS = 4  # steps with an updated Jacobian before the next one by differences
+_OPTIMISM = 3.0  # gain per remaining iteration that is still thought possible, in multiples of the last one's
 
 
 def minimise(
@@ -30,56 +31,60 @@ def minimise(
     report: Callable[[str], None] = lambda text: None,
     goal: float = np.inf,
 ) -> Fit:
-    """Levenberg-Marquardt on the groups' losses, each group weighted by its own size.
+    """Minimises the cost of `slopes` by Levenberg-Marquardt steps, blocks reweighted by their size at each step.
 
-    Between two Jacobians by differences, steps are taken with the one that the last step has put right, as long as
-    they gain: one simulation each in place of one for each unknown.
+    A Jacobian by differences takes one simulation per unknown. After it, steps are taken with the Jacobian that
+    Broyden's update corrects, one simulation each, as long as they reduce the cost.
 
     Args:
-      bench: the recordings.
-      model: where to start; its effects contain those of the unknowns.
-      starts: states at the first samples.
-      unknowns: what may move (p).
+      bench: the data.
+      model: where the unknowns are set; it has the effects that they belong to.
+      starts: initial state of each recording.
+      unknowns: (p).
       values: (p) first values; by default the unknowns' own.
-      fixed_jacobian: columns (n) that need not be computed again, by their `key`: a chord method.
-      iterations: at most so many.
-      tolerance: a step that gains less than this in cost is the last.
-      report: told of every iteration.
-      goal: cost that it is worth going on for: given up is what would not get there at three times its pace.
+      fixed_jacobian: `Unknown.key` -> column (n) that is kept instead of computed (chord method).
+      iterations: most Jacobians by differences.
+      tolerance: reduction of the cost below which a step is the last one.
+      report: called with the cost after each iteration.
+      goal: the fit is given up when its cost would stay above this even if every remaining iteration gained three
+        times as much as the last one.
+
+    Returns:
+      The fit; its covariance is the inverse of the information, a Gauss-Newton Hessian.
     """
     unknowns = tuple(unknowns)
     x = np.array([u.start for u in unknowns]) if values is None else np.array(values, dtype=float)
     steps = np.array([0.1 * u.scale if u.prior else u.scale for u in unknowns])
     fixed = fixed_jacobian or {}
-    [r] = bench.residuals([(*placed_both(model, starts, unknowns, x), None)])
+    [r] = bench.residuals([(*model_and_starts_at(model, starts, unknowns, x), None)])
     at = _Point(x, r, cost_of(bench, unknowns, x, r), 1e-3)
     J = np.zeros((len(r), len(unknowns)))
     for iteration in range(iterations):
         before, enough = at.cost, tolerance * max(1.0, 1e-3 * at.cost)
-        J, steps = _jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
-        for trials in (_TRIALS, *(1,) * _SECANTS):
-            better = _improved(bench, model, starts, unknowns, at, J, trials)
+        J, steps = difference_jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
+        for trials in (_TRIALS, *(1,) * _BROYDEN_STEPS):
+            better = _best_trial(bench, model, starts, unknowns, at, J, trials)
             gained = at.cost - better.cost
             if better is not at:
-                J = _secant(J, better.x - at.x, better.residual - at.residual, steps)
+                J = _broyden_update(J, better.x - at.x, better.residual - at.residual, steps)
             at = better
             if gained < enough:
                 break
         report(f"iteration {iteration + 1}: cost {at.cost:.1f}")
         if before - at.cost < enough:
             break
-        if at.cost - _PACE * (before - at.cost) * (iterations - 1 - iteration) > goal:
+        if at.cost - _OPTIMISM * (before - at.cost) * (iterations - 1 - iteration) > goal:
             break
     x, r, cost = at.x, at.residual, at.cost
     size = bench.sizes(r)
-    fitted, states = placed_both(model, starts, unknowns, x)
-    information, _ = equations_at(bench, unknowns, x, r, J)
+    fitted, states = model_and_starts_at(model, starts, unknowns, x)
+    information, _ = normal_equations_at(bench, unknowns, x, r, J)
     return Fit(fitted, states, unknowns, x, np.linalg.pinv(information, hermitian=True), r, size, cost, J)
 
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Where a fit stands: values (p), residual (n), cost, and damping of the next step."""
+    """State of a minimisation: values (p), residual (n), cost, and damping of the next step."""
 
     x: np.ndarray
     residual: np.ndarray
@@ -87,7 +92,7 @@ class _Point:
     damping: float
 
 
-def _improved(
+def _best_trial(
     bench: Workbench,
     model: Model,
     starts: Sequence[Start],
@@ -96,11 +101,11 @@ def _improved(
     J: np.ndarray,
     trials: int,
 ) -> _Point:
-    """The first of some trials, each damped more than that before it, that costs less; else the point itself."""
+    """The first of some steps of growing damping that reduces the cost; without one, `at` itself."""
     damping = at.damping
     for _ in range(trials):
-        trial = _step(bench, unknowns, at.x, at.residual, J, damping)
-        [r] = bench.residuals([(*placed_both(model, starts, unknowns, trial), None)])
+        trial = _damped_step(bench, unknowns, at.x, at.residual, J, damping)
+        [r] = bench.residuals([(*model_and_starts_at(model, starts, unknowns, trial), None)])
         cost = cost_of(bench, unknowns, trial, r)
         if cost < at.cost:
             return _Point(trial, r, cost, damping / 10)
@@ -108,17 +113,21 @@ def _improved(
     return at
 
 
-def _secant(J: np.ndarray, moved: np.ndarray, change: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """The Jacobian (n x p) that agrees with the change (n) of a move (p), all else as it was (C. G. Broyden, 1965).
+def _broyden_update(J: np.ndarray, moved: np.ndarray, change: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """The Jacobian (n x p) nearest to J that reproduces a measured change of the residual (C. G. Broyden, 1965).
 
-    `steps` (p) are moves of each unknown that are about equally visible.
+    Args:
+      J: (n x p).
+      moved: step of the unknowns (p).
+      change: of the residual (n) by that step.
+      steps: (p) changes of each unknown that are about equally visible: the unit in which nearness is measured.
     """
     scaled = moved / steps**2
     length = float(scaled @ moved)
     return J + np.outer(change - J @ moved, scaled / length) if length > 0 else J
 
 
-def _step(
+def _damped_step(
     bench: Workbench,
     unknowns: Sequence[Unknown],
     x: np.ndarray,
@@ -126,11 +135,12 @@ def _step(
     J: np.ndarray,
     damping: float,
 ) -> np.ndarray:
-    normal, gradient = equations_at(bench, unknowns, x, r, J)
+    """Values (p) after a step from x with the diagonal of the information raised by `damping`, within the bounds."""
+    normal, gradient = normal_equations_at(bench, unknowns, x, r, J)
     ridge = damping * np.diag(normal) + 1e-12 * np.trace(normal) / len(x)
     low, high = np.array([u.bounds for u in unknowns]).T
     free = np.ones(len(x), dtype=bool)
-    # Unknowns that would leave their range stay on its edge; the others are solved for again.
+    # Active set: unknowns on a bound that the step would cross are held there, and the others solved for again.
     for _ in range(len(x)):
         move = np.zeros(len(x))
         system = normal[np.ix_(free, free)] + np.diag(ridge[free])

@@ -1,8 +1,8 @@
-"""The last steps of a fit, with slopes along the axes of its own ellipse.
+"""Final Gauss-Newton steps of a fit, with a Jacobian by central differences along the axes of its error ellipse.
 
-Parameters that move together leave the residual almost as it is, each alone changes it a hundred times as much. Slopes
-by each parameter, taken over steps of its own, are too rough for the difference that is left; taken along the ridge,
-over one standard error to either side, they are not.
+Strongly correlated parameters change the residual a hundred times less along the long axis of the error ellipse than
+each does alone. Differences along the parameters are too inaccurate to resolve that; central differences along the
+axes, one standard error to either side, are not.
 """
 
 from __future__ import annotations
@@ -14,73 +14,85 @@ import numpy as np
 
 from twin.estimation.fit import Fit
 from twin.estimation.slopes import cost_of, normal_equations
-from twin.estimation.unknowns import placed_both
+from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import Workbench
 
-_ROUNDS = 3
-WORTH = 0.02
-"""Gain in cost that is worth a step: what is a fifth of a standard error away costs that much."""
-_NOTHING = 1e-6  # noise levels by which a residual may change in all, where nothing is seen
-_HALVES = 3  # times that a step which makes things worse is halved
-_CLIFF = 10.0
-"""Times as far off a parabola as on the other side, and by more than a nat, is a cost that jumps."""
-_OF_SMALLER = 1.0 + 0.5 * np.sqrt(2.0)
-"""Mean size of one of two normal deviations, over that of the smaller: 1/(2 - sqrt(2))."""
+_MAX_STEPS = 3  # Gauss-Newton steps
+MIN_GAIN = 0.02
+"""Reduction of the cost that is worth a step: the minimum is then a fifth of a standard error away (0.2^2/2)."""
+_UNOBSERVABLE = 1e-6
+"""Change of the whole residual, in multiples of the noise, up to which an initial state has no influence."""
+_HALVINGS = 3  # times that a step which raises the cost is halved
+_ONE_SIDED = 10.0
+"""A side is discontinuous if it departs from the quadratic by more than 1 nat and ten times as far as the other."""
+_MEAN_OVER_SMALLER = 1.0 + 0.5 * np.sqrt(2.0)
+"""Expected magnitude of a normal deviate over that of the smaller of two, 1/(2 - sqrt(2))."""
 
 
-def refined(bench: Workbench, base: Fit) -> Fit:
-    """The fit taken to its end by Gauss-Newton steps; its covariance is the inverse of the information there."""
-    # The bench may have changed since.
+def refined_fit(bench: Workbench, base: Fit) -> Fit:
+    """The fit after Gauss-Newton steps to convergence; its covariance is the inverse of the information there."""
+    # The data of the bench may differ from those of the fit.
     [r] = bench.residuals([(base.model, base.starts, None)])
-    base = _at(bench, base, base.values, r, base.covariance)
-    for _ in range(_ROUNDS):
-        base = with_slopes(bench, base)
-        if promised(bench, base) < WORTH:
+    base = _fit_at(bench, base, base.values, r, base.covariance)
+    for _ in range(_MAX_STEPS):
+        base = with_jacobian(bench, base)
+        if predicted_gain(bench, base) < MIN_GAIN:
             break
-        base = _stepped(bench, base)
+        base = _gauss_newton_step(bench, base)
     information, _ = normal_equations(bench, base)
-    return _at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
+    return _fit_at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
 
 
-def promised(bench: Workbench, base: Fit) -> float:
-    """Gain in cost that a Gauss-Newton step from a fit promises."""
+def predicted_gain(bench: Workbench, base: Fit) -> float:
+    """Reduction of the cost that a Gauss-Newton step predicts: g' H^-1 g / 2, half the squared Newton decrement."""
     information, gradient = normal_equations(bench, base)
     return 0.5 * float(gradient @ np.linalg.pinv(information, hermitian=True) @ gradient)
 
 
-def with_slopes(bench: Workbench, base: Fit) -> Fit:
-    """The fit with its slopes by differences along the axes of its ellipse; zero for what moves nothing."""
-    axes, ends = _axes(base, normal_equations(bench, base)[0])
-    return _sloped(base, ends, _residuals(bench, base, ends))
+def with_jacobian(bench: Workbench, base: Fit) -> Fit:
+    """The fit with its Jacobian by differences along the axes of its ellipse; zero for unobservable unknowns."""
+    axes, ends = _ellipse_axes(base, normal_equations(bench, base)[0])
+    return _with_differences(base, ends, _residuals(bench, base, ends))
 
 
-def looked_along(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
-    """The fit with its slopes as `with_slopes`, and the covariance (p x p) that the roughness of its cost adds.
+def jacobian_and_roughness(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
+    """The fit with its Jacobian as `with_jacobian`, and the covariance (p x p) to add for a rough cost.
 
-    Impacts in a play make a cost rough: a standard error away it rises by more or less than half, and its least value
-    is anywhere within what this hides. Along each axis of the ellipse the variance is so much larger as a parabola
-    takes to rise by the roughness. That shows to both sides: a cost that jumps on one side, where a torque that is
-    read at the instants of its steps is late by a sample more, bounds a value and makes it no less certain; slopes are
-    those of the other side then.
+    Impacts in a backlash make the cost rough: one standard error from its minimum it rises by more or less than the
+    1/2 of the quadratic, and its minimum may lie anywhere within the range that the roughness hides. Along each axis of
+    the ellipse, the added variance is the square of the distance at which the quadratic rises by the roughness.
+
+    Roughness shows on both sides of an axis. A discontinuity on one side only (a torque that is read at the instants
+    of its steps arrives one sample later) bounds the value and does not make it less certain: it adds no variance, and
+    the Jacobian is taken from the other side.
     """
-    axes, ends = _axes(base, normal_equations(bench, base)[0])
-    # The residual where it stands may be of other data than these.
-    *found, here = _residuals(bench, base, [*ends, base.values])
-    base = _at(bench, base, base.values, here, base.covariance)
+    axes, ends = _ellipse_axes(base, normal_equations(bench, base)[0])
+    # The residual of the fit may belong to other data than those of the bench.
+    *residuals, here = _residuals(bench, base, [*ends, base.values])
+    base = _fit_at(bench, base, base.values, here, base.covariance)
     information, gradient = normal_equations(bench, base)
-    rises = [cost_of(bench, base.unknowns, x, r) - base.cost for x, r in zip(ends, found, strict=True)]
+    rises = [cost_of(bench, base.unknowns, x, r) - base.cost for x, r in zip(ends, residuals, strict=True)]
     moves = [x - base.values for x in ends]
-    parabola = [gradient @ m + 0.5 * m @ information @ m for m in moves]
-    off = np.abs(np.array(rises) - parabola).reshape(-1, 2)
-    for k in np.flatnonzero((off > 1.0) & (off > _CLIFF * off[:, ::-1])):
-        ends[k], found[k] = base.values, here
-    roughness = _OF_SMALLER * off.min(axis=1)
-    return _sloped(base, ends, found), (2 * roughness * axes) @ axes.T
+    quadratic = [gradient @ m + 0.5 * m @ information @ m for m in moves]
+    departure = np.abs(np.array(rises) - quadratic).reshape(-1, 2)
+    for k in np.flatnonzero((departure > 1.0) & (departure > _ONE_SIDED * departure[:, ::-1])):
+        ends[k], residuals[k] = base.values, here
+    roughness = _MEAN_OVER_SMALLER * departure.min(axis=1)
+    return _with_differences(base, ends, residuals), (2 * roughness * axes) @ axes.T
 
 
-def _axes(base: Fit, information: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The axes (p x k) of the ellipse of a fit, a standard error long, and their ends (2 k) within the ranges."""
-    mine = np.flatnonzero(seen(base))
+def _ellipse_axes(base: Fit, information: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Axes of the error ellipse, and the points at their ends.
+
+    Args:
+      base: the fit.
+      information: (p x p).
+
+    Returns:
+      The semi-axes (p x k), one standard error long, of the k observable unknowns; and 2 k points, each (p), at plus
+      and minus each semi-axis in turn, clipped to the bounds.
+    """
+    mine = np.flatnonzero(observable(base))
     information = information[np.ix_(mine, mine)]
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     size, vectors = np.linalg.eigh(information * np.outer(scale, scale))
@@ -91,43 +103,46 @@ def _axes(base: Fit, information: np.ndarray) -> tuple[np.ndarray, list[np.ndarr
 
 
 def _residuals(bench: Workbench, base: Fit, points: Sequence[np.ndarray]) -> list[np.ndarray]:
-    return bench.residuals([(*placed_both(base.model, base.starts, base.unknowns, x), None) for x in points])
+    return bench.residuals(
+        [(*model_and_starts_at(base.model, base.starts, base.unknowns, x), None) for x in points]
+    )
 
 
-def _sloped(base: Fit, ends: Sequence[np.ndarray], found: Sequence[np.ndarray]) -> Fit:
-    """The fit with the slopes that residuals at the ends of its axes show."""
-    mine = np.flatnonzero(seen(base))
+def _with_differences(base: Fit, ends: Sequence[np.ndarray], residuals: Sequence[np.ndarray]) -> Fit:
+    """The fit with the Jacobian that follows from the residuals at both ends of each axis."""
+    mine = np.flatnonzero(observable(base))
     apart = np.array(ends[::2]) - np.array(ends[1::2])
-    change = np.array(found[::2]) - np.array(found[1::2])
+    change = np.array(residuals[::2]) - np.array(residuals[1::2])
     jacobian = np.zeros_like(base.jacobian)
     jacobian[:, mine] = np.linalg.lstsq(apart[:, mine], change, rcond=None)[0].T
     return replace(base, jacobian=jacobian)
 
 
-def seen(base: Fit) -> np.ndarray:
-    """Which unknowns (p) are more than first states that move nothing: a driven hub is where it was measured.
+def observable(base: Fit) -> np.ndarray:
+    """Which unknowns (p) influence the residual; parameters count as observable in any case.
 
-    Slopes along the ridge would follow them for ever.
+    The initial angle of a hub whose measured angle drives the link has no influence. Its axis would be infinitely long.
     """
     change = np.linalg.norm(base.jacobian, axis=0) * [u.scale for u in base.unknowns]
-    return np.array([u.owner != "start" for u in base.unknowns]) | (change > _NOTHING)
+    return np.array([u.kind != "start" for u in base.unknowns]) | (change > _UNOBSERVABLE)
 
 
-def _stepped(bench: Workbench, base: Fit) -> Fit:
-    """The fit after a Gauss-Newton step within the bounds, or where it was if that is no better."""
+def _gauss_newton_step(bench: Workbench, base: Fit) -> Fit:
+    """The fit after a Gauss-Newton step, clipped to the bounds and halved until it reduces the cost; else unchanged."""
     information, gradient = normal_equations(bench, base)
     step = -np.linalg.pinv(information, hermitian=True) @ gradient
     low, high = np.array([u.bounds for u in base.unknowns]).T
-    for half in range(_HALVES + 1):
+    for half in range(_HALVINGS + 1):
         x = np.clip(base.values + step / 2**half, low, high)
-        [r] = bench.residuals([(*placed_both(base.model, base.starts, base.unknowns, x), None)])
-        there = _at(bench, base, x, r, base.covariance)
+        [r] = bench.residuals([(*model_and_starts_at(base.model, base.starts, base.unknowns, x), None)])
+        there = _fit_at(bench, base, x, r, base.covariance)
         if there.cost < base.cost:
             return there
     return base
 
 
-def _at(bench: Workbench, base: Fit, x: np.ndarray, r: np.ndarray, covariance: np.ndarray) -> Fit:
+def _fit_at(bench: Workbench, base: Fit, x: np.ndarray, r: np.ndarray, covariance: np.ndarray) -> Fit:
+    """The fit at other values x (p) with their residual r (n), the Jacobian unchanged."""
     cost = cost_of(bench, base.unknowns, x, r)
-    model, starts = placed_both(base.model, base.starts, base.unknowns, x)
+    model, starts = model_and_starts_at(base.model, base.starts, base.unknowns, x)
     return Fit(model, starts, base.unknowns, x, covariance, r, bench.sizes(r), cost, base.jacobian)

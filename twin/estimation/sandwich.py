@@ -1,12 +1,12 @@
-"""The covariance of a fit whose residuals are not what its weights take them for.
+"""Sandwich covariance of a fit: standard errors that hold for coloured noise.
 
-The weights count so many independent samples a second and one size of the noise. In truth it is coloured: the hub's
-second derivative makes it grow with the frequency, the link rings with it, and one noise of the hub angle is in all
-channels. So the pulls of the residuals on the parameters, J' w r, have another covariance M than the information
-H = J' w J + P. It follows from the spectra S of the residuals themselves, which stand for the noise whatever its
-colour, and replaces H in the middle, beside the declared uncertainty P (P. J. Huber, 1967):
+The information H = J' W J + P treats residuals as independent samples, a fixed number a second, with one size per
+block. In fact they are coloured: the second derivative of the hub angle amplifies noise at high frequencies, the link
+rings with it, and the noise of the hub angle is in all channels. So the covariance M of the score J' W r is not J' W J.
+It is estimated from the cross spectra S of the residuals of one recording, whatever their colour. With the precision P
+of the priors, the covariance of the estimate is then (P. J. Huber, 1967)
 
-    H^-1 (M + P) H^-1        M = 1/N sum_f Z(f)* S(f) Z(f)        Z: Fourier transform of w J
+    H^-1 (M + P) H^-1        M = 1/N sum_f Z(f)* S(f) Z(f)        Z: discrete Fourier transform of W J
 """
 
 from __future__ import annotations
@@ -19,127 +19,130 @@ from scipy.fft import next_fast_len, rfft
 from twin.estimation.fit import Fit
 from twin.estimation.slopes import prior_precision, row_weights
 from twin.estimation.workbench import Workbench
-from twin.residuals.data import SINGLE
+from twin.residuals.data import EVENT_CHANNELS
 from twin.residuals.filters import GRID
 
-_SMOOTH = 1.0  # Hz to either side over which a spectrum is averaged
-_APART = 2.0  # s of zeros behind a recording, longer than its noise is correlated
-_NOTHING = 1e-6  # of a variance, below which a recording says nothing of a parameter
+_SMOOTHING = 1.0  # Hz to either side over which a spectrum is averaged
+_PADDING = 2.0  # s of zeros behind a recording, longer than its noise is correlated
+_UNINFORMATIVE = 1e-6  # ratio of variances below which a recording has no influence on a parameter
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """What the recordings say, each by itself.
+class RecordingInformation:
+    """Information and score of each of k recordings at a fit with p unknowns; recordings are independent.
 
     Attributes:
-      information: (k x p x p) of each recording, J' w J.
-      pulls: (k x p) of each recording at the fit, J' w r.
-      scatter: (k x p x p) covariance of the pulls by the noise.
-      prior: (p) precision of what was declared.
+      information: J' W J of each recording (k x p x p).
+      scores: J' W r of each recording at the fit (k x p).
+      score_covariance: covariance of each recording's score by its noise, M above (k x p x p).
+      prior: reciprocal variance of each prior (p).
     """
 
     information: np.ndarray
-    pulls: np.ndarray
-    scatter: np.ndarray
+    scores: np.ndarray
+    score_covariance: np.ndarray
     prior: np.ndarray
 
     @property
     def inverse(self) -> np.ndarray:
-        """Inverse of the whole information (p x p)."""
+        """H^-1, the inverse of the information of all recordings and priors (p x p)."""
         return _inverse(self.information.sum(axis=0) + np.diag(self.prior))
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance (p x p) of the estimate."""
-        return self.by_noise + self.by_declaration
+        """Sandwich covariance of the estimate (p x p)."""
+        return self.noise_covariance + self.prior_covariance
 
     @property
-    def by_noise(self) -> np.ndarray:
-        """What the noise of the recordings adds to the covariance (p x p)."""
-        return self.inverse @ self.scatter.sum(axis=0) @ self.inverse
+    def noise_covariance(self) -> np.ndarray:
+        """Part of the covariance that is due to noise (p x p), H^-1 M H^-1."""
+        return self.inverse @ self.score_covariance.sum(axis=0) @ self.inverse
 
     @property
-    def by_declaration(self) -> np.ndarray:
-        """What the uncertainty of the declaration adds to the covariance (p x p)."""
+    def prior_covariance(self) -> np.ndarray:
+        """Part of the covariance that is due to the declared uncertainty (p x p), H^-1 P H^-1."""
         return self.inverse @ np.diag(self.prior) @ self.inverse
 
-    def distances(self) -> np.ndarray:
-        """How far (k x p) the estimate moves without each recording, in standard errors of the move.
+    def deletion_moves(self) -> np.ndarray:
+        """Change of the estimate when a recording is left out (k x p), in standard errors of that change.
 
-        0 where the others say nothing. Without recording i it moves by (H - H_i)^-1 g_i. At the estimate its pull is
-        g_i = (1 - H_i H^-1) e_i - H_i H^-1 sum_j e_j, with e of each recording and of the priors independent.
+        0 where the other recordings do not determine the parameter. Without recording i the estimate changes by
+        (H - H_i)^-1 g_i, where g_i is its score at the estimate, g_i = (1 - H_i H^-1) e_i - H_i H^-1 sum_(j != i) e_j,
+        with independent errors e of the scores of each recording and of the priors.
         """
         information = self.information.sum(axis=0) + np.diag(self.prior)
-        least = _NOTHING * np.diag(self.covariance)
-        distances = np.zeros_like(self.pulls)
-        for i, (H, V) in enumerate(zip(self.information, self._pull_scatter(), strict=True)):
+        least = _UNINFORMATIVE * np.diag(self.covariance)
+        moves = np.zeros_like(self.scores)
+        for i, (H, V) in enumerate(zip(self.information, self._scores_at_estimate(), strict=True)):
             rest = _inverse(information - H)
             variance = np.diag(rest @ V @ rest)
-            sure = variance > least
-            move = rest @ self.pulls[i]
-            distances[i] = np.where(sure, move / np.sqrt(np.where(sure, variance, 1.0)), 0.0)
-        return distances
+            informative = variance > least
+            move = rest @ self.scores[i]
+            moves[i] = np.where(informative, move / np.sqrt(np.where(informative, variance, 1.0)), 0.0)
+        return moves
 
     def influences(self) -> tuple[np.ndarray, np.ndarray]:
-        """How far (k x p) the estimate moves by a little less of each recording, over that little, and its variance.
+        """Influence of each recording on the estimate, H^-1 g_i (k x p), and its variance by noise (k x p).
 
-        Unlike the move without a recording it never is too long a step for slopes to tell it: H^-1 g_i.
+        It is the derivative of the estimate by the recording's weight. Unlike the change without the recording it is
+        never too large for a linearisation.
         """
         inverse = self.inverse
-        variances = [np.diag(inverse @ V @ inverse) for V in self._pull_scatter()]
-        return self.pulls @ inverse, np.array(variances)
+        variances = [np.diag(inverse @ V @ inverse) for V in self._scores_at_estimate()]
+        return self.scores @ inverse, np.array(variances)
 
-    def _pull_scatter(self) -> list[np.ndarray]:
-        """Covariance (p x p) of each recording's pull at the estimate."""
-        inverse, every = self.inverse, self.scatter.sum(axis=0) + np.diag(self.prior)
-        found = []
-        for H, M in zip(self.information, self.scatter, strict=True):
+    def _scores_at_estimate(self) -> list[np.ndarray]:
+        """Covariance (p x p) of each recording's score at the estimate, which depends on all recordings."""
+        inverse, every = self.inverse, self.score_covariance.sum(axis=0) + np.diag(self.prior)
+        covariances = []
+        for H, M in zip(self.information, self.score_covariance, strict=True):
             given = H @ inverse
             own = np.eye(len(H)) - given
-            found.append(own @ M @ own.T + given @ (every - M) @ given.T)
-        return found
+            covariances.append(own @ M @ own.T + given @ (every - M) @ given.T)
+        return covariances
 
 
-def evidence(bench: Workbench, base: Fit) -> Evidence:
-    """Reads what each recording says of a fit's parameters, and how surely."""
+def recording_information(bench: Workbench, base: Fit) -> RecordingInformation:
+    """Information, score and covariance of the score of each recording at a fit."""
     w = row_weights(bench, base.residual)
-    # The state at the first sample of a recording is nothing to the others, whatever slopes by differences say.
+    # An initial state does not influence other recordings, whatever rounding of differences is in the Jacobian.
     owner = np.array([-1 if u.recording is None else u.recording for u in base.unknowns])
     count, p = len(bench.prepared), base.jacobian.shape[1]
-    information, scatter, pulls = np.zeros((count, p, p)), np.zeros((count, p, p)), np.zeros((count, p))
+    information, covariance, scores = np.zeros((count, p, p)), np.zeros((count, p, p)), np.zeros((count, p))
     for i in range(count):
         mine = [g for g in bench.data.groups if g.recording == i]
-        slopes = np.where((owner == -1) | (owner == i), base.jacobian, 0.0)
+        jacobian = np.where((owner == -1) | (owner == i), base.jacobian, 0.0)
         for g in mine:
-            J = w[g.rows, None] * slopes[g.rows]
-            information[i] += slopes[g.rows].T @ J
-            pulls[i] += J.T @ base.residual[g.rows]
-            if g.channel in SINGLE:
-                scatter[i] += slopes[g.rows].T @ J
-        rows = [g.rows for g in mine if g.channel not in SINGLE]
+            J = w[g.rows, None] * jacobian[g.rows]
+            information[i] += jacobian[g.rows].T @ J
+            scores[i] += J.T @ base.residual[g.rows]
+            if g.channel in EVENT_CHANNELS:
+                covariance[i] += jacobian[g.rows].T @ J
+        rows = [g.rows for g in mine if g.channel not in EVENT_CHANNELS]
         if rows:
-            scatter[i] += _scatter(
+            covariance[i] += _score_covariance(
                 np.stack([bench.weight[r] for r in rows], axis=1),
                 np.stack([base.residual[r] for r in rows], axis=1),
-                np.stack([w[r, None] * slopes[r] for r in rows], axis=1),
+                np.stack([w[r, None] * jacobian[r] for r in rows], axis=1),
             )
-    return Evidence(information, pulls, scatter, prior_precision(base.unknowns))
+    return RecordingInformation(information, scores, covariance, prior_precision(base.unknowns))
 
 
-def _scatter(known: np.ndarray, residual: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Covariance (p x p) of the pulls of one recording.
+def _score_covariance(known: np.ndarray, residual: np.ndarray, weighted: np.ndarray) -> np.ndarray:
+    """Covariance (p x p) of the score of one recording with m samples of c channels, by the cross spectra.
 
     Args:
       known: (m x c) 1 where a channel is compared, else 0.
       residual: (m x c), 0 where it is not.
-      slopes: (m x c x p) weight times slope of the residual.
+      weighted: (m x c x p) weight times Jacobian.
     """
-    size = next_fast_len(len(residual) + int(_APART / GRID), real=True)
-    r, z = rfft(residual, size, axis=0), rfft(slopes, size, axis=0)
+    size = next_fast_len(len(residual) + int(_PADDING / GRID), real=True)
+    r, z = rfft(residual, size, axis=0), rfft(weighted, size, axis=0)
     common = np.maximum(known.T @ known, 1.0)
-    half = max(1, round(_SMOOTH * size * GRID))
+    half = max(1, round(_SMOOTHING * size * GRID))
     spectra = r[:, :, None] * r.conj()[:, None, :] / common
-    smooth = _averaged(spectra, half)
+    smooth = _moving_average(spectra, half)
+    # The one-sided spectrum counts twice but for the frequencies 0 and Nyquist.
     twice = np.full(len(r), 2.0)
     twice[0] = 1.0
     if size % 2 == 0:
@@ -147,8 +150,8 @@ def _scatter(known: np.ndarray, residual: np.ndarray, slopes: np.ndarray) -> np.
     return np.einsum("f,fcp,fcd,fdq->pq", twice, z.conj(), smooth, z, optimize=True).real / size
 
 
-def _averaged(values: np.ndarray, half: int) -> np.ndarray:
-    """Means (f, ...) over so many neighbours to either side, as far as there are any."""
+def _moving_average(values: np.ndarray, half: int) -> np.ndarray:
+    """Mean (f, ...) of each value and `half` neighbours to either side, fewer at the ends."""
     total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)
     here = np.arange(len(values))
     low, high = np.maximum(here - half, 0), np.minimum(here + half + 1, len(values))
@@ -156,7 +159,7 @@ def _averaged(values: np.ndarray, half: int) -> np.ndarray:
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of an information (p x p), each parameter in a unit of its own; zero where nothing is said."""
+    """Pseudo-inverse of an information (p x p), scaled to a unit diagonal first; zero for undetermined parameters."""
     size = np.sqrt(np.diag(matrix))
     unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     return np.linalg.pinv(matrix * np.outer(unit, unit), hermitian=True) * np.outer(unit, unit)

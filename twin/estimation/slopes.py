@@ -1,4 +1,11 @@
-"""Cost, gradient and information of a fit, and what slopes promise."""
+"""Cost, gradient and Gauss-Newton Hessian of a fit, its Jacobian by differences, and linear predictions from it.
+
+Throughout: p unknowns, n residuals, g blocks. The cost is
+
+    sum over blocks of count * loss(size) + sum over priors of ((x - mean) / deviation)^2 / 2
+
+Its Gauss-Newton Hessian J' W J + P, with the row weights W and the prior precisions P, is called the information.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +15,13 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from twin.estimation.fit import Fit
-from twin.estimation.unknowns import Key, Unknown, placed_both
+from twin.estimation.unknowns import Key, Unknown, model_and_starts_at
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
 from twin.rigs.model import Model
 
-_VISIBLE = 0.5  # a finite difference moves the residual by this many noise levels (rms)
+_TARGET_CHANGE = 0.5
+"""Root-mean-square change of the residual, in multiples of the noise, that a finite difference aims at."""
 
 
 def costs_at(
@@ -23,34 +31,38 @@ def costs_at(
     unknowns: Sequence[Unknown],
     points: Sequence[np.ndarray],
 ) -> np.ndarray:
-    """Cost at each of some points (p,) of the unknowns."""
-    residuals = bench.residuals([(*placed_both(model, starts, unknowns, x), None) for x in points])
+    """Cost at each of some points, each (p); simulated in parallel."""
+    residuals = bench.residuals([(*model_and_starts_at(model, starts, unknowns, x), None) for x in points])
     return np.array([cost_of(bench, unknowns, x, r) for x, r in zip(points, residuals, strict=True)])
 
 
 def prior_precision(unknowns: Sequence[Unknown]) -> np.ndarray:
-    """One over the variance of each prior (p); 0 where there is none."""
+    """Reciprocal variance of each unknown's prior (p); 0 without a prior."""
     return np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
 
 
 def cost_of(bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray) -> float:
-    """Cost of values (p) of the unknowns whose residual is r (n), priors included."""
+    """Cost of values x (p) whose residual is r (n): loss of the blocks plus priors."""
     prior = sum(0.5 * ((v - u.start) / u.scale) ** 2 for u, v in zip(unknowns, x, strict=True) if u.prior)
     return float(bench.cost(r) + prior)
 
 
 def row_weights(bench: Workbench, r: np.ndarray) -> np.ndarray:
-    """Weight of each residual (n) where every group is weighted by its own size."""
+    """Weight of each squared residual (n) in the information.
+
+    Independent samples per row of its block, over the square of the block's size where that exceeds the noise: the
+    weights with which the gradient of weighted least squares is that of `loss`.
+    """
     starts = [g.rows.start for g in bench.groups]
     total = np.maximum(np.add.reduceat(bench.weight, starts), 1)
     of_group = bench.count / total / np.maximum(1.0, bench.sizes(r)) ** 2
     return np.repeat(of_group, [g.rows.stop - g.rows.start for g in bench.groups]) * bench.weight
 
 
-def equations_at(
+def normal_equations_at(
     bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray, J: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Information (p x p) and gradient (p) at values x (p) with residual r (n) and slopes J (n x p)."""
+    """Information (p x p) and gradient (p) of the cost at values x (p) with residual r (n) and Jacobian J (n x p)."""
     weights = row_weights(bench, r)
     prior = prior_precision(unknowns)
     away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
@@ -58,28 +70,36 @@ def equations_at(
 
 
 def normal_equations(bench: Workbench, base: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Information (p x p) and gradient (p) of a fit's unknowns where it stands."""
-    return equations_at(bench, base.unknowns, base.values, base.residual, base.jacobian)
+    """Information (p x p) and gradient (p) of the cost at a fit."""
+    return normal_equations_at(bench, base.unknowns, base.values, base.residual, base.jacobian)
 
 
-def slope_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()) -> float:
-    """Gain in cost that unknowns with these slopes (n x k) promise, the base's unknowns free to give way.
+def linear_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()) -> float:
+    """Reduction of the cost that `linear_move` predicts, priors apart: a score test of additional unknowns.
 
-    Half the drop of the weighted squares, turned into the groups' losses: to noise, it is n log of the sizes' ratio.
+    The predicted residual is put into the blocks' losses: down to the noise, a block of n independent samples gains n
+    times the logarithm of the ratio of its sizes before and after.
     """
-    change, _ = slope_move(bench, base, columns, replaced)
+    change, _ = linear_move(bench, base, columns, replaced)
     return bench.cost(base.residual) - bench.cost(base.residual + change)
 
 
-def slope_move(
+def linear_move(
     bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Change of the residual (n) to which slopes lead, and the move (k) of the unknowns with these slopes (n x k).
+    """One Gauss-Newton step of a fit with additional unknowns, the fit's own unknowns free within their bounds.
 
-    Declared parameters that the effect replaces no longer count as the base's.
+    Args:
+      bench: the data.
+      base: the fit without the additional unknowns.
+      columns: (n x k) derivative of the residual by these; they have neither prior nor bounds.
+      replaced: declared parameters that are no longer unknowns beside them.
+
+    Returns:
+      The predicted change of the residual (n), and the step of the additional unknowns (k).
     """
     weights = row_weights(bench, base.residual)
-    kept = np.array([u.owner != "rig" or u.name not in replaced for u in base.unknowns])
+    kept = np.array([u.kind != "rig" or u.name not in replaced for u in base.unknowns])
     prior = prior_precision(base.unknowns)[kept]
     away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])[kept]
     J = np.hstack([base.jacobian[:, kept], columns])
@@ -88,12 +108,12 @@ def slope_move(
     low, high = np.array([u.bounds for u in base.unknowns])[kept].T
     here = base.values[kept]
     beyond = np.full(columns.shape[1], np.inf)
-    move = bounded_move(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
-    return J @ move * bench.weight, move[len(here) :]
+    step = bounded_step(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
+    return J @ step * bench.weight, step[len(here) :]
 
 
-def bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The move (p) within bounds that minimises gradient' m + m' normal m / 2."""
+def bounded_step(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The step m (p) that minimises gradient' m + m' normal m / 2 within low <= m <= high, each (p)."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     root = np.sqrt(np.maximum(values, 1e-10 * values.max()))
@@ -102,7 +122,7 @@ def bounded_move(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high
     return lsq_linear(system, right, bounds).x / scale
 
 
-def _jacobian(
+def difference_jacobian(
     bench: Workbench,
     model: Model,
     starts: Sequence[Start],
@@ -112,7 +132,20 @@ def _jacobian(
     steps: np.ndarray,
     fixed: Mapping[Key, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Forward differences (n x p); the next steps (p) are those that move the residual visibly."""
+    """Jacobian of the residual by one-sided differences.
+
+    Args:
+      bench: the data.
+      model, starts: where the unknowns are set.
+      unknowns: (p).
+      x: values (p).
+      r: residual there (n).
+      steps: (p) lengths of the differences, shortened at a bound.
+      fixed: `Unknown.key` -> column (n) that is taken over instead of computed.
+
+    Returns:
+      The Jacobian (n x p), and for the next one the steps (p) that would change the residual by `_TARGET_CHANGE`.
+    """
     J, steps = np.zeros((len(r), len(unknowns))), steps.copy()
     jobs, columns = [], []
     for j, u in enumerate(unknowns):
@@ -124,7 +157,7 @@ def _jacobian(
         moved = x.copy()
         moved[j] += min(steps[j], up) if up >= min(steps[j], down) else -min(steps[j], down)
         columns.append((j, moved[j] - x[j]))
-        jobs.append((*placed_both(model, starts, unknowns, moved), u.recording))
+        jobs.append((*model_and_starts_at(model, starts, unknowns, moved), u.recording))
     for (j, h), moved_r in zip(columns, bench.residuals(jobs), strict=True):
         only = unknowns[j].recording
         change = moved_r - r
@@ -134,5 +167,5 @@ def _jacobian(
         J[:, j] = change / h
         visible = np.sqrt(np.mean(change**2))
         limit = unknowns[j].scale if unknowns[j].prior else 1e3 * abs(h)
-        steps[j] = min(abs(h) * np.clip(_VISIBLE / max(visible, 1e-12), 1e-2, 1e2), limit)
+        steps[j] = min(abs(h) * np.clip(_TARGET_CHANGE / max(visible, 1e-12), 1e-2, 1e2), limit)
     return J, steps

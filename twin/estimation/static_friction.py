@@ -1,9 +1,10 @@
-"""The last fit: static friction, which whole runs hang on.
+"""Static friction levels of a fitted model, from break-aways or from free-running simulations.
 
-The link under the measured hub, on which the search works, says all else better than whole runs do: no stick or slip
-of a simulation enters there, nor the error of a chain that is short enough to be run so often. A run that nothing
-guides, though, is decided by the static levels to within some parts in ten thousand. They are read where rests end;
-where no recording shows that, they are those with which whole runs keep closest to the recordings.
+The data of the search (link driven by the measured hub angle) determine everything else better than free-running
+simulations do: no stick or slip of a simulation enters them, nor the discretisation error of a chain that is short
+enough for many runs. But a free-running simulation depends on the static levels to some parts in ten thousand. They are
+read from the ends of rests under a slowly growing torque. Where no recording has one, a grid search finds the levels
+whose free-running simulations are closest to the recordings.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from twin.estimation.fit import Fit
 from twin.estimation.slopes import costs_at
-from twin.estimation.unknowns import placed_both
+from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import FreeData, Workbench
 from twin.mechanics import chain
 from twin.residuals import breakaway, static_levels
@@ -24,22 +25,22 @@ from twin.residuals.data import DrivenData
 from twin.residuals.static_levels import Level
 from twin.rigs.model import Model
 
-_SEGMENTS, _STEP = 6, 1e-3
-_LIKELY = 2.0  # log likelihood below the best up to which a value is within two standard errors
-_STATIC = {"static_friction": (1, -1), "static_positive": (1,), "static_negative": (-1,)}
-"""Static levels, and the directions that each is one of."""
-_SCANS = ((0.06, 25), (0.006, 25), (0.001, 11))
-"""How far either way a level of which next to nothing is known is looked for (a part of it), and how many are tried."""
+_SEGMENTS, _STEP = 6, 1e-3  # of the chain and integration [s] of the grid search
+_TWO_SIGMA = 2.0  # log likelihood below the maximum up to which a value is within two standard errors
+_DIRECTIONS = {"static_friction": (1, -1), "static_positive": (1,), "static_negative": (-1,)}
+"""Static level -> directions of motion in which it acts."""
+_GRIDS = ((0.06, 25), (0.006, 25), (0.001, 11))
+"""Successive grids of the search: half width relative to the level, and number of points."""
 
 
 @dataclass(frozen=True)
-class Polished:
-    """The three models of a report.
+class FinalModels:
+    """The models that a diagnosis reports.
 
     Attributes:
       declared: as declared.
       calibrated: declared parameters refitted within their uncertainty.
-      augmented: with the adopted effects; the same as `calibrated` where there are none.
+      augmented: with the adopted effects; the same as `calibrated` if there are none.
     """
 
     declared: Model
@@ -47,40 +48,48 @@ class Polished:
     augmented: Fit
 
 
-def polish(
+def final_models(
     data: DrivenData, base: Fit, best: Fit, declared: Model, pool: ThreadPoolExecutor, whole: bool
-) -> Polished:
-    """Reads the static friction of the model that the search came to, and what else whole recordings tell.
+) -> FinalModels:
+    """The final models with their static friction levels.
 
-    Without `whole`, nothing is told by whole runs: those of a model that does not follow the recordings tell nothing.
-    Nor do those of one with a play: its impacts take ten times as many steps, and whole runs hang on each of them.
+    Args:
+      data: the fit recordings.
+      base: the calibrated model.
+      best: the model with the adopted effects; `base` itself if there are none.
+      declared: the declared model.
+      pool: threads for the simulations.
+      whole: whether free-running simulations may be used. Those of a model that does not follow the recordings carry no
+        information on friction. They are never used with a backlash: its impacts take ten times as many steps, and a
+        free run depends on each of them.
     """
-    told = whole and best.model.plant.motor.gap <= 0
-    augmented = with_static_levels(data, best, pool if told else None)
+    use_free_runs = whole and best.model.plant.motor.gap <= 0
+    augmented = with_static_levels(data, best, pool if use_free_runs else None)
     calibrated = augmented if best is base else with_static_levels(data, base)
-    return Polished(declared, calibrated, augmented)
+    return FinalModels(declared, calibrated, augmented)
 
 
 def with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | None = None) -> Fit:
-    """The fit with its static levels read; with a pool, those that no rest tells are looked for by whole runs."""
+    """The fit with its static levels from break-aways; with a pool, the others from free-running simulations."""
     read, rough = _read_levels(data, best)
-    best = _moved_along(best, read)
+    best = _conditioned(best, read)
     x, covariance, errors = best.values.copy(), best.covariance.copy(), dict[int, float]()
     x[list(rough)] = list(rough.values())
     if pool is not None and (free := Workbench(FreeData(data.prepared), pool)).count.any():
-        x = _scanned(free, best, x, list(rough), errors)
+        x = _grid_search(free, best, x, list(rough), errors)
     for index, error in errors.items():
         covariance[index, :] = covariance[:, index] = 0.0
         covariance[index, index] = error**2
-    model, starts = placed_both(best.model, best.starts, best.unknowns, x)
+    model, starts = model_and_starts_at(best.model, best.starts, best.unknowns, x)
     return replace(best, model=model, starts=starts, values=x, covariance=covariance)
 
 
-def _moved_along(best: Fit, levels: Mapping[int, Level]) -> Fit:
-    """The fit with levels as they are read, and the other values as likely as they are beside these.
+def _conditioned(best: Fit, levels: Mapping[int, Level]) -> Fit:
+    """The fit with static levels set to readings (index of the unknown -> level).
 
-    A friction that falls from its static level with the speed is fitted together with it: known better from elsewhere,
-    the level takes the speed along. A reading that says less than the fit takes nothing along.
+    If a reading is more accurate than the fit, all values and their covariance are conditioned on it (the speed at
+    which a Stribeck friction falls is correlated with the level). Otherwise the other values stay as they are, and the
+    level becomes uncorrelated with them.
     """
     x, covariance = best.values.copy(), best.covariance.copy()
     for k, level in levels.items():
@@ -97,48 +106,60 @@ def _moved_along(best: Fit, levels: Mapping[int, Level]) -> Fit:
     return replace(best, values=x, covariance=covariance)
 
 
-def _read_levels(data: DrivenData, result: Fit) -> tuple[dict[int, Level], dict[int, float]]:
-    """Static levels among the unknowns of a fit, by their places: as rests tell them, and about where others are."""
-    read = static_levels.levels(data, result.model, result.starts)
-    known, about = dict[int, Level](), dict[int, float]()
-    for j, u in enumerate(result.unknowns):
-        asked = _STATIC.get(u.name, ())
-        seen = [read[d] for d in asked if d in read]
-        if seen:
-            known[j] = static_levels.together(seen)
-        elif asked:
-            rough = breakaway.levels(breakaway.find(result.model, data.prepared, result.starts))
-            level = max((rough[d] for d in asked if d in rough), default=result.values[j])
-            about[j] = float(np.clip(level, *u.bounds))
-    return known, about
+def _read_levels(data: DrivenData, base: Fit) -> tuple[dict[int, Level], dict[int, float]]:
+    """Static levels among the unknowns of a fit, by index: those read from break-aways, and rough values of the others.
+
+    A rough value is the torque at a break-away that is less well defined, or the fitted value [N m].
+    """
+    read = static_levels.levels(data, base.model, base.starts)
+    known, rough = dict[int, Level](), dict[int, float]()
+    for j, u in enumerate(base.unknowns):
+        directions = _DIRECTIONS.get(u.name, ())
+        levels = [read[d] for d in directions if d in read]
+        if levels:
+            known[j] = static_levels.combined_level(levels)
+        elif directions:
+            events = breakaway.find_break_aways(base.model, data.prepared, base.starts)
+            torques = breakaway.level_by_direction(events)
+            level = max((torques[d] for d in directions if d in torques), default=base.values[j])
+            rough[j] = float(np.clip(level, *u.bounds))
+    return known, rough
 
 
-def _scanned(
+def _grid_search(
     free: Workbench, best: Fit, x: np.ndarray, indices: Sequence[int], errors: dict[int, float]
 ) -> np.ndarray:
-    """The point (p) with some values at the best of ever finer grids, the recordings simulated freely.
+    """Values (p) with some of them at the minimum of successive grids of free-running simulations.
 
-    Each time, the one that brings the runs closest first: others would make up for it. Their `errors` are noted.
+    On each grid the unknowns are set one after the other, always the one that reduces the cost most: otherwise another
+    one would compensate for it.
+
+    Args:
+      free: the data.
+      best: the fit.
+      x: first values (p).
+      indices: of the unknowns to search for.
+      errors: receives their standard errors, by index.
     """
     model = best.model.replace(shape=chain.fit_shape(best.model.rig, _SEGMENTS), step=_STEP)
-    for reach, count in _SCANS:
-        open_yet = list(indices)
-        while open_yet:
-            tries = {k: _best_of_grid(free, model, best, x, k, reach, count) for k in open_yet}
-            chosen = min(tries, key=lambda k: tries[k][2])
-            x, errors[chosen], _ = tries[chosen]
-            open_yet.remove(chosen)
+    for reach, count in _GRIDS:
+        remaining = list(indices)
+        while remaining:
+            trials = {k: _best_of_grid(free, model, best, x, k, reach, count) for k in remaining}
+            chosen = min(trials, key=lambda k: trials[k][2])
+            x, errors[chosen], _ = trials[chosen]
+            remaining.remove(chosen)
     return x
 
 
 def _best_of_grid(
     free: Workbench, model: Model, best: Fit, x: np.ndarray, index: int, reach: float, count: int
 ) -> tuple[np.ndarray, float, float]:
-    """The best point (p) of a grid of one value, the error of that value, and what the point costs."""
+    """The best point (p) of a grid in one unknown, the standard error of that unknown, and the cost at the point."""
     half = reach * abs(x[index])
     values = np.clip(x[index] + np.linspace(-half, half, count), *best.unknowns[index].bounds)
     points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
     cost = costs_at(free, model, best.starts, best.unknowns, points)
-    likely = values[cost < cost.min() + _LIKELY]
+    likely = values[cost < cost.min() + _TWO_SIGMA]
     error = max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
     return points[int(np.argmin(cost))], error, float(cost.min())

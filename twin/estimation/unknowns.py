@@ -1,10 +1,11 @@
-"""What a fit may move: declared parameters within their uncertainty, effects freely, the first states of recordings."""
+"""Unknowns of a fit: declared parameters, effect parameters, command clock, initial states of recordings."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,167 +16,188 @@ from twin.parameters import declared_range, relative_uncertainty
 from twin.residuals.prepared import Prepared, shortest_period
 from twin.rigs.model import Model
 
-_REACH = 3.0  # standard deviations by which a declared parameter may be off
-_RIGID = ("torque_limit",)
-Key = tuple[str, str, int | None]
+_PRIOR_RANGE = 3.0  # standard deviations by which a fit may change a declared parameter, see `declared_range`
+_NOT_FITTED = ("torque_limit",)  # declared parameters that are known exactly: a setting of the amplifier
+
+Kind = Literal["rig", "effect", "clock", "start"]
+Key = tuple[Kind, str, str, int | None, int | None]
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number that a fit may move.
+    """One scalar that a fit may change.
 
     Attributes:
-      owner: effect name, "rig", "clock", or "start" for the state at the first sample of one recording.
-      name: parameter.
-      start: first value.
-      scale: prior standard deviation for a declared parameter, else a small but visible size.
-      prior: whether `scale` is a prior about `start`.
-      bounds: range.
-      recording: index of the only recording that it acts on, or None.
-      inverse: whether the number is one over the parameter's value.
+      kind: "rig" for a declared parameter, "effect" for a parameter of an effect, "clock" for the delay of the
+        commands, "start" for the state of one recording at its first sample.
+      name: of the parameter; for "clock" the attribute of `Model`, for "start" the attribute of `Start`.
+      start: initial value, and mean of the prior if there is one.
+      scale: standard deviation of the prior; without a prior, a small change that is visible in the residual.
+      prior: whether there is a Gaussian prior.
+      bounds: lower and upper limit.
+      recording: index of the recording for "start", otherwise None.
+      effect: name of the effect for "effect", otherwise empty.
+      index: element of the attribute where that is a pair, otherwise None.
+      inverse: whether the scalar is the reciprocal of the parameter.
     """
 
-    owner: str
+    kind: Kind
     name: str
     start: float
     scale: float
     prior: bool
     bounds: tuple[float, float]
     recording: int | None = None
+    effect: str = ""
+    index: int | None = None
     inverse: bool = False
 
     @property
     def key(self) -> Key:
-        """What tells it from all others of a fit: each recording has first states of its own."""
-        return self.owner, self.name, self.recording
+        """Identifier that no other unknown of the same fit has."""
+        return self.kind, self.effect, self.name, self.recording, self.index
 
     @property
-    def of_rig(self) -> bool:
-        """Whether it is a parameter of the rig or of its effects, and not of one recording or of the card."""
-        return self.owner not in ("clock", "start")
+    def is_parameter(self) -> bool:
+        """Whether it is a parameter of the rig or of an effect, as opposed to clock delay and initial states."""
+        return self.kind in ("rig", "effect")
 
     @property
     def full_name(self) -> str:
-        """The parameter as a parameter file names it in its correlations: those of effects by effect.parameter."""
-        return self.name if self.owner == "rig" else f"{self.owner}.{self.name}"
+        """Name of a parameter in the correlations of a parameter file: `parameter` or `effect.parameter`."""
+        return f"{self.effect}.{self.name}" if self.effect else self.name
 
     def turned(self, value: float) -> float:
-        """The parameter's value for the number that a fit moves, and the other way round."""
+        """Converts the fitted scalar to the parameter's value, or the value to the scalar."""
         if not self.inverse:
             return value
         return 1 / value if value else math.inf
 
 
 def replaced_parameters(model: Model) -> set[str]:
-    """Declared parameters that a model's effects take over."""
+    """Declared parameters that an effect of the model replaces by its own."""
     return {p for name in model.effects for p in REGISTRY[name].replaces}
 
 
 def declared_unknowns(model: Model) -> list[Unknown]:
-    """Declared parameters that may move within their uncertainty."""
-    found, gone = [], replaced_parameters(model)
+    """Declared parameters with a non-zero uncertainty, which is the deviation of a Gaussian prior."""
+    unknowns, replaced = [], replaced_parameters(model)
     for name, parameter in model.declared.parameters.items():
         relative = relative_uncertainty(parameter)
         scale = relative * abs(parameter.value)
-        if name not in _RIGID and name not in gone and scale > 0:
-            # Within the uncertainty: what would have to move further is not calibration.
-            bounds = declared_range(parameter, _REACH)
-            found.append(Unknown("rig", name, parameter.value, scale, True, bounds))
-    return found
+        if name not in _NOT_FITTED and name not in replaced and scale > 0:
+            # Calibration stays within the declared uncertainty; a larger change is a missing effect.
+            bounds = declared_range(parameter, _PRIOR_RANGE)
+            unknowns.append(Unknown("rig", name, parameter.value, scale, True, bounds))
+    return unknowns
 
 
 def clock_unknown(prepared: Sequence[Prepared]) -> Unknown:
-    """When within a sample a card puts its commands out: nobody declares that to a tenth of a sample.
+    """Delay of the commands against their time stamps, `Model.late` [s]: a nuisance parameter.
 
-    Nothing that the model lacks follows from it. An effect may look like it, so that it stays open beside all of them.
+    No campaign declares it to a tenth of a sample. An effect such as a dead time can look like it, so it is fitted
+    together with every candidate.
     """
-    most = TIMING_TOLERANCE * shortest_period(prepared)
-    return Unknown("clock", "late", 0.0, most / 2, True, (-most, most))
+    limit = TIMING_TOLERANCE * shortest_period(prepared)
+    return Unknown("clock", "late", 0.0, limit / 2, True, (-limit, limit))
 
 
-def effect_unknowns(model: Model, effect: str, values: Mapping[str, float], seen: set[str]) -> list[Unknown]:
-    """Parameters of an effect that these channels can say something about."""
+def effect_unknowns(effect: str, values: Mapping[str, float], channels: set[str]) -> list[Unknown]:
+    """Parameters of an effect, without a prior, that a fit to these channels can determine."""
     return [
-        Unknown(effect, p.name, p.turned(values[p.name]), abs(p.step), False, p.span, inverse=p.inverse)
+        Unknown(
+            "effect",
+            p.name,
+            p.turned(values[p.name]),
+            abs(p.step),
+            False,
+            p.span,
+            None,
+            effect,
+            None,
+            p.inverse,
+        )
         for p in REGISTRY[effect].free_parameters(values)
-        if p.channel is None or p.channel in seen
+        if p.channel is None or p.channel in channels
     ]
 
 
 def known_effect_unknowns(
-    model: Model, errors: Mapping[str, Mapping[str, float]], seen: set[str]
+    model: Model, errors: Mapping[str, Mapping[str, float]], channels: set[str]
 ) -> list[Unknown]:
-    """Parameters of the effects that a model begins with; those with a standard error (effect -> name) have a prior."""
-    found = []
+    """Parameters of the effects that the rig is declared with.
+
+    Args:
+      model: the declared model.
+      errors: effect -> parameter -> standard error. A positive one becomes the deviation of a Gaussian prior; 0 fixes
+        the parameter; without one the parameter has no prior.
+      channels: channels that are compared.
+    """
+    unknowns = []
     for effect, values in model.effects.items():
-        for u in effect_unknowns(model, effect, values, seen):
+        for u in effect_unknowns(effect, values, channels):
             error = errors.get(effect, {}).get(u.name)
             if error is None:
-                found.append(u)
+                unknowns.append(u)
             elif error > 0:
                 scale = error * u.start**2 if u.inverse else error
-                found.append(replace(u, scale=scale, prior=True))
-    return found
-
-
-def placed(model: Model, unknowns: Sequence[Unknown], values: np.ndarray) -> Model:
-    """The model with the unknowns at these values (p)."""
-    rig = {u.name: float(v) for u, v in zip(unknowns, values, strict=True) if u.owner == "rig"}
-    effects = {name: dict(p) for name, p in model.effects.items()}
-    for u, v in zip(unknowns, values, strict=True):
-        if u.owner in effects:
-            effects[u.owner][u.name] = u.turned(float(v))
-    clock = {u.name: float(v) for u, v in zip(unknowns, values, strict=True) if u.owner == "clock"}
-    declared = model.declared.replace(source="fitted", **rig) if rig else model.declared
-    return model.replace(declared=declared, effects=effects, **clock)
-
-
-def placed_starts(
-    starts: Sequence[Start], unknowns: Sequence[Unknown], values: np.ndarray
-) -> tuple[Start, ...]:
-    """The starts with the unknowns at these values (p)."""
-    changed = list(starts)
-    for u, v in zip(unknowns, values, strict=True):
-        if u.owner == "start" and u.recording is not None:
-            changed[u.recording] = _moved(changed[u.recording], u.name, float(v))
-    return tuple(changed)
-
-
-def _moved(start: Start, name: str, value: float) -> Start:
-    if name == "hub_angle":
-        return replace(start, hub_angle=value)
-    if name == "hub_rate":
-        return replace(start, hub_rate=value)
-    attribute, index = name.rsplit("_", 1)
-    if attribute == "bend":
-        return replace(start, bend=_put(start.bend, int(index), value))
-    return replace(start, bend_rate=_put(start.bend_rate, int(index), value))
-
-
-def _put(pair: tuple[float, float], index: int, value: float) -> tuple[float, float]:
-    return (value, pair[1]) if index == 0 else (pair[0], value)
-
-
-def placed_both(
-    model: Model, starts: Sequence[Start], unknowns: Sequence[Unknown], x: np.ndarray
-) -> tuple[Model, tuple[Start, ...]]:
-    """The model and the first states with the unknowns at some values (p)."""
-    return placed(model, unknowns, x), placed_starts(starts, unknowns, x)
+                unknowns.append(replace(u, scale=scale, prior=True))
+    return unknowns
 
 
 def start_unknowns(prepared: Sequence[Prepared]) -> list[Unknown]:
-    """State at the first sample of every recording that did not start at rest."""
-    found = []
+    """Initial state of every recording that did not start at rest: hub angle and rate, two modes and their rates."""
+    unknowns = []
     for i, p in enumerate(prepared):
         if p.recording.start != "unknown":
             continue
         if p.hub is not None:
             angle, rate = p.noise["hub_angle"], 30 * p.noise["hub_angle"]
-            found.append(Unknown("start", "hub_angle", p.start.hub_angle, angle, False, (-1e3, 1e3), i))
-            found.append(Unknown("start", "hub_rate", p.start.hub_rate, rate, False, (-1e3, 1e3), i))
+            unknowns.append(Unknown("start", "hub_angle", p.start.hub_angle, angle, False, (-1e3, 1e3), i))
+            unknowns.append(Unknown("start", "hub_rate", p.start.hub_rate, rate, False, (-1e3, 1e3), i))
         for mode in (0, 1):
-            found.append(Unknown("start", f"bend_{mode}", p.start.bend[mode], 1e-4, False, (-1.0, 1.0), i))
-            found.append(
-                Unknown("start", f"bend_rate_{mode}", p.start.bend_rate[mode], 1e-2, False, (-1e2, 1e2), i)
-            )
-    return found
+            bend, rate = p.start.bend[mode], p.start.bend_rate[mode]
+            unknowns.append(Unknown("start", "bend", bend, 1e-4, False, (-1.0, 1.0), i, index=mode))
+            unknowns.append(Unknown("start", "bend_rate", rate, 1e-2, False, (-1e2, 1e2), i, index=mode))
+    return unknowns
+
+
+def model_at(model: Model, unknowns: Sequence[Unknown], values: np.ndarray) -> Model:
+    """The model with its parameters at these values (p) of the unknowns."""
+    rig, clock = dict[str, float](), dict[str, float]()
+    effects = {name: dict(p) for name, p in model.effects.items()}
+    for u, v in zip(unknowns, values, strict=True):
+        if u.kind == "rig":
+            rig[u.name] = float(v)
+        elif u.kind == "clock":
+            clock[u.name] = float(v)
+        elif u.effect in effects:
+            effects[u.effect][u.name] = u.turned(float(v))
+    declared = model.declared.replace(source="fitted", **rig) if rig else model.declared
+    return model.replace(declared=declared, effects=effects, **clock)
+
+
+def starts_at(starts: Sequence[Start], unknowns: Sequence[Unknown], values: np.ndarray) -> tuple[Start, ...]:
+    """The initial states, one per recording, at these values (p) of the unknowns."""
+    changed = list(starts)
+    for u, v in zip(unknowns, values, strict=True):
+        if u.kind == "start" and u.recording is not None:
+            changed[u.recording] = _with_value(changed[u.recording], u.name, u.index, float(v))
+    return tuple(changed)
+
+
+def _with_value(start: Start, name: str, index: int | None, value: float) -> Start:
+    """The state with one attribute, or one element of a pair, set."""
+    attribute: Any = value
+    if index is not None:
+        pair = list(getattr(start, name))
+        pair[index] = value
+        attribute = tuple(pair)
+    return replace(start, **{name: attribute})
+
+
+def model_and_starts_at(
+    model: Model, starts: Sequence[Start], unknowns: Sequence[Unknown], x: np.ndarray
+) -> tuple[Model, tuple[Start, ...]]:
+    """The model and the initial states at values x (p) of the unknowns."""
+    return model_at(model, unknowns, x), starts_at(starts, unknowns, x)

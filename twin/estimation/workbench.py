@@ -1,4 +1,4 @@
-"""Data to fit to, and the simulations that a fit needs."""
+"""Data of a fit, in three forms of residual, and the parallel simulations that a fit needs."""
 
 from __future__ import annotations
 
@@ -16,18 +16,26 @@ from twin.recording import HUB_TORQUE, Recording
 from twin.residuals import hub_balance
 from twin.residuals.data import DrivenData
 from twin.residuals.groups import Group
-from twin.residuals.prepared import Prepared, guided, reading_start
+from twin.residuals.prepared import Prepared, guide_for, sensor_corrected_start
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
-MEMORY = 0.25
-"""Span over which a change of the hub angle is compared [s]."""
-CORRELATION = 0.05
-"""Span over which a misfit is taken as one piece of evidence while fitting [s]."""
+CHANGE_SPAN = 0.25
+"""Span over which the change of the hub angle is compared in a guided simulation [s]."""
+CORRELATION_TIME = 0.05
+"""Time over which the misfit of a guided or free simulation is correlated: one independent sample [s]."""
+_DIVERGED = 1e6  # residual, in multiples of the noise, of a simulation that is no longer finite
 
 
 class Data(Protocol):
-    """Recordings as residuals: which groups there are, and how a model does on one recording."""
+    """Recordings as residuals; n rows in all.
+
+    Attributes:
+      prepared: the recordings.
+      groups: rows of each channel of each recording.
+      blocks: the groups, cut into stretches of time whose size is estimated (g).
+      weight: (n) 1 where a sample is compared, otherwise 0.
+    """
 
     prepared: tuple[Prepared, ...]
     groups: tuple[Group, ...]
@@ -35,14 +43,24 @@ class Data(Protocol):
     weight: np.ndarray
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
-        """Channel -> residual (m) of recording i in noise units, 0 where unknown."""
+        """Channel -> residual (m) of recording i, in multiples of the noise, 0 where unknown."""
 
     def counts(self) -> np.ndarray:
-        """Number of pieces of evidence in each block (g)."""
+        """Number of independent samples in each block (g)."""
 
 
 class Workbench:
-    """Data to fit to, and the simulations that a fit needs, side by side on the processors."""
+    """Data of a fit and a pool of threads that simulate models for it; n residuals, g blocks.
+
+    Attributes:
+      data: the recordings as residuals.
+      pool: threads.
+      prepared: the recordings.
+      groups: the blocks of the data (g).
+      weight: (n) 1 where a sample is compared, otherwise 0.
+      count: number of independent samples in each block (g).
+      defect: discretisation error of the residual that is subtracted (n), in multiples of the noise.
+    """
 
     def __init__(self, data: Data, pool: ThreadPoolExecutor):
         self.data = data
@@ -55,22 +73,24 @@ class Workbench:
         """Channels that are compared in any recording."""
         return {c for p in self.prepared for c in p.channels}
 
-    def without(self, channels: Collection[str]) -> Workbench:
-        """The same, but what these channels say counts for nothing."""
+    def without_channels(self, channels: Collection[str]) -> Workbench:
+        """A workbench in which these channels have no weight."""
         bench = copy(self)
         bench.count = np.where([g.channel in channels for g in self.groups], 0.0, self.count)
         return bench
 
     def with_defect(self, defect: np.ndarray) -> Workbench:
-        """The same, but with `defect` (n), in noise units, taken out of every residual."""
+        """A workbench that subtracts `defect` (n), in multiples of the noise, from every residual."""
         bench = copy(self)
         bench.defect = defect
         return bench
 
     def residuals(self, jobs: Sequence[tuple[Model, Sequence[Start], int | None]]) -> list[np.ndarray]:
-        """Measured minus simulated in noise units (n) of each (model, starts, only recording or None).
+        """Measured minus simulated (n), in multiples of the noise, of each job.
 
-        A job for one recording has zeros elsewhere.
+        Args:
+          jobs: model, initial state of each recording, and index of the only recording to simulate, or None for all.
+            Rows of recordings that are not simulated are zero.
         """
         tasks = [
             (index, i, model, starts[i])
@@ -85,7 +105,7 @@ class Workbench:
             for group in self.data.groups:
                 if group.recording == i:
                     rows = group.rows
-                    part = np.clip(np.nan_to_num(parts[group.channel], nan=1e6), -1e6, 1e6)
+                    part = np.clip(np.nan_to_num(parts[group.channel], nan=_DIVERGED), -_DIVERGED, _DIVERGED)
                     results[index][rows] = (part - self.defect[rows]) * self.weight[rows]
         return results
 
@@ -94,20 +114,20 @@ class Workbench:
         return self.data.residual(model, i, start)
 
     def sizes(self, residual: np.ndarray) -> np.ndarray:
-        """Root-mean-square of each group (g), noise units."""
+        """Root mean square of a residual (n) in each block (g), in multiples of the noise."""
         return loss.group_sizes(residual, self.groups, self.weight)
 
     def cost(self, residual: np.ndarray) -> float:
-        """What a residual (n) costs, priors apart."""
+        """Negative log likelihood of a residual (n), up to a constant, without priors."""
         return float(self.count @ loss.loss(self.sizes(residual)))
 
     def misfit(self, residual: np.ndarray) -> float:
-        """What a residual (n) costs above pure noise."""
+        """By how much the negative log likelihood of a residual (n) exceeds that of sensor noise alone."""
         return float(self.count @ np.maximum(loss.loss(self.sizes(residual)) - 0.5, 0.0))
 
 
 class GuidedData:
-    """Recordings beside guided free-running simulations."""
+    """Residuals of guided simulations: the hub sticks and slides when the measured hub does."""
 
     def __init__(self, prepared: Sequence[Prepared]):
         self.prepared = tuple(prepared)
@@ -115,37 +135,40 @@ class GuidedData:
         self.blocks = self.groups
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
-        """See `whitened`."""
-        return whitened(model, self.prepared[i], start)
+        """See `guided_residual`."""
+        return guided_residual(model, self.prepared[i], start)
 
     def counts(self) -> np.ndarray:
-        """Number of pieces of evidence in each group (g), if its misfit is correlated."""
+        """Number of independent samples in each group (g): one per `CORRELATION_TIME`."""
         spans = [self.prepared[g.recording].recording.duration for g in self.groups]
         known = [self.weight[g.rows].mean() for g in self.groups]
-        return np.array(spans) * np.array(known) / CORRELATION
+        return np.array(spans) * np.array(known) / CORRELATION_TIME
 
 
 class FreeData(GuidedData):
-    """Recordings beside simulations that only their first samples and their command lead."""
+    """Residuals of free-running simulations, which know the initial state and the command alone."""
 
     def counts(self) -> np.ndarray:
-        """As of guided ones, but 0 where the rig was already moving: what leads there is not known well enough."""
-        begun = [self.prepared[g.recording].recording.start == "unknown" for g in self.groups]
-        return np.where(begun, 0.0, super().counts())
+        """As of guided data, but 0 for rigs that were moving at the first sample: their state is too uncertain."""
+        moving = [self.prepared[g.recording].recording.start == "unknown" for g in self.groups]
+        return np.where(moving, 0.0, super().counts())
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
-        """Channel -> measured minus simulated in noise units (m), 0 where missing."""
+        """Channel -> measured minus simulated (m), in multiples of the noise, not a number where missing."""
         prepared = self.prepared[i]
         measured = prepared.recording
-        predicted = simulate(model, measured, reading_start(model, prepared, start))
+        predicted = simulate(model, measured, sensor_corrected_start(model, prepared, start))
         return {c: (measured[c] - predicted[c]) / prepared.noise[c] for c in prepared.channels}
 
 
-def whitened(model: Model, prepared: Prepared, start: Start) -> dict[str, np.ndarray]:
-    """Channel -> measured minus simulated in noise units (m), 0 where missing; the simulation guided."""
+def guided_residual(model: Model, prepared: Prepared, start: Start) -> dict[str, np.ndarray]:
+    """Channel -> measured minus simulated (m), in multiples of the noise, 0 where missing; the simulation is guided.
+
+    Of the hub angle, the change over `CHANGE_SPAN` is compared.
+    """
     measured = prepared.recording
-    start = reading_start(model, prepared, start)
-    predicted = simulate(model, measured, start, guided(model, prepared, tight=False))
+    start = sensor_corrected_start(model, prepared, start)
+    predicted = simulate(model, measured, start, guide_for(model, prepared, tight=False))
     return {
         c: _local(c, (measured[c] - predicted[c]) / prepared.noise[c], measured.time)
         for c in prepared.channels
@@ -153,47 +176,50 @@ def whitened(model: Model, prepared: Prepared, start: Start) -> dict[str, np.nda
 
 
 def _local(channel: str, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """A residual (m) local in time, 0 where it is unknown.
+    """A residual (m) that is local in time, 0 where it is unknown.
 
-    Nothing holds a sliding hub in place, so that the smallest torque adds up to a drift without end: of the hub
-    angle, the change over `MEMORY` counts, with the noise of one reading.
+    Nothing holds a sliding hub in place, so that the smallest torque error adds up to an unlimited drift. Of the hub
+    angle, the change over `CHANGE_SPAN` is taken, scaled to the noise of one reading.
     """
     if channel == "hub_angle":
-        earlier = np.maximum(np.searchsorted(time, time - MEMORY + 1e-9), 0)
-        first = time < time[0] + MEMORY
+        earlier = np.maximum(np.searchsorted(time, time - CHANGE_SPAN + 1e-9), 0)
+        first = time < time[0] + CHANGE_SPAN
         residual = np.where(first, residual, (residual - residual[earlier]) / np.sqrt(2))
-    return np.clip(np.nan_to_num(residual, nan=0.0), -1e6, 1e6)
+    return np.clip(np.nan_to_num(residual, nan=0.0), -_DIVERGED, _DIVERGED)
 
 
 def _layout(prepared: Sequence[Prepared]) -> tuple[tuple[Group, ...], np.ndarray]:
+    """Rows of each channel of each recording, and the weights (n): 1 where the channel can be compared, else 0."""
     groups, weights, row = [], [], 0
     for i, p in enumerate(prepared):
         for channel in p.channels:
-            known = np.isfinite(_known(channel, p.recording))
+            known = np.isfinite(_comparable(channel, p.recording))
             groups.append(Group(i, channel, slice(row, row + len(known))))
             weights.append(known.astype(float))
             row += len(known)
     return tuple(groups), np.concatenate(weights) if weights else np.zeros(0)
 
 
-def _known(channel: str, recording: Recording) -> np.ndarray:
+def _comparable(channel: str, recording: Recording) -> np.ndarray:
+    """Not a number (m) where a channel is missing; of the hub angle, also where its earlier reading is."""
     blank = np.where(np.isfinite(recording[channel]), 1.0, np.nan)
     if channel != "hub_angle":
         return blank
     time = recording.time
-    return blank + np.where(time < time[0] + MEMORY, 0.0, blank[np.searchsorted(time, time - MEMORY + 1e-9)])
+    earlier = blank[np.searchsorted(time, time - CHANGE_SPAN + 1e-9)]
+    return blank + np.where(time < time[0] + CHANGE_SPAN, 0.0, earlier)
 
 
-def known_weights(bench: Workbench, fit: Fit) -> np.ndarray:
-    """1 where a torque can be told in time, 0 about fast reversals under a sliding friction that falls with speed (n).
+def reversal_weights(bench: Workbench, fit: Fit) -> np.ndarray:
+    """0 near reversals of the hub under Stribeck friction, otherwise 1 (n): where the torque is known locally in time.
 
-    There it jumps by twice the break-away torque within milliseconds: when the measured hub turns round is not known
-    so well, and the filter spreads the jump.
+    There the friction torque jumps by twice the break-away torque within milliseconds. The instant of the reversal is
+    not known so well, and the filter spreads the jump.
     """
-    told = np.ones(len(fit.residual))
+    weights = np.ones(len(fit.residual))
     if not fit.model.plant.friction.stribeck_velocity > 0:
-        return told
+        return weights
     for group in bench.data.groups:
         if group.channel == HUB_TORQUE and isinstance(bench.data, DrivenData):
-            told[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
-    return told
+            weights[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
+    return weights

@@ -20,11 +20,11 @@ from twin.estimation import chain_limit
 from twin.identification.estimates import MIN_DETERMINATION, TWO_SIDED_95, Estimate, with_nuisance_error
 from twin.mechanics import planar
 from twin.mechanics.state import Start
-from twin.residuals.cell_means import mean_torque, one_way, twice_averaged
+from twin.residuals.cell_means import double_mean, double_mean_torque, mean_direction
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import low_passed
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import Hub, View, hub_motion, move
+from twin.residuals.view import HubTrajectory, View, hub_trajectory, move_link
 from twin.rigs.model import Model
 
 HUB_BAND = 20.0
@@ -95,7 +95,7 @@ def hub_balance(data: DrivenData, model: Model, starts: Sequence[Start]) -> Bala
     return None if model.plant.motor.gap > 0 else _regress(data, model, starts)
 
 
-def effect_torque(model: Model, time: np.ndarray, hub: Hub) -> np.ndarray:
+def effect_torque(model: Model, time: np.ndarray, hub: HubTrajectory) -> np.ndarray:
     """Torque (m) of the declared effects on the hub along its motion, without friction [N m]."""
     return planar.hub_torque_along(model.plant, time, hub.angle, hub.rate, np.zeros(len(time)))
 
@@ -216,17 +216,17 @@ def _usable(prepared: Prepared, view: View, model: Model) -> bool:
 
 def _regression_rows(prepared: Prepared, view: View, model: Model, start: Start) -> _RegressionRows | None:
     """Rows of one recording while the hub slides: J0, Coulomb forwards, Coulomb backwards; None where it never does."""
-    t, low, hub = view.time, _low_pass(view.time, HUB_BAND), hub_motion(view, model)
+    t, low, hub = view.time, _low_pass(view.time, HUB_BAND), hub_trajectory(view, model)
     required = _required_torque(prepared, view, model, start)
-    reaction = twice_averaged(required - model.declared["hub_inertia"] * hub.acceleration)
+    reaction = double_mean(required - model.declared["hub_inertia"] * hub.acceleration)
     # Friction passes the low-pass that the measured motion has passed.
     forward, backward = (low_passed(s, float(t[1] - t[0]), view.band) for s in direction_shares(view))
-    columns = np.column_stack([low(v) for v in (twice_averaged(hub.acceleration), forward, -backward)])
+    columns = np.column_stack([low(v) for v in (double_mean(hub.acceleration), forward, -backward)])
     kept = binary_erosion(view.sliding, iterations=int(_MARGIN / HUB_BAND / (t[1] - t[0])))
     if not kept.any():
         return None
     # The measured motion has passed one low-pass more than the torque.
-    torque = low_passed(mean_torque(model, prepared.recording, t), float(t[1] - t[0]), view.band)
+    torque = low_passed(double_mean_torque(model, prepared.recording, t), float(t[1] - t[0]), view.band)
     right = low(torque + effect_torque(model, t, hub) - reaction)
     block = ((t - t[0]) / _BLOCK).astype(int)
     return _RegressionRows(columns[kept], right[kept], hub.rate[kept], block[kept])
@@ -234,16 +234,16 @@ def _regression_rows(prepared: Prepared, view: View, model: Model, start: Start)
 
 def direction_shares(view: View) -> tuple[np.ndarray, np.ndarray]:
     """Share (m) of the grid step about each instant in which the hub moves forwards, and backwards [1]."""
-    mean = view.direction * one_way(view.rate, view.acceleration, float(view.time[1] - view.time[0]))
+    mean = view.direction * mean_direction(view.rate, view.acceleration, float(view.time[1] - view.time[0]))
     moves = np.abs(view.direction)
     return (moves + mean) / 2, (moves - mean) / 2
 
 
 def _required_torque(prepared: Prepared, view: View, model: Model, start: Start) -> np.ndarray:
     """Torque (m) on the hub that its measured motion requires, in the limit of fine chains [N m]."""
-    chains = [chain_limit.even(model, n) for n in chain_limit.QUICK]
-    return chain_limit.weights(chain_limit.QUICK) @ np.array(
-        [move(view, prepared, m, start)[1] for m in chains]
+    chains = [chain_limit.with_equal_segments(model, n) for n in chain_limit.STANDARD]
+    return chain_limit.richardson_weights(chain_limit.STANDARD) @ np.array(
+        [move_link(view, prepared, m, start)[1] for m in chains]
     )
 
 

@@ -18,7 +18,7 @@ from twin.residuals import breakaway
 from twin.residuals.breakaway import BreakAway
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared
-from twin.residuals.static_levels import releases
+from twin.residuals.static_levels import level_readings
 from twin.rigs.model import Model
 
 _LINK_TORQUE_ERROR = 0.03  # relative standard deviation of the modelled link's torque on the hub [1]
@@ -58,8 +58,8 @@ def static_friction(data: DrivenData, model: Model, starts: Sequence[Start]) -> 
     locate the break-away better than the first visible motion does.
     """
     prepared = data.prepared
-    simulated = {(r.recording, r.time): r.level for r in releases(data, model, starts)}
-    all_events = breakaway.find(model, prepared, starts)
+    simulated = {(r.recording, r.time): r.level for r in level_readings(data, model, starts)}
+    all_events = breakaway.find_break_aways(model, prepared, starts)
     ramps = tuple(e for e in all_events if _ends_slow_ramp(model, prepared[e.recording], e))
     levels = [
         (e.direction * level.value, level.error)

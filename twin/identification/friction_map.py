@@ -22,7 +22,7 @@ from twin.identification import decay
 from twin.identification.estimates import Estimate, with_nuisance_error
 from twin.mechanics.state import Start
 from twin.recording import Recording
-from twin.residuals.prepared import Prepared, reading_start
+from twin.residuals.prepared import Prepared, sensor_corrected_start
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
@@ -256,7 +256,7 @@ def _simulate_release(
     """Simulates the release from a deflection [m] with a Coulomb level [N m]."""
     tried = model.replace(declared=model.declared.replace("tried", coulomb_friction=level))
     recording = prepared.recording.replace(initial_tip_deflection=deflection)
-    return simulate(tried, recording, reading_start(tried, prepared, start))
+    return simulate(tried, recording, sensor_corrected_start(tried, prepared, start))
 
 
 def _invert_map(levels: np.ndarray, damping: np.ndarray, measured: Estimate) -> Estimate | None:

@@ -21,17 +21,17 @@ import numpy as np
 
 from twin.campaigns.campaign import Campaign
 from twin.estimation import first_state
-from twin.estimation.calibrate import made_ready, noise_levels
+from twin.estimation.calibrate import noise_levels, prepare_clean
 from twin.estimation.minimise import minimise
 from twin.estimation.unknowns import start_unknowns
-from twin.estimation.workbench import Workbench, whitened
+from twin.estimation.workbench import Workbench, guided_residual
 from twin.identification.joint import JointEstimate
 from twin.mechanics.state import Start
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
-from twin.residuals.prepared import Prepared, guided
+from twin.residuals.prepared import Prepared, guide_for
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
@@ -78,7 +78,7 @@ def held_out_errors(
     rows: list[HeldOutError] = []
     notes: list[str] = []
     for recording in campaign.holdout():
-        prepared, left_out = made_ready(recording, campaign.sensors, joint.clock, noise)
+        prepared, left_out = prepare_clean(recording, campaign.sensors, joint.clock, noise)
         notes += left_out
         if prepared.channels:
             starts = [first_state.first_state(m, prepared, pool) for m in models]
@@ -91,13 +91,13 @@ def _errors_of_recording(
 ) -> list[HeldOutError]:
     """Errors of each channel of one recording, with the declared and the identified model and their initial states."""
     recording, (declared, identified), (before, start) = prepared.recording, models, starts
-    guide = guided(identified, prepared, tight=False)
+    guide = guide_for(identified, prepared, tight=False)
     runs = [
         simulate(declared, recording, before),
         simulate(identified, recording, start),
         simulate(identified, recording, start, guide),
     ]
-    windows = whitened(identified, prepared, start)
+    windows = guided_residual(identified, prepared, start)
     steps = _driven_link_errors(prepared, identified, start, pool)
     known_from: Literal["rest", "estimated"] = "estimated" if recording.start == "unknown" else "rest"
     rows = []
@@ -125,7 +125,7 @@ def _driven_link_errors(
         # The driven link oscillates for long: its initial state is fitted to the whole recording.
         bench = Workbench(data, pool)
         start = minimise(bench, model, [start], start_unknowns([prepared]), iterations=6).starts[0]
-    missing = residual.missing(view, prepared, model, start)
+    missing = residual.raw_residual(view, prepared, model, start)
     of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
     return {g.channel: _rms(missing[g.channel][data.weight[g.rows] > 0]) for g in of_link}
 

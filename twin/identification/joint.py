@@ -22,7 +22,7 @@ from twin.estimation import chain_limit, jackknife, refine, sandwich
 from twin.estimation.calibrate import calibrate, late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
-from twin.estimation.sandwich import Evidence
+from twin.estimation.sandwich import RecordingInformation
 from twin.estimation.slopes import costs_at, normal_equations, row_weights
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
@@ -116,7 +116,7 @@ class JointEstimate:
         names = []
         for u, value in zip(self.fit.unknowns, self.fit.values, strict=True):
             low, high = u.bounds
-            if u.of_rig and min(value - low, high - value) < _BOUND_TOLERANCE * (high - low):
+            if u.is_parameter and min(value - low, high - value) < _BOUND_TOLERANCE * (high - low):
                 names.append(u.full_name)
         return names
 
@@ -132,7 +132,7 @@ class JointEstimate:
 
     def range_of(self, name: str) -> tuple[float, float]:
         """Bounds of a parameter in the fit."""
-        unknown = next(u for u in self.fit.unknowns if u.of_rig and u.full_name == name)
+        unknown = next(u for u in self.fit.unknowns if u.is_parameter and u.full_name == name)
         return _to_parameter_interval(unknown, *unknown.bounds)
 
     def non_quadratic(self) -> list[str]:
@@ -202,16 +202,18 @@ def joint_estimate(
     bench = Workbench(DrivenData(calibration.prepared, calibration.base.model, BANDS), pool)
     bench, base, chain_error = _fit_in_chain_limit(bench, calibration.base)
     progress("leaving recordings out")
-    evidence = sandwich.evidence(bench, base)
-    distances = evidence.distances()
-    other = evidence.by_declaration + np.outer(chain_error, chain_error)
-    covariance = jackknife.widened(evidence.by_noise, other, *evidence.influences(), jackknife.most(base))
+    evidence = sandwich.recording_information(bench, base)
+    distances = evidence.deletion_moves()
+    other = evidence.prior_covariance + np.outer(chain_error, chain_error)
+    covariance = jackknife.inflated_covariance(
+        evidence.noise_covariance, other, *evidence.influences(), jackknife.largest_errors(base)
+    )
     progress("evaluating the profile likelihood")
     errors = np.sqrt(np.diag(covariance))
     ratios = _cost_rise_ratios(bench, base, errors)
     intervals = _profile_intervals(bench, base, errors, evidence, ratios)
     # First states and the clock are nuisance parameters: they are left out.
-    own = [i for i, u in enumerate(base.unknowns) if u.of_rig]
+    own = [i for i, u in enumerate(base.unknowns) if u.is_parameter]
     names = tuple(base.unknowns[i].full_name for i in own)
     # Derivative of a parameter by its unknown: a stiffness that may be infinite is fitted as its inverse.
     slopes = np.array([-1 / base.values[i] ** 2 if base.unknowns[i].inverse else 1.0 for i in own])
@@ -253,12 +255,14 @@ def _fit_in_chain_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np
     The correction is computed where the fit starts, and once more, with one chain more, where it ends. The remaining
     error is the change of the estimate by the last order of the extrapolation.
     """
-    kept = refine.seen(base)
+    kept = refine.observable(base)
     unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
-    bench, _ = chain_limit.corrected(bench, base.model, base.starts, chain_limit.QUICK)
+    bench, _ = chain_limit.without_discretisation_error(bench, base.model, base.starts, chain_limit.STANDARD)
     fit = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
-    bench, change = chain_limit.corrected(bench, fit.model, fit.starts, chain_limit.CLOSE)
-    fit = refine.refined(bench, fit)
+    bench, change = chain_limit.without_discretisation_error(
+        bench, fit.model, fit.starts, chain_limit.PRECISE
+    )
+    fit = refine.refined_fit(bench, fit)
     information, _ = normal_equations(bench, fit)
     gradient = fit.jacobian.T @ (row_weights(bench, fit.residual) * change)
     return bench, fit, -np.linalg.pinv(information, hermitian=True) @ gradient
@@ -283,7 +287,7 @@ def _contradictions(
 
 
 def _profile_intervals(
-    bench: Workbench, base: Fit, errors: np.ndarray, evidence: Evidence, rises: np.ndarray
+    bench: Workbench, base: Fit, errors: np.ndarray, evidence: RecordingInformation, rises: np.ndarray
 ) -> dict[int, tuple[float, float]]:
     """Returns unknown -> 95 % interval by profile likelihood, where the log-likelihood is not quadratic.
 
@@ -298,7 +302,7 @@ def _profile_intervals(
     half, bounds = TWO_SIDED_95 * errors, np.array([u.bounds for u in base.unknowns])
     cut = (base.values - half < bounds[:, 0]) | (base.values + half > bounds[:, 1])
     # The static friction is read at break-aways instead.
-    own = np.array([u.of_rig and u.name != "static_friction" for u in base.unknowns])
+    own = np.array([u.is_parameter and u.name != "static_friction" for u in base.unknowns])
     # Where recordings contradict each other, their errors are not those of the likelihood, and no profile gives them.
     contradicted = errors**2 > _MAX_VARIANCE_RATIO * np.diag(evidence.covariance)
     chosen = np.flatnonzero(own & ~contradicted & (cut | ((rises < low) | (rises > high)).any(axis=1)))

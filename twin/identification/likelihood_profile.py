@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import cost_of, equations_at, normal_equations
-from twin.estimation.unknowns import placed_both
+from twin.estimation.slopes import cost_of, normal_equations, normal_equations_at
+from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import Workbench
 from twin.identification.estimates import TWO_SIDED_95
 
@@ -78,9 +78,9 @@ class Profile:
         costs = []
         for step in range(_STEPS + 1):
             x = np.clip(x, low, high)
-            [r] = bench.residuals([(*placed_both(base.model, base.starts, base.unknowns, x), None)])
+            [r] = bench.residuals([(*model_and_starts_at(base.model, base.starts, base.unknowns, x), None)])
             costs.append(cost_of(bench, base.unknowns, x, r))
             if step < _STEPS:
-                _, gradient = equations_at(bench, base.unknowns, x, r, base.jacobian)
+                _, gradient = normal_equations_at(bench, base.unknowns, x, r, base.jacobian)
                 x[free] -= inverse @ gradient[free]
         return min(costs)

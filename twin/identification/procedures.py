@@ -33,7 +33,7 @@ from twin.identification.spectra import Response
 from twin.identification.static_test import StaticTest
 from twin.identification.total_inertia import MomentumBalance
 from twin.progress import Progress
-from twin.residuals.prepared import reading_start
+from twin.residuals.prepared import sensor_corrected_start
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
@@ -148,7 +148,7 @@ def _backbone(joint: JointEstimate, model: Model) -> Backbone | None:
     if curve is None:
         return None
     pairs = [
-        (p.recording, simulate(model, p.recording, reading_start(model, p, start)))
+        (p.recording, simulate(model, p.recording, sensor_corrected_start(model, p, start)))
         for p, start in zip(joint.prepared, joint.fit.starts, strict=True)
         if p.recording.name in curve.recordings
     ]

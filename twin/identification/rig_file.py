@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from twin.correlations import of_covariance
+from twin.correlations import from_covariance
 from twin.effects import REGISTRY
 from twin.identification.result import Identification
 from twin.parameters import Parameter
@@ -26,7 +26,7 @@ def to_toml(result: Identification) -> str:
         lines += effect_lines(
             effect, values, errors, REGISTRY[effect].units(values), "known, and identified with the rig"
         )
-    lines += of_covariance(joint.names, joint.covariance).lines()
+    lines += from_covariance(joint.names, joint.covariance).lines()
     return "\n".join(lines) + "\n"
 
 

@@ -30,11 +30,11 @@ from twin.identification.balance import (
 from twin.identification.estimates import MIN_DETERMINATION, Estimate, student_t_estimate, with_nuisance_error
 from twin.mechanics import beam
 from twin.residuals import resample
-from twin.residuals.cell_means import mean_torque
+from twin.residuals.cell_means import double_mean_torque
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import BAND, REACH
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import View, hub_motion
+from twin.residuals.view import View, hub_trajectory
 from twin.rigs.model import Model
 
 _GAUGES_NEEDED = 2  # one for the quasi-static shape and one for the first free mode
@@ -173,8 +173,12 @@ def _signals(prepared: Prepared, view: View, model: Model) -> np.ndarray:
     half = [model.sensors[g].half_thickness for g in names]
     positions = [model.sensors[g].position for g in names]
     filtered = [view.measured[g] / h for g, h in zip(names, half, strict=True)]
-    bends = [resample.resampled(prepared.recording, g, t)[0] / h for g, h in zip(names, half, strict=True)]
-    drive = mean_torque(model, prepared.recording, t) + effect_torque(model, t, hub_motion(view, model))
+    bends = [
+        resample.resample_channel(prepared.recording, g, t)[0] / h for g, h in zip(names, half, strict=True)
+    ]
+    drive = double_mean_torque(model, prepared.recording, t) + effect_torque(
+        model, t, hub_trajectory(view, model)
+    )
     impulse = _integral(drive, t)
     impulse -= foreshortening_momentum(filtered, positions, t, view.rate, model.declared)
     friction = [_integral(_integral(share, t), t) for share in direction_shares(view)]

@@ -1,1 +1,1 @@
-"""Residuals of a model against recordings, local in time, and the noise by which they are scaled."""
+"""What a model leaves unexplained of a recording, local in time: the measured hub angle drives the modelled link."""

@@ -1,12 +1,12 @@
-"""What a play between motor and hub passes on, seen from a hub whose motion is measured.
+"""Torque through a backlash on a hub whose motion is measured.
 
-The motor is followed alone, from the middle of the play. An impact is over before the filtered motion of the hub shows
-any of it: what the filter has taken from the hub's acceleration is put back, and the hub gives way as its inertia
-lets it,
+The motor is simulated alone, from the middle of the backlash, against the measured motion of the hub. An impact is
+shorter than the filter of that motion, which removes it from the hub's acceleration. It is put back, and the hub moves
+under the impact as its inertia allows:
 
-    alpha = alpha_measured + (T - F T) / J            T: torque through the play, F: the filter, J: hub without motor
+    alpha = alpha_measured + (T - F T) / J        T: torque through the backlash, F: the filter, J: hub without motor
 
-in which T is found in a few rounds.
+T is found by fixed-point iteration.
 """
 
 from __future__ import annotations
@@ -18,21 +18,37 @@ from scipy.ndimage import binary_dilation
 
 from twin.mechanics.planar import backlash_torque
 from twin.mechanics.plant import Plant
-from twin.residuals.cell_means import CELLS, at_instants, cell, in_cells, of_cells, torque_in_cells
+from twin.residuals.cell_means import (
+    CELLS,
+    cell_length,
+    double_mean_of_cells,
+    from_double_mean,
+    interpolated_in_cells,
+    mean_torque_in_cells,
+)
 from twin.residuals.filters import GRID, REACH, low_passed
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import View, hub_motion
+from twin.residuals.view import Signals, hub_trajectory
 from twin.rigs.model import Model
 
-_ROUNDS = 6
-_EVERY = 0.1  # s between other first states of the motor
-_FORGOTTEN = 0.5  # s after which they should not be seen
-FIRMER = 1.2
-"""Parts of its static friction that a rig may have."""
+_ITERATIONS = 6
+_RESTART_INTERVAL = 0.1  # s between the instants at which the motor is simulated anew
+_MEMORY = 0.5  # s after which the state at such an instant should not matter any more
+STATIC_MARGIN = 1.2
+"""Largest ratio of a rig's static friction to the model's that is reckoned with."""
 
 
 class _Hub(NamedTuple):
-    """The hub and the drive in each cell (c): what the motor is followed by."""
+    """Inputs of the simulated motor in each cell (c).
+
+    Attributes:
+      plant: the model's equations of motion.
+      period: length of a cell [s].
+      acceleration: of the hub without what the low-passed torque through the backlash does (c) [rad/s^2].
+      angle: of the hub (c) [rad].
+      drive: torque of the motor (c) [N m].
+      mobility: reciprocal inertia with which the hub gives way to an impact [1/(kg m^2)].
+    """
 
     plant: Plant
     period: float
@@ -41,74 +57,79 @@ class _Hub(NamedTuple):
     drive: np.ndarray
     mobility: float
 
-    def push(self, part: slice = slice(None)) -> np.ndarray:
-        """Mean torque (c) on the hub in each cell of a part [N m]."""
+    def transmitted(self, part: slice = slice(None)) -> np.ndarray:
+        """Mean torque through the backlash in each cell of a part (c) [N m], from the middle of the backlash."""
         motion = self.acceleration[part], self.angle[part]
         start = ((part.start or 0) - CELLS) * self.period
         return backlash_torque(self.plant, self.period, *motion, self.drive[part], self.mobility, start)
 
 
-def passed_on(view: View, prepared: Prepared, model: Model) -> np.ndarray:
-    """Torque (m) through the play on the hub about each instant, averaged over a step twice [N m]."""
-    return of_cells(_followed(view, prepared, model)[1])
+def transmitted_torque(signals: Signals, prepared: Prepared, model: Model) -> np.ndarray:
+    """Double mean (m) of the torque through the backlash on the hub, see `cell_means` [N m]."""
+    return double_mean_of_cells(_solve(signals, prepared, model)[1])
 
 
-def doubtful(view: View, prepared: Prepared, model: Model, noise: float, slow: float) -> np.ndarray:
-    """Instants (m) at which what a play passes on is not told by the motion of the hub, with the filter's reach.
+def undetermined(signals: Signals, prepared: Prepared, model: Model, noise: float, slow: float) -> np.ndarray:
+    """Instants (m) at which the motion of the hub does not determine the torque through a backlash.
+
+    The reach of the filter is added on either side. Without a backlash there are none.
 
     Args:
-      view: the recording.
-      prepared: the same.
-      model: with or without a play.
-      noise: of the torque on the hub [N m].
-      slow: rate of the hub that its noise may seem to be [rad/s].
+      signals: the recording on the grid.
+      prepared: the recording.
+      model: with or without a backlash.
+      noise: standard deviation of the torque on the hub [N m].
+      slow: rate of the hub that its noise can pretend [rad/s].
     """
     if model.plant.motor.gap <= 0:
-        return np.zeros(len(view.time), dtype=bool)
-    hub, pushed = _followed(view, prepared, model)
-    found = _unsettled(view, hub, pushed, noise) | _between_impacts(view, hub, pushed, slow)
-    return binary_dilation(found, iterations=round(REACH / GRID))
+        return np.zeros(len(signals.time), dtype=bool)
+    hub, torque = _solve(signals, prepared, model)
+    unknown = _depends_on_past(signals, hub, torque, noise) | _may_stick(signals, hub, torque, slow)
+    return binary_dilation(unknown, iterations=round(REACH / GRID))
 
 
-def _between_impacts(view: View, hub: _Hub, pushed: np.ndarray, slow: float) -> np.ndarray:
-    """Instants (m) at which friction may hold the hub between two impacts: the filter hides how slow it was."""
-    taken = of_cells(pushed) - _seen(view, pushed)
-    rate = in_cells(view.rate + hub.mobility * GRID * np.cumsum(taken))
-    grip = FIRMER * max(hub.plant.friction.static_positive, hub.plant.friction.static_negative) * hub.mobility
-    held = (np.abs(rate) < slow) & (np.abs(hub.acceleration + hub.mobility * pushed) < grip)
-    return held[CELLS:-CELLS].reshape(-1, CELLS).any(axis=1) & (view.direction != 0)
+def _may_stick(signals: Signals, hub: _Hub, torque: np.ndarray, slow: float) -> np.ndarray:
+    """Instants (m) at which friction may hold the hub between two impacts: the filter hides how slow the hub was."""
+    removed = double_mean_of_cells(torque) - _low_passed_torque(signals, torque)
+    rate = interpolated_in_cells(signals.rate + hub.mobility * GRID * np.cumsum(removed))
+    friction = hub.plant.friction
+    holdable = STATIC_MARGIN * max(friction.static_positive, friction.static_negative) * hub.mobility
+    held = (np.abs(rate) < slow) & (np.abs(hub.acceleration + hub.mobility * torque) < holdable)
+    return held[CELLS:-CELLS].reshape(-1, CELLS).any(axis=1) & (signals.direction != 0)
 
 
-def _unsettled(view: View, hub: _Hub, pushed: np.ndarray, noise: float) -> np.ndarray:
-    """Instants (m) at which what a play passes on hangs on how the motor moved half a second before.
+def _depends_on_past(signals: Signals, hub: _Hub, torque: np.ndarray, noise: float) -> np.ndarray:
+    """Instants (m) at which the torque through the backlash depends on the motor's state half a second before.
 
-    A motor that rattles fast has several ways to do so, and jumps from one to another: that tells more of its past than
-    of the play. Begun anew time and again in the middle of the play, it should soon do what it did anyway.
+    A motor that rattles fast has several periodic motions and jumps from one to another; which one it is in says more
+    about its past than about the backlash. Simulated anew from the middle of the backlash, it should do the same after
+    `_MEMORY`, to within the noise.
     """
-    found = np.zeros(len(view.time), dtype=bool)
-    half = round(_FORGOTTEN / GRID)
-    for first in range(0, len(view.time) - half, round(_EVERY / GRID)):
-        part = slice(CELLS * (first + 1), CELLS * min(first + 1 + 2 * half, len(view.time) + 1))
-        off = low_passed((hub.push(part) - pushed[part]).reshape(-1, CELLS).mean(axis=1)[half:], GRID)
-        found[first + half : first + 2 * half] |= np.abs(off) > noise
-    return found
+    differs = np.zeros(len(signals.time), dtype=bool)
+    half = round(_MEMORY / GRID)
+    for first in range(0, len(signals.time) - half, round(_RESTART_INTERVAL / GRID)):
+        part = slice(CELLS * (first + 1), CELLS * min(first + 1 + 2 * half, len(signals.time) + 1))
+        change = hub.transmitted(part) - torque[part]
+        change = low_passed(change.reshape(-1, CELLS).mean(axis=1)[half:], GRID)
+        differs[first + half : first + 2 * half] |= np.abs(change) > noise
+    return differs
 
 
-def _followed(view: View, prepared: Prepared, model: Model) -> tuple[_Hub, np.ndarray]:
-    """The hub as it moves when it is pushed, and the mean torque (c) that pushes it in each cell [N m]."""
-    motion, plant = hub_motion(view, model), model.plant
-    measured = in_cells(motion.acceleration)
-    drive = torque_in_cells(model, prepared.recording, view.time)
-    hub = _Hub(plant, cell(view.time), measured, in_cells(motion.angle), drive, 0.0)
-    pushed = hub.push()
+def _solve(signals: Signals, prepared: Prepared, model: Model) -> tuple[_Hub, np.ndarray]:
+    """Fixed-point iteration of the equation above: the hub, and the mean torque (c) on it in each cell [N m]."""
+    motion, plant = hub_trajectory(signals, model), model.plant
+    measured = interpolated_in_cells(motion.acceleration)
+    drive = mean_torque_in_cells(model, prepared.recording, signals.time)
+    hub = _Hub(plant, cell_length(signals.time), measured, interpolated_in_cells(motion.angle), drive, 0.0)
+    torque = hub.transmitted()
     mobility = 1 / (plant.hub_inertia - plant.motor.inertia)
-    for _ in range(_ROUNDS):
-        slow = in_cells(_seen(view, pushed))
+    for _ in range(_ITERATIONS):
+        slow = interpolated_in_cells(_low_passed_torque(signals, torque))
         hub = hub._replace(acceleration=measured - mobility * slow, mobility=mobility)
-        pushed = hub.push()
-    return hub, pushed
+        torque = hub.transmitted()
+    return hub, torque
 
 
-def _seen(view: View, pushed: np.ndarray) -> np.ndarray:
-    """What the filter of the motion leaves of a torque (c), at the instants of the grid (m) [N m]."""
-    return low_passed(at_instants(of_cells(pushed)), GRID, view.band)
+def _low_passed_torque(signals: Signals, torque: np.ndarray) -> np.ndarray:
+    """The part of a torque in cells (c) that the filter of the hub's motion passes, on the grid (m) [N m]."""
+    return low_passed(from_double_mean(double_mean_of_cells(torque)), GRID, signals.band)

@@ -1,7 +1,8 @@
-"""Break-away torque, read at the instants at which the measured hub leaves a rest.
+"""Break-away torque at the instants at which the measured hub leaves a rest.
 
-The hub of the model is held until the measurement moves; the torque that friction bore just before is the static
-level there, in that direction and at that angle. No fit is needed, and no stick or slip of a simulation decides.
+The hub of the model is held while the measured one rests. The torque that friction has to hold just before the hub
+moves is the static level in that direction and at that angle: no fit is needed, and no stick or slip of a simulation
+matters.
 """
 
 from __future__ import annotations
@@ -15,17 +16,26 @@ from twin.campaigns.rests import SAMPLES_BEFORE_ONSET
 from twin.mechanics import planar
 from twin.mechanics.plant import IMMOVABLE
 from twin.mechanics.state import Motion, Start
-from twin.residuals.prepared import Prepared, guided
+from twin.residuals.prepared import Prepared, guide_for
 from twin.rigs.model import Model
 from twin.rigs.simulate import integrate
 
-_SLOW = 0.02  # relative change of the torque over `_SPAN` up to which the instant of the break-away is sure enough
+_MAX_CHANGE = 0.02  # relative change of the torque over `_SPAN` up to which the instant is known well enough
 _SPAN = 0.01  # s
 
 
 @dataclass(frozen=True)
 class BreakAway:
-    """One break-away: torque [N m], direction, hub reading [rad], recording, instant [s], growth before it [N m/s]."""
+    """One break-away.
+
+    Attributes:
+      torque: that friction held just before, negative in negative direction [N m].
+      direction: +1 or -1.
+      angle: reading of the hub [rad].
+      recording: index.
+      time: instant [s].
+      slope: rate at which the torque changed before [N m/s].
+    """
 
     torque: float
     direction: int
@@ -35,7 +45,7 @@ class BreakAway:
     slope: float
 
 
-def find(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> list[BreakAway]:
+def find_break_aways(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) -> list[BreakAway]:
     """Break-aways in the recordings whose torque is well defined."""
     return [
         event
@@ -45,37 +55,38 @@ def find(model: Model, prepared: Sequence[Prepared], starts: Sequence[Start]) ->
     ]
 
 
-def levels(events: Sequence[BreakAway]) -> dict[int, float]:
-    """Break-away torque by direction, +1 and -1, at the slowest approach; a direction never seen is left out [N m].
+def level_by_direction(events: Sequence[BreakAway]) -> dict[int, float]:
+    """Break-away torque of each direction that has events, +1 and -1: that of the most slowly growing torque [N m].
 
-    The slower the torque grows, the less the instant of the break-away matters.
+    The more slowly the torque grows, the less an error of the instant matters.
     """
     by_direction = {d: [e for e in events if e.direction == d] for d in (1, -1)}
-    return {d: abs(min(seen, key=lambda e: e.slope).torque) for d, seen in by_direction.items() if seen}
+    return {d: abs(min(own, key=lambda e: e.slope).torque) for d, own in by_direction.items() if own}
 
 
-def _held(model: Model, prepared: Prepared, start: Start) -> Motion:
-    """A recording simulated with a hub that rests whenever the measured one does, whatever it takes to hold it."""
-    # A friction that falls from the static level would hold it in motion too.
+def _with_held_hub(model: Model, prepared: Prepared, start: Start) -> Motion:
+    """Motion of a model whose hub rests whenever the measured one does, under whatever torque."""
+    # Friction that falls from the static level would hold the hub in motion too.
     firm = model.with_friction(static_positive=IMMOVABLE, static_negative=IMMOVABLE, stribeck_velocity=0.0)
-    return integrate(firm, prepared.recording, start, guided(firm, prepared, tight=True))
+    return integrate(firm, prepared.recording, start, guide_for(firm, prepared, tight=True))
 
 
 def _in_recording(model: Model, prepared: Prepared, start: Start, index: int) -> list[BreakAway]:
-    motion = _held(model, prepared, start)
+    """Break-aways in one recording, the index of which is passed on."""
+    motion = _with_held_hub(model, prepared, start)
     time = prepared.recording.time
     drive = model.read_torque(prepared.recording)
     needed = planar.holding_torque(model.plant_of(prepared.recording), time, *motion.state(), drive)
     period = prepared.recording.period
     lag = max(1, int(round(_SPAN / period)))
-    found = []
+    events = []
     assert prepared.hub is not None
     for onset, direction in prepared.hub.onsets:
         k = onset - SAMPLES_BEFORE_ONSET
         if k < lag or motion.modes[k] != 0 or np.sign(needed[k]) != direction:
             continue
-        if np.abs(needed[k] - needed[k - lag]) < _SLOW * abs(needed[k]):
+        if np.abs(needed[k] - needed[k - lag]) < _MAX_CHANGE * abs(needed[k]):
             angle = prepared.hub.reading[k]
             slope = abs(float(needed[k] - needed[k - lag]) / (lag * period))
-            found.append(BreakAway(float(needed[k]), direction, float(angle), index, float(time[k]), slope))
-    return found
+            events.append(BreakAway(float(needed[k]), direction, float(angle), index, float(time[k]), slope))
+    return events

@@ -1,7 +1,11 @@
-"""Means over a step of the uniform grid, on which the motion of the hub is compared with a torque.
+"""Double means over a step of the uniform grid, in which torques of the hub are compared.
 
-A drive holds its torque between two updates. Averaged over a grid step it is (omega h)^2/24 too small beside the torque
-that a motion takes at an instant, at 18 Hz and h = 2 ms by 0.2 %. So both are averaged, twice.
+A drive holds its torque between two updates, and the mean of such a torque over a grid step h is (omega h)^2/24 too
+small against the torque that a motion requires at an instant, at 18 Hz and h = 2 ms by 0.2 %. So both torques are
+averaged over a step twice before they are compared.
+
+Steps are divided into `CELLS` cells. Arrays on the grid have m elements, arrays of cells c = (m + 2) CELLS: the middle
+of cell k lies k/CELLS - 1 steps behind the first instant.
 """
 
 from __future__ import annotations
@@ -15,39 +19,36 @@ from twin.recording import Recording
 from twin.rigs.model import Model
 
 CELLS = 9
-"""Parts of a grid step, an odd number."""
-_TAPS = 8  # instants between which a signal is interpolated
+"""Cells of a grid step, an odd number, so that a cell is centred on each instant."""
+_TAPS = 8  # instants of an interpolating polynomial
 
 
-def mean_torque(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
-    """Torque (m) of the drive about each instant of a uniform grid, averaged over a step twice [N m]."""
-    return of_cells(torque_in_cells(model, recording, time))
+def double_mean_torque(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
+    """Double mean (m) of the torque that the drive delivers, about each instant of a uniform grid (m) [N m]."""
+    return double_mean_of_cells(mean_torque_in_cells(model, recording, time))
 
 
-def cell(time: np.ndarray) -> float:
+def cell_length(time: np.ndarray) -> float:
     """Length of a cell of a uniform grid (m) [s]."""
     return float(time[1] - time[0]) / CELLS
 
 
-def in_cells(values: np.ndarray) -> np.ndarray:
-    """A smooth signal in the middle of each such cell (c), from its instants on the grid (m).
-
-    By the polynomial through the instants beside it (J. L. Lagrange).
-    """
+def interpolated_in_cells(values: np.ndarray) -> np.ndarray:
+    """A smooth signal on the grid (m), interpolated to the middle of each cell (c) by Lagrange polynomials."""
     extended = np.pad(values, (_TAPS // 2, _TAPS // 2 + 1), "edge")
-    return (sliding_window_view(extended, _TAPS) @ _between()).ravel()
+    return (sliding_window_view(extended, _TAPS) @ _interpolation_weights()).ravel()
 
 
-def at_cells(values: np.ndarray) -> np.ndarray:
-    """What holds at the nearest instant of the grid (m), in each such cell (c)."""
+def nearest_in_cells(values: np.ndarray) -> np.ndarray:
+    """In each cell (c) the value (m) at the nearest instant of the grid."""
     extended = np.pad(values, 1, "edge")
     first = CELLS // 2
     return np.pad(np.repeat(extended, CELLS)[first:], (0, first), "edge")
 
 
 @functools.cache
-def _between() -> np.ndarray:
-    """Weights (taps x cells) of the instants about a step for a signal at its cells."""
+def _interpolation_weights() -> np.ndarray:
+    """Lagrange weights (taps x cells) of the instants around a step for the middles of its cells."""
     taps, x = np.arange(_TAPS), _TAPS // 2 - 1 + np.arange(CELLS) / CELLS
     others = [np.delete(taps, k) for k in taps]
     return np.array(
@@ -55,42 +56,42 @@ def _between() -> np.ndarray:
     )
 
 
-def torque_in_cells(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
-    """Mean torque (c) of the drive in each cell of a uniform grid (m), from a step before it to one behind it [N m]."""
+def mean_torque_in_cells(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
+    """Mean torque (c) that the drive delivers in each cell of a uniform grid (m) [N m]."""
     edges = np.arange(-CELLS, (len(time) + 1) * CELLS + 1) - 0.5
-    return np.diff(model.drive(recording).impulse(time[0] + edges * cell(time))) / cell(time)
+    return np.diff(model.drive(recording).impulse(time[0] + edges * cell_length(time))) / cell_length(time)
 
 
-def of_cells(values: np.ndarray) -> np.ndarray:
-    """Means over a step (m) about the instants of a grid, averaged over a step again, of means over its cells (c).
+def double_mean_of_cells(values: np.ndarray) -> np.ndarray:
+    """Double mean (m) about the instants of the grid of means over its cells (c).
 
-    A command that is held makes a staircase. Its mean over one step still sees the stairs (by (omega h)^2/24), the
-    mean of that mean no longer: it keeps the instant at which a short push acts.
+    A held command is a staircase. Its mean over one step is still too small by (omega h)^2/24, its double mean is not,
+    and it keeps the instant of a short pulse.
     """
     window = np.convolve(np.ones(CELLS), np.ones(CELLS)) / CELLS**2
     return np.convolve(values, window, "same")[CELLS:-CELLS:CELLS]
 
 
-def twice_averaged(values: np.ndarray) -> np.ndarray:
-    """Means over a grid step of means over a grid step (m) of a smooth signal: x + h^2 x''/12; the ends as they are."""
+def double_mean(values: np.ndarray) -> np.ndarray:
+    """Double mean (m) of a smooth signal on the grid (m), x + h^2 x''/12; the two ends are left as they are."""
     means = values.copy()
     means[1:-1] += (values[:-2] - 2 * values[1:-1] + values[2:]) / 12
     return means
 
 
-def at_instants(means: np.ndarray) -> np.ndarray:
-    """What a smooth signal is at the instants of a grid (m), from its means over a step, averaged over a step again."""
-    return 2 * means - twice_averaged(means)
+def from_double_mean(means: np.ndarray) -> np.ndarray:
+    """A smooth signal on the grid (m) from its double mean (m), to second order in the step."""
+    return 2 * means - double_mean(means)
 
 
-def one_way(rate: np.ndarray, acceleration: np.ndarray, step: float) -> np.ndarray:
-    """Mean of the hub's direction over a grid step about each instant (m), over the direction there.
+def mean_direction(rate: np.ndarray, acceleration: np.ndarray, step: float) -> np.ndarray:
+    """Mean of the sign of the hub's rate over a step about each instant (m), relative to the sign at the instant.
 
-    It is 1 but where the hub turns round within the step.
+    It is 1 except where the hub reverses within the step.
 
     Args:
-      rate: (m) of the hub [rad/s].
-      acceleration: (m) of the hub [rad/s^2].
+      rate: of the hub (m) [rad/s].
+      acceleration: of the hub (m) [rad/s^2].
       step: of the grid [s].
     """
     return np.clip(np.abs(rate) / np.maximum(np.abs(acceleration) * step / 2, 1e-12), 0.0, 1.0)

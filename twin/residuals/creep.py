@@ -1,9 +1,10 @@
-"""How a hub gathers speed once it is free: what its friction is at low speed.
+"""Residual of the hub angle just behind break-aways: what friction is like at low speed.
 
-A hub that comes free under a slowly growing torque is held by its sliding friction alone. Where that falls with the
-speed it creeps first, where it falls at once it goes off as a parabola does. Only that is compared. When it comes free
-is left open, and with it the static level; where it rested, which a sensor tells to a step of its own only; and how
-strongly it is pushed, because a link swings for long from what noise has told of it.
+Once it has broken away under a slowly growing torque, the hub is opposed by its sliding friction alone. If that falls
+with the speed, the hub creeps first; if it falls at once, the angle grows as a parabola. Only this shape is compared.
+Nuisance parameters are left open: the instant of the break-away, and with it the static level; the angle of the rest,
+which a quantised sensor shows to one step only; and the torque that accelerates the hub, because the link oscillates
+for long with what noise has excited in the model.
 """
 
 from __future__ import annotations
@@ -18,107 +19,126 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.rest_run import RestRun
 from twin.rigs.model import Model
 
-Event = tuple[int, int]
-"""Sample at which a motion is first seen, and its direction."""
+Onset = tuple[int, int]
+"""Sample at which a motion of the hub is first visible, and its direction, +1 or -1."""
 
-_GRAIN = 1e-3  # s, instants of a run
-_SPARE = 0.06  # s behind the readings that are run, for a run that comes free too late
-_TRIES = 10  # levels that are tried until a run comes free when the rig did
-_LEAST = 1e-3  # N m/s, growth of a torque below which it is taken for as much
-_STEPS = 3  # Gauss-Newton steps of the instant that is left open
-_FARTHEST = 0.03  # s by which a run is moved in time
+_TIME_STEP = 1e-3  # s between the instants of a simulated curve
+_EXTRA_SPAN = 0.06  # s that are simulated behind the readings, for a run that breaks away too late
+_MAX_TRIALS = 10  # levels that are tried until a run breaks away when the rig did
+_MIN_SLOPE = 1e-3  # N m/s, least growth of the torque in the first estimate of the level
+_GAUSS_NEWTON_STEPS = 3  # of the instant of the break-away
+_MAX_SHIFT = 0.03  # s by which a run is shifted in time
 
 
-def events(prepared: Prepared, model: Model, motion: Motion) -> tuple[Event, ...]:
-    """The break-aways of a recording under a torque that grows slowly."""
+def slow_onsets(prepared: Prepared, model: Model, motion: Motion) -> tuple[Onset, ...]:
+    """The break-aways of a recording under a slowly growing torque; `motion`: of the link under the measured hub."""
     if prepared.hub is None:
         return ()
     runs = {e: RestRun.of(model, prepared, motion, *e) for e in prepared.hub.onsets}
     return tuple(e for e, run in runs.items() if run is not None and run.is_slow)
 
 
-def residual(
-    time: np.ndarray, prepared: Prepared, model: Model, motion: Motion, events: Sequence[Event]
+def departure_residual(
+    time: np.ndarray, prepared: Prepared, model: Model, motion: Motion, onsets: Sequence[Onset]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Readings about break-aways less those of runs that come free at the same instant, in noise units.
+    """Readings of the hub behind break-aways less simulated ones, in multiples of the noise.
 
     Args:
-      time: (m) uniform grid of which each reading takes the nearest instant [s].
+      time: uniform grid (m) [s].
       prepared: the recording.
-      model: with which it is run.
-      motion: of the link under the measured hub, from which runs begin.
-      events: see `events`.
+      model: to simulate.
+      motion: of the link under the measured hub.
+      onsets: break-aways, see `slow_onsets`.
 
     Returns:
-      The residual (m), and whether there is one (m). Readings that share an instant are one, with the noise of one.
+      The residual (m), and whether there is one (m). Each reading is assigned to the nearest instant of the grid;
+      several at one instant are added and divided by the root of their number, to keep the noise of one reading.
     """
     total, count = np.zeros(len(time)), np.zeros(len(time))
-    for event in events:
-        run = RestRun.of(model, prepared, motion, *event)
+    for onset in onsets:
+        run = RestRun.of(model, prepared, motion, *onset)
         assert run is not None
         at = np.round((run.time[1:] - time[0]) / (time[1] - time[0])).astype(int)
         kept = (at >= 0) & (at < len(time))
-        np.add.at(total, at[kept], _missing(run)[kept])
+        np.add.at(total, at[kept], _run_residual(run)[kept])
         np.add.at(count, at[kept], 1.0)
     return total / np.sqrt(np.maximum(count, 1.0)), count > 0
 
 
-def _missing(run: RestRun) -> np.ndarray:
-    """Readings (n) behind the first instant less those of the model, in noise units."""
-    dense = np.arange(run.time[0], run.time[-1] + _SPARE, _GRAIN)
+def _run_residual(run: RestRun) -> np.ndarray:
+    """Readings behind the first instant of a run less simulated ones (n - 1), in multiples of the noise."""
+    dense = np.arange(run.time[0], run.time[-1] + _EXTRA_SPAN, _TIME_STEP)
     time, reading = run.time[1:], run.reading[1:]
-    gone = run.direction * (reading - reading[: run.end].mean())
-    goal = float(np.median(gone[-3:])) / 2
-    told, late = _on_time(run, dense, goal, _reached(time, gone, goal))
-    return _aligned(time, reading, CubicSpline(dense, told), late) / run.prepared.noise["hub_angle"]
+    travel = run.direction * (reading - reading[: run.end].mean())
+    goal = float(np.median(travel[-3:])) / 2
+    simulated, late = _run_on_time(run, dense, goal, _crossing_time(time, travel, goal))
+    curve = CubicSpline(dense, simulated)
+    return _aligned_residual(time, reading, curve, late) / run.prepared.noise["hub_angle"]
 
 
-def _on_time(run: RestRun, time: np.ndarray, goal: float, seen: float) -> tuple[np.ndarray, float]:
-    """Readings (n) of a run that has come to a goal when it was seen, and by what it is still late [s].
+def _run_on_time(run: RestRun, time: np.ndarray, goal: float, instant: float) -> tuple[np.ndarray, float]:
+    """Readings of the run whose static level makes it travel a distance by a given instant.
 
-    The higher the level, the later it does; under a command of stairs, by stairs.
+    The higher the level, the later that happens; under a command of steps, in steps. The level is found by the secant
+    method, safeguarded by bisection.
+
+    Args:
+      run: the break-away.
+      time: instants of the simulation (k) [s].
+      goal: distance [rad].
+      instant: at which the rig had travelled it [s].
+
+    Returns:
+      The simulated readings (k) [rad], and by how much they are still late [s].
     """
-    torque, slope = run.borne
-    level, slope = torque - run.raised, max(slope, _LEAST)
-    early, tardy = run.coulomb, np.inf
+    torque, slope = run.holding_torque
+    level, slope = torque - run.level_offset, max(slope, _MIN_SLOPE)
+    low, high = run.coulomb, np.inf
     tried: list[tuple[float, float]] = []
-    # A run that comes to nothing finite, under an effect far too large, is as one that never comes free.
-    best, told = np.inf, np.full(len(time), run.reading[1 : run.end + 1].mean())
-    for _ in range(_TRIES):
+    # A simulation that diverges, under an effect far too large, counts as one that never breaks away.
+    best, simulated = np.inf, np.full(len(time), run.reading[1 : run.end + 1].mean())
+    for _ in range(_MAX_TRIALS):
         readings = run.readings(level, time)
         if not np.isfinite(readings).all():
             break
-        late = _reached(time, run.direction * (readings - readings[0]), goal) - seen
+        late = _crossing_time(time, run.direction * (readings - readings[0]), goal) - instant
         if abs(late) < abs(best):
-            best, told = late, readings
-        early, tardy = (early, level) if late > 0 else (level, tardy)
-        if abs(late) < _GRAIN / 4 or tardy - early < 1e-5 * level:
+            best, simulated = late, readings
+        low, high = (low, level) if late > 0 else (level, high)
+        if abs(late) < _TIME_STEP / 4 or high - low < 1e-5 * level:
             break
         if tried and (late - tried[-1][1]) * (level - tried[-1][0]) > 0:
             slope = (level - tried[-1][0]) / (late - tried[-1][1])
         tried.append((level, late))
         level -= slope * late
-        if not early < level < tardy:
-            level = (early + tardy) / 2 if np.isfinite(tardy) else tried[-1][0] * 1.1
-    return told, best if np.isfinite(best) else 0.0
+        if not low < level < high:
+            level = (low + high) / 2 if np.isfinite(high) else tried[-1][0] * 1.1
+    return simulated, best if np.isfinite(best) else 0.0
 
 
-def _reached(time: np.ndarray, gone: np.ndarray, goal: float) -> float:
-    """When a way (n) first comes to a goal [s]; the last instant if it never does."""
-    first = int(np.argmax(gone > goal))
+def _crossing_time(time: np.ndarray, values: np.ndarray, goal: float) -> float:
+    """When a signal (n) first exceeds a value [s], linearly interpolated; the last instant if it never does."""
+    first = int(np.argmax(values > goal))
     if first == 0:
         return float(time[-1])
-    return float(np.interp(goal, gone[first - 1 : first + 1], time[first - 1 : first + 1]))
+    return float(np.interp(goal, values[first - 1 : first + 1], time[first - 1 : first + 1]))
 
 
-def _aligned(time: np.ndarray, reading: np.ndarray, told: CubicSpline, late: float) -> np.ndarray:
-    """What is left of readings (n) by a curve that is moved in time and angle, and stretched, to where it fits best."""
-    missing = reading
-    for _ in range(_STEPS):
-        moved = np.clip(time + late, told.x[0], told.x[-1])
-        missing = reading - told(moved)
-        columns = np.column_stack([told(moved, 1), np.ones(len(time)), told(moved) - told(told.x[0])])
-        change = np.linalg.lstsq(columns, missing, rcond=None)[0]
-        missing = missing - columns[:, 1:] @ change[1:]
-        late = float(np.clip(late + change[0], -_FARTHEST, _FARTHEST))
-    return missing
+def _aligned_residual(time: np.ndarray, reading: np.ndarray, curve: CubicSpline, late: float) -> np.ndarray:
+    """Readings (n) less a simulated curve that is shifted in time and angle, and stretched, by least squares [rad].
+
+    Args:
+      time: of the readings (n) [s].
+      reading: (n) [rad].
+      curve: simulated reading over time.
+      late: first shift of the curve [s].
+    """
+    residual = reading
+    for _ in range(_GAUSS_NEWTON_STEPS):
+        moved = np.clip(time + late, curve.x[0], curve.x[-1])
+        residual = reading - curve(moved)
+        columns = np.column_stack([curve(moved, 1), np.ones(len(time)), curve(moved) - curve(curve.x[0])])
+        change = np.linalg.lstsq(columns, residual, rcond=None)[0]
+        residual = residual - columns[:, 1:] @ change[1:]
+        late = float(np.clip(late + change[0], -_MAX_SHIFT, _MAX_SHIFT))
+    return residual

@@ -1,10 +1,10 @@
-"""The recordings seen locally in time: the link driven by the measured hub, and the balance of the hub.
+"""Recordings as residuals that are local in time: the link driven by the measured hub, and the hub's torque balance.
 
-A free-running simulation is decided by every stick and slip. Here the measured hub angle moves the link instead:
-its strains follow without friction, and the torque that the motion takes is known at every instant. What the
-strains leave is missing in the link or a sensor; what drive, friction and that torque leave is missing at the hub.
+A free-running simulation depends on every stick and slip. Here the measured hub angle drives the modelled link: its
+strains then do not depend on friction, and the torque on the hub that the motion requires is known at every instant.
+Residuals of the strains are due to the link or the sensors; a residual of the torque balance is due to the hub.
 
-All signals pass the same zero-phase low-pass, so that measured and simulated ones stay comparable.
+All signals pass the same zero-phase low-pass, so that measured and simulated ones remain comparable.
 """
 
 from __future__ import annotations
@@ -15,56 +15,71 @@ import numpy as np
 
 from twin.mechanics.state import Start
 from twin.residuals.filters import BAND, GRID, MOTION_BANDS
-from twin.residuals.groups import Group, stretches
-from twin.residuals.make_view import look
+from twin.residuals.groups import Group, split_into_blocks
+from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import residual
-from twin.residuals.view import LEFT_OUT, before_end
+from twin.residuals.view import END_MARGIN, before_end
 from twin.rigs.model import Model
 
-BLOCK = 1.5
-"""Length of the stretches over each of which the size of the misfit is taken as one [s]."""
-SINGLE = ("break_away", "departure")
-"""Channels of instants that are independent of one another; the filter makes those of the others alike."""
+BLOCK_SPAN = 1.5
+"""Length of the blocks in each of which the size of the residual is estimated [s]."""
+EVENT_CHANNELS = ("break_away", "departure")
+"""Residuals at single instants, independent of one another; those of other channels are correlated by the filter."""
 _SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
 
 class DrivenData:
-    """The views of some recordings as residuals for a fit."""
+    """Residuals of recordings whose measured hub drives the modelled link; n rows in all.
+
+    Attributes:
+      prepared: the recordings.
+      views: their signals on the grid, with the noise of the residuals.
+      groups: rows of each residual of each recording; none of recordings under which the link diverges.
+      weight: 1 where there is a residual, otherwise 0 (n).
+      blocks: the groups, cut into stretches of `BLOCK_SPAN` (g).
+    """
 
     def __init__(self, prepared: Sequence[Prepared], model: Model, bands: Sequence[float] = MOTION_BANDS):
         self.prepared = tuple(prepared)
-        self.views = tuple(look(p, model, bands) for p in self.prepared)
+        self.views = tuple(make_view(p, model, bands) for p in self.prepared)
         self.groups, self.weight = self._layout()
-        self.blocks = stretches(self.groups, self.weight, int(BLOCK / GRID))
+        self.blocks = split_into_blocks(self.groups, self.weight, int(BLOCK_SPAN / GRID))
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
-        """See `residual`."""
+        """Name -> residual (m) of recording i, see `residual.residual`."""
         return residual(self.views[i], self.prepared[i], model, start)
 
     def counts(self) -> np.ndarray:
-        """Number of independent samples of each block (g): the filter leaves two a hertz and second."""
+        """Number of independent samples in each block (g): twice the bandwidth of the filter per second."""
         per_sample = min(1.0, 2 * BAND * GRID)
         return np.array(
-            [self.weight[g.rows].sum() * (1.0 if g.channel in SINGLE else per_sample) for g in self.blocks]
+            [
+                self.weight[g.rows].sum() * (1.0 if g.channel in EVENT_CHANNELS else per_sample)
+                for g in self.blocks
+            ]
         )
 
     def _layout(self) -> tuple[tuple[Group, ...], np.ndarray]:
+        """Rows of each residual of each recording, and the weights (n): 1 where there is a residual, else 0.
+
+        A recording under whose motion the modelled link diverges has no rows.
+        """
         groups, weights, row = [], [], 0
         for i, (view, p) in enumerate(zip(self.views, self.prepared, strict=True)):
-            late = view.time >= view.time[0] + (_SETTLING if p.recording.start == "unknown" else 0.0)
+            compared = view.time >= view.time[0] + (_SETTLING if p.recording.start == "unknown" else 0.0)
             if p.hub is not None:
-                late &= before_end(view.time, LEFT_OUT)
-            named = {c: view.known[c] & late for c in view.measured}
+                compared &= before_end(view.time, END_MARGIN)
+            masks = {c: view.known[c] & compared for c in view.measured}
             if p.hub is not None:
-                named["hub_torque"] = view.sliding & late
-            # What a link rings with since its first state was estimated is too much for what is told by an instant.
+                masks["hub_torque"] = view.sliding & compared
+            # With an estimated initial state, the link oscillates too much for residuals at single instants.
             if p.hub is not None and p.recording.start == "rest":
                 at_onset = np.zeros(len(view.time), dtype=bool)
                 at_onset[[k for k, _ in view.onsets if 0 < k < len(at_onset)]] = True
-                named["break_away"] = at_onset
-                named["departure"] = view.departing & late
-            for channel, mask in named.items():
+                masks["break_away"] = at_onset
+                masks["departure"] = view.departing & compared
+            for channel, mask in masks.items():
                 if mask.any() and np.isfinite(list(view.noise.values())).all():
                     groups.append(Group(i, channel, slice(row, row + len(mask))))
                     weights.append(mask.astype(float))

@@ -1,4 +1,4 @@
-"""Where the residuals of each channel of each recording stand in the residual vector."""
+"""Rows of the residual vector by recording and channel."""
 
 from __future__ import annotations
 
@@ -10,16 +10,22 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Group:
-    """Residuals of one channel of one recording: where they stand in the residual vector."""
+    """Rows of the residual vector that belong to one channel of one recording."""
 
     recording: int
     channel: str
     rows: slice
 
 
-def stretches(groups: Sequence[Group], weight: np.ndarray, rows: int) -> tuple[Group, ...]:
-    """The groups cut into stretches of about so many rows, those without any sample joined to the one before."""
-    found: list[Group] = []
+def split_into_blocks(groups: Sequence[Group], weight: np.ndarray, rows: int) -> tuple[Group, ...]:
+    """The groups, each split into blocks of equal length.
+
+    Args:
+      groups: to split.
+      weight: of each row (n); a block without any weight is joined to the one before it.
+      rows: approximate length of a block.
+    """
+    blocks: list[Group] = []
     for group in groups:
         length = group.rows.stop - group.rows.start
         edges = np.linspace(group.rows.start, group.rows.stop, max(1, round(length / rows)) + 1).astype(int)
@@ -29,5 +35,5 @@ def stretches(groups: Sequence[Group], weight: np.ndarray, rows: int) -> tuple[G
                 pieces[-1] = Group(group.recording, group.channel, slice(pieces[-1].rows.start, int(last)))
             else:
                 pieces.append(Group(group.recording, group.channel, slice(int(first), int(last))))
-        found += pieces
-    return tuple(found)
+        blocks += pieces
+    return tuple(blocks)

@@ -1,4 +1,4 @@
-"""The balance of torques on a hub whose motion is measured: what drive, friction and all else leave of it."""
+"""Torque balance of a hub whose motion is measured: required torque against drive, friction and other hub torques."""
 
 from __future__ import annotations
 
@@ -10,111 +10,126 @@ from scipy.ndimage import binary_dilation
 from twin.mechanics import planar
 from twin.mechanics.state import Motion
 from twin.residuals import backlash, stribeck_reversals
-from twin.residuals.cell_means import mean_torque, twice_averaged
+from twin.residuals.cell_means import double_mean, double_mean_torque
 from twin.residuals.filters import BAND, GRID, low_passed
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import LEFT_OUT, View, before_end
+from twin.residuals.view import END_MARGIN, Signals, View, before_end
 from twin.rigs.model import Model
 
-_APPROACH, _SMEAR = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
-_TRUST = 0.05  # relative error of a break-away torque that is read this way
-_BLIND = 0.004  # s from a break-away to the first visible motion
+_APPROACH, _SMEARED = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
+_EXTRAPOLATION_ERROR = 0.05  # relative error of a break-away torque that is read this way
+_INVISIBLE = 0.004  # s from a break-away to the first visible motion
+_INSTANT_ERROR = 0.003  # s, of a break-away
 
 
-def unmodelled(
-    view: View, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray
+def unmodelled_torque(
+    signals: Signals, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray
 ) -> np.ndarray:
-    """Torque (m) on the hub that the model does not account for [N m], where the hub slides and is read."""
-    left = twice_averaged(required) - hub_laws(view, model, motion) - delivered
-    # Behind that, a filter has taken a motion that goes on for its mirror image: a blow of many noise levels.
-    read = before_end(view.time, model.hub_late + LEFT_OUT / 2)
-    return low_passed(np.where(read, left, 0.0), GRID)
+    """Torque on the hub that the model does not account for (m) [N m], low-passed.
+
+    Args:
+      signals: the recording.
+      model: its friction and hub torques.
+      motion: of the link under the measured hub.
+      required: torque on the hub that this motion requires (m) [N m].
+      delivered: double mean of the torque of the drive (m) [N m].
+    """
+    balance = double_mean(required) - hub_law_torque(signals, model, motion) - delivered
+    # Later readings of a late sensor are missing: a filter would take the mirror image for them, many noise levels off.
+    read = before_end(signals.time, model.hub_late + END_MARGIN / 2)
+    return low_passed(np.where(read, balance, 0.0), GRID)
 
 
-def near_reversals(view: View) -> np.ndarray:
-    """Whether the hub turns round within the filter's memory of an instant (m)."""
-    turned = np.diff(np.signbit(view.rate), prepend=np.signbit(view.rate[0]))
+def near_reversals(signals: Signals) -> np.ndarray:
+    """Whether the hub reverses within the memory of the filter about an instant (m)."""
+    turned = np.diff(np.signbit(signals.rate), prepend=np.signbit(signals.rate[0]))
     return binary_dilation(turned, iterations=round(1 / BAND / GRID))
 
 
-def hub_laws(view: View, model: Model, motion: Motion) -> np.ndarray:
-    """Torque (m) of all hub laws and sliding friction along a motion [N m].
+def hub_law_torque(signals: Signals, model: Model, motion: Motion) -> np.ndarray:
+    """Torque of the model's hub laws and of sliding friction along a motion (m) [N m].
 
-    Friction is its mean over a grid step, in which the hub may turn round, behind the filter of the motion.
+    Friction is averaged over a grid step, within which the hub may reverse, and passes the filter of the motion.
     """
-    resting = _laws(view, model, motion, np.zeros(len(view.time)))
-    return resting + low_passed(_sliding_friction(view, model, motion), GRID, view.band)
+    frictionless = _hub_laws(signals, model, motion, np.zeros(len(signals.time)))
+    return frictionless + low_passed(_sliding_friction(signals, model, motion), GRID, signals.band)
 
 
-def _sliding_friction(view: View, model: Model, motion: Motion) -> np.ndarray:
-    """Torque (m) of sliding friction [N m], its mean over a grid step."""
+def _sliding_friction(signals: Signals, model: Model, motion: Motion) -> np.ndarray:
+    """Torque of sliding friction, its mean over a grid step (m) [N m]."""
     if model.plant.friction.stribeck_velocity > 0:
-        return stribeck_reversals.along(view, model, motion)
+        return stribeck_reversals.friction_torque(signals, model, motion)
     angle, rate = motion.angles[:, 0], motion.rates[:, 0]
     mean = planar.mean_friction(model.plant, angle, rate, np.gradient(rate))
     return np.where(motion.modes == 0, 0.0, mean)
 
 
-def _laws(view: View, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
-    """Torque (m) of all hub laws [N m], friction that of a hub that slides in a direction (m), 0 where that is 0."""
+def _hub_laws(signals: Signals, model: Model, motion: Motion, direction: np.ndarray) -> np.ndarray:
+    """Torque of all hub laws (m) [N m], friction that of a hub that slides in a direction (m), none where it is 0."""
     return planar.hub_torque_along(
-        model.plant, view.time - view.time[0], motion.angles[:, 0], motion.rates[:, 0], direction
+        model.plant, signals.time - signals.time[0], motion.angles[:, 0], motion.rates[:, 0], direction
     )
 
 
-def break_aways(
+def break_away_residual(
     view: View, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray
 ) -> np.ndarray:
-    """Torque that friction bore at a break-away less the static level, in noise units (m), at the break-aways.
+    """Torque that friction held at break-aways less the static level (m), in standard errors; 0 at other instants.
 
-    The filter smears the break-away over the instants before it: a parabola through the rest that went before is
-    followed up to it.
+    The filter smears a break-away over the instants before it, so that a parabola through the rest before these is
+    extrapolated to it. Arguments as those of `unmodelled_torque`.
     """
-    parts = np.zeros(len(view.time))
+    residual = np.zeros(len(view.time))
     if not view.onsets:
-        return parts
-    laws = _laws(view, model, motion, np.zeros(len(parts)))
-    borne = low_passed(delivered + laws - required, GRID)
+        return residual
+    laws = _hub_laws(view, model, motion, np.zeros(len(residual)))
+    held = low_passed(delivered + laws - required, GRID)
     for k, direction in view.onsets:
-        before = slice(k - int(_APPROACH / GRID), k - int(_SMEAR / GRID))
-        t = view.time[before] - view.time[k] + _BLIND
-        slope_of = np.polyfit(t, borne[before] * direction, 2)
+        before = slice(k - int(_APPROACH / GRID), k - int(_SMEARED / GRID))
+        t = view.time[before] - view.time[k] + _INVISIBLE
+        parabola = np.polyfit(t, held[before] * direction, 2)
         level = planar.static_level(model.plant, motion.angles[k, 0], direction)
-        # The instant is known to some 3 ms, the torque to its noise, the parabola to some percent of the level.
-        sigma = np.hypot(np.hypot(1.5 * view.noise["hub_torque"], 0.003 * slope_of[1]), _TRUST * level)
-        parts[k] = (slope_of[2] - level) / sigma
-    return parts
+        # Errors of the torque's noise, of the instant and of the extrapolation.
+        noise = np.hypot(1.5 * view.noise["hub_torque"], _INSTANT_ERROR * parabola[1])
+        residual[k] = (parabola[2] - level) / np.hypot(noise, _EXTRAPOLATION_ERROR * level)
+    return residual
 
 
-def well_defined(
+def usable_break_aways(
     onsets: Sequence[tuple[int, int]], stuck: np.ndarray, command: np.ndarray
 ) -> tuple[tuple[int, int], ...]:
-    """Break-aways (index on the grid, direction) out of a long rest under a command that does not jump."""
-    found = []
+    """Break-aways out of a long rest under a command that does not jump.
+
+    Args:
+      onsets: index on the grid and direction of break-aways.
+      stuck: whether the hub rests (m).
+      command: delivered torque (m) [N m].
+    """
+    usable = []
     for k, direction in onsets:
         first = k - int(_APPROACH / GRID)
-        if first < 0 or not stuck[first : k - int(_SMEAR / GRID)].all():
+        if first < 0 or not stuck[first : k - int(_SMEARED / GRID)].all():
             continue
         approach = command[first : max(first + 1, k - 2)]
         if np.abs(np.diff(approach)).max() < 0.02 * np.abs(approach).max():
-            found.append((k, direction))
-    return tuple(found)
+            usable.append((k, direction))
+    return tuple(usable)
 
 
-def delivered(view: View, prepared: Prepared, model: Model) -> np.ndarray:
-    """Torque (m) that reaches the hub, on the grid, behind the filter of the motion [N m].
+def delivered_torque(signals: Signals, prepared: Prepared, model: Model) -> np.ndarray:
+    """Double mean of the torque that reaches the hub (m) [N m], by the drive or through a backlash.
 
-    It is what the drive delivers, or a play passes on.
+    It passes the filter of the motion.
     """
     if model.plant.motor.gap > 0:
-        torque = backlash.passed_on(view, prepared, model)
+        torque = backlash.transmitted_torque(signals, prepared, model)
     else:
-        torque = mean_torque(model, prepared.recording, view.time)
-    return low_passed(torque, GRID, view.band)
+        torque = double_mean_torque(model, prepared.recording, signals.time)
+    return low_passed(torque, GRID, signals.band)
 
 
-def read_torque(view: View, prepared: Prepared, model: Model) -> np.ndarray:
-    """Delivered torque as a current sensor reports it, at the samples, filtered like the reading."""
+def torque_reading(signals: Signals, prepared: Prepared, model: Model) -> np.ndarray:
+    """Delivered torque as a current sensor reports it, on the grid, filtered like the measured one (m) [N m]."""
     recording = prepared.recording
     read = model.report(recording.time, {"motor_torque": model.read_torque(recording)})["motor_torque"]
-    return low_passed(np.interp(view.time, recording.time, read), GRID)
+    return low_passed(np.interp(signals.time, recording.time, read), GRID)

@@ -1,4 +1,4 @@
-"""How a recording is looked at: its grid, its filters, where its hub surely slides, and the noise of all that."""
+"""Makes the view of a recording: resampled and filtered signals, sliding of the hub, and the noise of the residuals."""
 
 from __future__ import annotations
 
@@ -13,75 +13,134 @@ from twin.campaigns.rests import HubMotion
 from twin.mechanics.planar import STUCK
 from twin.recording import Recording
 from twin.residuals import backlash, creep, resample, ringing
-from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth
-from twin.residuals.hub_balance import well_defined
-from twin.residuals.noise import evened, propagated, sensor_noise, swell, swinging_strains, whitening
+from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth_spline
+from twin.residuals.hub_balance import usable_break_aways
+from twin.residuals.noise import (
+    noise_scale,
+    propagated_noise,
+    sensor_noise,
+    strain_ringing,
+    torque_noise,
+    whitening_filters,
+)
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import LEFT_OUT, View, before_end, move
+from twin.residuals.view import END_MARGIN, NoiseModel, Signals, View, before_end, move_link
 from twin.rigs.model import Model
 
-_CLEAR = 0.5  # error of the acceleration, in parts of strong ones, up to which a band is not too wide
-_SURE = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
+_MAX_NOISE = 0.5
+"""Noise of the acceleration, relative to strong accelerations, up to which a band is not too wide."""
+_SIGNIFICANT = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
 
 
-def look(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS) -> View:
-    """Filters a recording and propagates its noise through the model; `bands`: as `MOTION_BANDS`."""
-    recording = prepared.recording
+def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS) -> View:
+    """The view of a recording, its noise propagated through a model.
+
+    Args:
+      prepared: the recording.
+      model: its link, driven by the measured hub.
+      bands: cut-offs to choose from for the motion of the hub, as `filters.MOTION_BANDS` [Hz].
+    """
+    if prepared.hub is None:
+        return _view(_clamped_signals(prepared), NoiseModel(noise=sensor_noise(prepared, {})))
+    signals = _hub_signals(prepared, prepared.hub, model, bands)
+    whitening = whitening_filters(signals, prepared, model)
+    noise, torque = propagated_noise(signals, prepared, model)
+    if not np.isfinite(torque).all():
+        return _diverged_view(signals, NoiseModel(noise=noise, whitening=whitening))
+    slow, _ = _noise_limits(prepared, signals.band)
+    unknown = backlash.undetermined(signals, prepared, model, float(np.std(torque)), slow)
+    signals = replace(signals, sliding=signals.sliding & ~unknown)
+    density = prepared.noise["hub_angle"] ** 2 * prepared.recording.period
+    modes = ringing.ringing_modes(model, signals.time, signals.direction != 0, density, BAND)
+    noise["hub_torque"], torque_ringing = torque_noise(signals, modes, torque)
+    rings = {"hub_torque": torque_ringing, **strain_ringing(signals, whitening, model, modes)}
+    stationary = NoiseModel(noise=noise, whitening=whitening, ringing=rings)
+    scale, link_torque_noise = noise_scale(signals, stationary, prepared, model)
+    motion, _ = move_link(signals, prepared, model, prepared.start)
+    departures = creep.slow_onsets(prepared, model, motion)
+    _, departing = creep.departure_residual(signals.time, prepared, model, motion, departures)
+    return _view(
+        signals,
+        replace(stationary, noise_scale=scale),
+        departures=departures,
+        departing=departing,
+        link_torque_noise=link_torque_noise,
+    )
+
+
+def _view(signals: Signals, noise: NoiseModel, **more) -> View:
+    return View(**vars(signals), **vars(noise), **more)
+
+
+def _diverged_view(signals: Signals, noise: NoiseModel) -> View:
+    """The view of a recording under whose motion the modelled link diverges: infinite noise, nothing is compared."""
+    count = len(signals.time)
+    return _view(
+        signals,
+        replace(noise, noise=dict.fromkeys((*noise.noise, "hub_torque"), np.inf)),
+        departing=np.zeros(count, dtype=bool),
+        link_torque_noise=np.zeros(count),
+    )
+
+
+def _grid_of(recording: Recording) -> np.ndarray:
+    """Instants of the uniform grid of a recording (m) [s]."""
     count = max(2, int(np.floor(recording.duration / GRID)) + 1)
-    time = recording.time[0] + GRID * np.arange(count)
-    measured, known, holes = {}, {}, {}
+    return recording.time[0] + GRID * np.arange(count)
+
+
+def _resampled(
+    prepared: Prepared, time: np.ndarray
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """`Signals.measured`, `known` and `with_gaps` of all channels but the hub angle."""
+    measured, known, with_gaps = {}, {}, {}
     for channel in prepared.channels:
         if channel != "hub_angle":
-            values, known[channel] = resample.resampled(recording, channel, time)
+            values, known[channel] = resample.resample_channel(prepared.recording, channel, time)
             measured[channel] = low_passed(values, GRID)
             if channel != "motor_torque" and not known[channel].all():
-                holes[channel] = values
-    still = np.zeros(count)
-    if prepared.hub is None:
-        rest = still, still, still, still, still > 0
-        return View(time, *rest, measured, known, sensor_noise(prepared, {}), (), holes=holes)
+                with_gaps[channel] = values
+    return measured, known, with_gaps
+
+
+def _clamped_signals(prepared: Prepared) -> Signals:
+    """The signals of a recording whose hub is clamped or not measured."""
+    time = _grid_of(prepared.recording)
+    measured, known, with_gaps = _resampled(prepared, time)
+    still = np.zeros(len(time))
+    return Signals(time, still, still, still, still, still > 0, measured, known, (), with_gaps=with_gaps)
+
+
+def _hub_signals(prepared: Prepared, hub: HubMotion, model: Model, bands: Sequence[float]) -> Signals:
+    """The signals of a recording with a free hub.
+
+    Args:
+      prepared: the recording.
+      hub: its rests and motion.
+      model: for the drive, and for the friction that may hold the hub.
+      bands: cut-offs to choose from for the motion of the hub [Hz].
+    """
+    recording, time = prepared.recording, _grid_of(prepared.recording)
+    measured, known, with_gaps = _resampled(prepared, time)
     band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
-    reading, read = resample.hub_resampled(model, at_rest(recording, prepared.hub), time)
+    reading, read = resample.resample_hub_angle(model, with_rests_held(recording, hub), time)
     reading = low_passed(reading, GRID, band)
-    # Modelled strains follow a motion that has passed this filter too.
+    # Modelled strains follow a motion that has passed this filter, so measured ones pass it too.
     measured |= {c: low_passed(v, GRID, band) for c, v in measured.items() if c != "motor_torque"}
-    spline = smooth(time, reading)
+    spline = smooth_spline(time, reading)
     rate, acceleration = spline(time, 1), spline(time, 2)
-    stuck = np.interp(time, recording.time, (prepared.hub.observed == STUCK).astype(float)) > 0.5
+    stuck = np.interp(time, recording.time, (hub.observed == STUCK).astype(float)) > 0.5
+    unclear = stuck | ~read | _may_stick(rate, acceleration, _noise_limits(prepared, band), model)
+    sliding = before_end(time, END_MARGIN) & ~binary_dilation(unclear, iterations=round(REACH / GRID))
+    ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in hub.onsets]
+    onsets = usable_break_aways(ends, stuck, model.drive(recording).at(time))
     direction = np.where(stuck, 0.0, np.sign(rate))
-    doubtful = stuck | ~read | _may_stick(rate, acceleration, _unsure(prepared, band), _grip(model))
-    sliding = before_end(time, LEFT_OUT) & ~binary_dilation(doubtful, iterations=round(REACH / GRID))
-    ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in prepared.hub.onsets]
-    onsets = well_defined(ends, stuck, model.drive(recording).at(time))
     motion = reading, rate, acceleration, direction, sliding
-    view = View(time, *motion, measured, known, {}, onsets, band, holes=holes)
-    view = replace(view, whitening=whitening(prepared, view, model))
-    noise, torque = propagated(prepared, view, model)
-    if not np.isfinite(torque).all():
-        # The modelled link runs away under this motion: nothing of the recording can be compared with it.
-        return replace(
-            view,
-            noise=dict.fromkeys((*noise, "hub_torque"), np.inf),
-            departing=np.zeros(count, dtype=bool),
-            pull=np.zeros(count),
-        )
-    density = prepared.noise["hub_angle"] ** 2 * recording.period
-    swings = ringing.swings(model, time, direction != 0, density, BAND)
-    told = ~backlash.doubtful(view, prepared, model, float(np.std(torque)), _unsure(prepared, band)[0])
-    view = replace(view, sliding=view.sliding & told)
-    even, swing = evened(view, swings, torque)
-    ringing_of = {"hub_torque": swing, **swinging_strains(view, model, swings)}
-    view = replace(view, noise={**noise, "hub_torque": even}, ringing=ringing_of)
-    louder, pull = swell(view, prepared, model)
-    view = replace(view, swell=louder, pull=pull)
-    moved, _ = move(view, prepared, model, prepared.start)
-    leaving = creep.events(prepared, model, moved)
-    _, departing = creep.residual(view.time, prepared, model, moved, leaving)
-    return replace(view, departures=leaving, departing=departing)
+    return Signals(time, *motion, measured, known, onsets, band, with_gaps)
 
 
-def at_rest(recording: Recording, hub: HubMotion) -> Recording:
-    """The recording with its hub angle held where it surely rests: there all its changes are noise."""
+def with_rests_held(recording: Recording, hub: HubMotion) -> Recording:
+    """The recording with a constant hub angle in each rest, where all its changes are noise."""
     held = np.where(hub.observed == STUCK, hub.reading, recording["hub_angle"])
     return recording.replace(channels={**recording.channels, "hub_angle": held})
 
@@ -89,38 +148,55 @@ def at_rest(recording: Recording, hub: HubMotion) -> Recording:
 def motion_band(
     recording: Recording, noise: float, time: np.ndarray, bands: Sequence[float] = MOTION_BANDS
 ) -> float:
-    """The widest of the bands in which the strongest accelerations stand out of their noise [Hz]."""
-    reading = low_passed(resample.resampled(recording, "hub_angle", time)[0], GRID, bands[-1])
+    """The widest band in which the strongest accelerations of the hub exceed their noise [Hz], else the last one.
+
+    Args:
+      recording: with a free hub.
+      noise: standard deviation of the hub angle [rad].
+      time: uniform grid (m) [s].
+      bands: cut-offs to choose from, the widest first [Hz].
+    """
+    reading = low_passed(resample.resample_channel(recording, "hub_angle", time)[0], GRID, bands[-1])
     strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
     for band in bands:
-        if noise * _gain(band, recording.period, 2) < _CLEAR * strong:
+        if noise * _derivative_noise(band, recording.period, 2) < _MAX_NOISE * strong:
             return band
     return bands[-1]
 
 
-def _gain(band: float, period: float, order: int) -> float:
-    """Standard deviation of a derivative of unit white noise behind a low-pass: (2 pi f)^k sqrt(2 f dt/(2 k + 1))."""
+def _derivative_noise(band: float, period: float, order: int) -> float:
+    """Standard deviation of the k-th derivative of low-passed unit white noise, (2 pi f)^k sqrt(2 f dt/(2 k + 1)).
+
+    Args:
+      band: cut-off f [Hz].
+      period: sample period dt [s].
+      order: k.
+    """
     return (2 * np.pi * band) ** order * float(np.sqrt(2 * band * period / (2 * order + 1)))
 
 
-def _grip(model: Model) -> float:
-    """Acceleration at a reversal up to which friction can hold the hub [rad/s^2], with a margin."""
-    return backlash.FIRMER * model.declared["static_friction"] / model.chain.free_hub_inertia()
-
-
-def _unsure(prepared: Prepared, band: float) -> tuple[float, float]:
-    """Rate [rad/s] and acceleration [rad/s^2] that the noise of a hub may seem to be."""
+def _noise_limits(prepared: Prepared, band: float) -> tuple[float, float]:
+    """Rate [rad/s] and acceleration [rad/s^2] of the hub below which they may be noise."""
     noise, period = prepared.noise["hub_angle"], prepared.recording.period
-    return 3 * noise * _gain(band, period, 1), _SURE * noise * _gain(band, period, 2)
+    slow = 3 * noise * _derivative_noise(band, period, 1)
+    return slow, _SIGNIFICANT * noise * _derivative_noise(band, period, 2)
 
 
 def _may_stick(
-    rate: np.ndarray, acceleration: np.ndarray, unsure: tuple[float, float], grip: float
+    rate: np.ndarray, acceleration: np.ndarray, noise_limits: tuple[float, float], model: Model
 ) -> np.ndarray:
-    """Samples (m) about reversals and slow stretches at which the hub may have stuck for a moment.
+    """Whether the hub may have stuck for a moment, at reversals and in slow stretches (m).
 
-    A stick has neither rate nor acceleration, but a short one is lost between the motion before it and behind it: there
-    was none where the acceleration stands out of its noise and is more than friction can hold.
+    A hub that sticks has neither rate nor acceleration, but the filter hides a short stick between the motions before
+    and behind it. There was none where the acceleration exceeds its noise and what static friction, with a margin, can
+    decelerate.
+
+    Args:
+      rate: of the hub (m) [rad/s].
+      acceleration: of the hub (m) [rad/s^2].
+      noise_limits: rate and acceleration that may be noise.
+      model: its static friction and inertia.
     """
-    slow, weak = unsure
-    return (np.abs(rate) < slow) & (np.abs(acceleration) < max(weak, grip))
+    slow, weak = noise_limits
+    holdable = backlash.STATIC_MARGIN * model.declared["static_friction"] / model.chain.free_hub_inertia()
+    return (np.abs(rate) < slow) & (np.abs(acceleration) < max(weak, holdable))

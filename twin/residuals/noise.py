@@ -1,6 +1,6 @@
-"""The noise of what is compared in a recording whose measured hub moves the link.
+"""Noise of the residuals of a recording whose measured hub angle drives the modelled link.
 
-Noise of the hub angle shakes the modelled link, which answers at its own frequencies and rings on.
+Noise of the hub angle excites the modelled link at its own frequencies, and it rings on.
 """
 
 from __future__ import annotations
@@ -14,125 +14,180 @@ from scipy.ndimage import uniform_filter1d
 
 from twin.recording import Recording
 from twin.residuals import ringing
-from twin.residuals.filters import BAND, GRID, low_passed, passed, smooth
-from twin.residuals.link_moves import LinkMoves
+from twin.residuals.filters import BAND, GRID, low_pass_gain, low_passed, smooth_spline
+from twin.residuals.hub_balance import delivered_torque
+from twin.residuals.motion_cache import MotionCache
 from twin.residuals.prepared import Prepared
-from twin.residuals.residual import residual
-from twin.residuals.ringing import Ringing, Swing
-from twin.residuals.view import View, move, padding, whitened
+from twin.residuals.residual import continuous_residual, scaled
+from twin.residuals.ringing import Ringing, RingingMode
+from twin.residuals.view import PADDING, NoiseModel, Signals, filtered, move_link
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
 
-_DRAWS = 4  # noises that are tried on the link
-_LOCAL = 0.4  # s to either side over which their effect is averaged
+_DRAWS = 4  # realisations of the noise that are simulated
+_AVERAGING = 0.4  # s to either side over which their effect is averaged
 
 
-def sensor_noise(prepared: Prepared, hub: dict[str, float]) -> dict[str, float]:
+def sensor_noise(prepared: Prepared, by_hub: dict[str, float]) -> dict[str, float]:
+    """Channel other than the hub angle -> standard deviation of its low-passed noise.
+
+    Args:
+      prepared: the recording.
+      by_hub: channel -> standard deviation of its simulated value by noise of the hub angle, added in quadrature.
+    """
     share = np.sqrt(2 * BAND * prepared.recording.period)
     noise = {c: prepared.noise[c] * min(1.0, share) for c in prepared.channels if c != "hub_angle"}
-    return {name: float(np.hypot(value, hub.get(name, 0.0))) for name, value in noise.items()}
+    return {name: float(np.hypot(value, by_hub.get(name, 0.0))) for name, value in noise.items()}
 
 
-def propagated(prepared: Prepared, view: View, model: Model) -> tuple[dict[str, float], np.ndarray]:
-    """Noise of each channel, and noise (m) of the torque on the hub [N m]: a simulation with noise added to the hub."""
-    plain, torque = move(view, prepared, model, prepared.start)
-    noisy = _shaken(view, prepared, np.random.default_rng(0), np.ones(len(view.time)))
-    moved, torque_moved = move(noisy, prepared, model, prepared.start)
-    asked = Recording(
-        "", view.time, {c: np.zeros(len(view.time)) for c in view.measured if c != "motor_torque"}
-    )
-    a, b = sensor_readings(model, asked, plain), sensor_readings(model, asked, moved)
-    with np.errstate(invalid="ignore"):  # a simulation that ran away
-        hub = {c: float(np.std(low_passed(a[c] - b[c], GRID))) for c in asked.measured()}
-        return sensor_noise(prepared, hub), low_passed(torque_moved - torque, GRID)
+def propagated_noise(
+    signals: Signals, prepared: Prepared, model: Model
+) -> tuple[dict[str, float], np.ndarray]:
+    """Noise of the residuals by a simulation with additional noise of the hub angle.
 
-
-def swell(view: View, prepared: Prepared, model: Model) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Name -> (m) size of the noise, in that of the quiet stretches; and the deviation (m) of the link's pull [N m].
-
-    All else takes what noise of the hub angle does to the link as the same throughout. A link that bends far answers to
-    it several times as loudly, at other frequencies than those at which it rings: noises are tried. A hub that rests
-    makes none, but the link that it moved before swings on.
+    Returns:
+      Channel -> standard deviation, as `sensor_noise`; and a realisation of the noise of the required torque on the
+      hub (m) [N m], not finite if the simulated link diverges.
     """
-    moving, pulled = view.direction != 0, np.zeros(len(view.time))
+    plain, torque = move_link(signals, prepared, model, prepared.start)
+    noisy = _with_hub_noise(signals, prepared, np.random.default_rng(0), np.ones(len(signals.time)))
+    moved, torque_moved = move_link(noisy, prepared, model, prepared.start)
+    blank = Recording(
+        "",
+        signals.time,
+        {c: np.zeros(len(signals.time)) for c in signals.measured if c != "motor_torque"},
+    )
+    a, b = sensor_readings(model, blank, plain), sensor_readings(model, blank, moved)
+    with np.errstate(invalid="ignore"):  # a simulation that diverges
+        by_hub = {c: float(np.std(low_passed(a[c] - b[c], GRID))) for c in blank.measured()}
+        return sensor_noise(prepared, by_hub), low_passed(torque_moved - torque, GRID)
+
+
+def noise_scale(
+    signals: Signals, noise: NoiseModel, prepared: Prepared, model: Model
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Local size of the noise, by simulations with realisations of the noise of a moving hub.
+
+    The noise model treats the response to that noise as stationary. A link that bends far responds several times as
+    strongly, at other frequencies than those at which it rings. A hub that rests makes no noise, but the link that it
+    moved before still oscillates.
+
+    Returns:
+      Residual -> size of the noise relative to that of quiet stretches (m); and standard deviation of the link's torque
+      on the hub (m) [N m].
+    """
+    moving, torque_variance = signals.direction != 0, np.zeros(len(signals.time))
     if not moving.any():
-        return {}, pulled
+        return {}, torque_variance
     generator = np.random.default_rng(1)
-    plain = residual(view, prepared, model, prepared.start)
-    _, pull = move(view, prepared, model, prepared.start)
-    squares = {name: np.zeros(len(view.time)) for name in view.ringing}
+    plain, torque = _simulated(signals, noise, prepared, model)
+    squares = {name: np.zeros(len(signals.time)) for name in noise.ringing}
     for _ in range(_DRAWS):
-        shaken = _shaken(view, prepared, generator, moving)
-        noisy = residual(shaken, prepared, model, prepared.start)
+        drawn = _with_hub_noise(signals, prepared, generator, moving)
+        noisy, noisy_torque = _simulated(drawn, noise, prepared, model)
         squares = {name: s + (noisy[name] - plain[name]) ** 2 / _DRAWS for name, s in squares.items()}
-        pulled += (move(shaken, prepared, model, prepared.start)[1] - pull) ** 2 / _DRAWS
-    known = {**view.known, "hub_torque": view.sliding}
-    return {name: _swelling(s, known[name], moving) for name, s in squares.items()}, np.sqrt(pulled)
+        torque_variance += (noisy_torque - torque) ** 2 / _DRAWS
+    known = {**signals.known, "hub_torque": signals.sliding}
+    scales = {name: _local_scale(s, known[name], moving) for name, s in squares.items()}
+    return scales, np.sqrt(torque_variance)
 
 
-def _shaken(view: View, prepared: Prepared, generator: np.random.Generator, where: np.ndarray) -> View:
-    """The view with noise added to the hub, a share (m) of it at each instant."""
+def _simulated(
+    signals: Signals, noise: NoiseModel, prepared: Prepared, model: Model
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Residuals of channels and hub torque in multiples of the noise (m), and the required torque (m) [N m]."""
+    motion, required = move_link(signals, prepared, model, prepared.start)
+    delivered = delivered_torque(signals, prepared, model)
+    raw = continuous_residual(signals, prepared, model, motion, required, delivered)
+    return scaled(raw, noise, model), required
+
+
+def _with_hub_noise(
+    signals: Signals, prepared: Prepared, generator: np.random.Generator, share: np.ndarray
+) -> Signals:
+    """The signals with additional noise of the hub angle, multiplied by a share (m)."""
     sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(prepared.recording.period / GRID))
-    shaken = low_passed(generator.normal(0, sigma, len(view.time)), GRID, view.band) * where
-    spline = smooth(view.time, shaken)
+    drawn = low_passed(generator.normal(0, sigma, len(signals.time)), GRID, signals.band) * share
+    spline = smooth_spline(signals.time, drawn)
     return replace(
-        view,
-        moves=LinkMoves(1),
-        reading=view.reading + shaken,
-        rate=view.rate + spline(view.time, 1),
-        acceleration=view.acceleration + spline(view.time, 2),
+        signals,
+        cache=MotionCache(1),
+        reading=signals.reading + drawn,
+        rate=signals.rate + spline(signals.time, 1),
+        acceleration=signals.acceleration + spline(signals.time, 2),
     )
 
 
-def _swelling(squares: np.ndarray, known: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Size (m) of a unit noise a part of which has these squares (m) about each instant, in that where it is usual."""
-    size = 2 * int(_LOCAL / GRID) + 1
+def _local_scale(squares: np.ndarray, known: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Local size of a noise of unit size in quiet stretches (m).
+
+    Args:
+      squares: of the part of the noise that varies (m).
+      known: whether there is a residual (m).
+      moving: whether the hub moves (m).
+    """
+    size = 2 * int(_AVERAGING / GRID) + 1
     share = uniform_filter1d(known.astype(float), size, mode="constant")
     local = uniform_filter1d(squares * known, size, mode="constant") / np.maximum(share, 1 / size)
     usual = float(np.median(local[known & moving])) if (known & moving).any() else 0.0
     return np.sqrt(1 + np.maximum(local - usual, 0.0))
 
 
-def evened(view: View, swings: Sequence[Swing], torque: np.ndarray) -> tuple[float, Ringing]:
-    """Standard deviation of noise (m) of the torque without its swings [N m], and these where the hub slides."""
-    pulls = np.hstack([np.zeros((len(torque), 0)), *(s.pull * s.coordinate for s in swings)])
-    rough = ringing.of_columns(pulls / np.std(torque))
+def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndarray) -> tuple[float, Ringing]:
+    """Noise of the torque on the hub, split in two.
+
+    Args:
+      signals: the recording.
+      modes: that ring.
+      torque: realisation of the noise (m) [N m].
+
+    Returns:
+      Standard deviation without the ringing [N m], and the ringing where the hub slides, in multiples of that.
+    """
+    pulls = np.hstack([np.zeros((len(torque), 0)), *(s.pull * s.coordinate for s in modes)])
+    rough = ringing.from_columns(pulls / np.std(torque))
     even = float(np.std(rough.whitened(torque)))
-    return even, ringing.of_columns(pulls * view.sliding[:, None] / even)
+    return even, ringing.from_columns(pulls * signals.sliding[:, None] / even)
 
 
-def swinging_strains(view: View, model: Model, swings: Sequence[Swing]) -> dict[str, Ringing]:
-    """Channel -> the swings that `whitened` leaves in its residual."""
-    found = {}
-    for channel in view.whitening:
+def strain_ringing(
+    signals: Signals, whitening: dict[str, np.ndarray], model: Model, modes: Sequence[RingingMode]
+) -> dict[str, Ringing]:
+    """Strain -> ringing of its residual behind its whitening filter."""
+    of_channel = {}
+    for channel, gain in whitening.items():
         row = model.sensors[channel].half_thickness * model.curvature_rows[channel]
-        seen = [row @ s.shape[1:] * s.coordinate for s in swings]
-        columns = whitened(np.hstack([np.zeros((len(view.time), 0)), *seen]).T, view, channel).T
-        found[channel] = ringing.of_columns(columns * view.known[channel][:, None])
-    return found
+        strains = [row @ s.shape[1:] * s.coordinate for s in modes]
+        columns = filtered(np.hstack([np.zeros((len(signals.time), 0)), *strains]).T, gain).T
+        of_channel[channel] = ringing.from_columns(columns * signals.known[channel][:, None])
+    return of_channel
 
 
-def whitening(prepared: Prepared, view: View, model: Model) -> dict[str, np.ndarray]:
-    """Channel -> gain over frequency that makes the noise of its residual white, unit variance behind the filter."""
-    count = len(view.time)
-    f = rfftfreq(count + 2 * min(count - 1, padding(view)), GRID)
+def whitening_filters(signals: Signals, prepared: Prepared, model: Model) -> dict[str, np.ndarray]:
+    """Strain -> gain over frequency that makes the noise of its residual white with unit variance behind the filter.
+
+    The noise is that of the gauge and the response of the link's clamped modes to noise of the hub angle. The gain is
+    at the frequencies of the residual with its padding, see `view.filtered`.
+    """
+    count = len(signals.time)
+    f = rfftfreq(count + 2 * min(count - 1, PADDING), GRID)
     period = prepared.recording.period
-    hub = 2 * prepared.noise["hub_angle"] ** 2 * period * passed(f, GRID, view.band) ** 2
-    wide = float(np.trapezoid(passed(f, GRID) ** 2, f))
+    hub = 2 * prepared.noise["hub_angle"] ** 2 * period * low_pass_gain(f, GRID, signals.band) ** 2
+    wide = float(np.trapezoid(low_pass_gain(f, GRID) ** 2, f))
     omega = 2 * np.pi * f
     frequencies, shapes = model.chain.modes("clamped")
-    # What rings for longer is for `Ringing`: a filter this sharp would ring as long itself.
-    ratios = np.maximum(model.chain.damping_ratios("clamped"), 1 / (ringing.LIGHT * frequencies))
-    pushes = model.chain.mass_matrix()[0, 1:] @ shapes[1:]
-    found = {}
+    # Modes that ring for longer are treated by `Ringing`: a filter as sharp would ring as long itself.
+    ratios = np.maximum(model.chain.damping_ratios("clamped"), 1 / (ringing.MIN_DECAY_TIME * frequencies))
+    participations = model.chain.mass_matrix()[0, 1:] @ shapes[1:]
+    gains = {}
     for channel, row in model.curvature_rows.items():
-        if channel not in view.measured:
+        if channel not in signals.measured:
             continue
-        seen = model.sensors[channel].half_thickness * (row @ shapes[1:]) * pushes
+        strains = model.sensors[channel].half_thickness * (row @ shapes[1:]) * participations
         response = sum(
-            size * omega**2 / (w**2 - omega**2 + 2j * z * w * omega)
-            for size, w, z in zip(seen, frequencies, ratios, strict=True)
+            strain * omega**2 / (w**2 - omega**2 + 2j * z * w * omega)
+            for strain, w, z in zip(strains, frequencies, ratios, strict=True)
         )
         own = 2 * prepared.noise[channel] ** 2 * period
-        found[channel] = 1 / np.sqrt((own + np.abs(response) ** 2 * hub) * wide)
-    return found
+        gains[channel] = 1 / np.sqrt((own + np.abs(response) ** 2 * hub) * wide)
+    return gains

@@ -1,4 +1,4 @@
-"""A recording made ready to be compared with: outliers out, noise known, rests of the hub found."""
+"""Recordings prepared for comparison with a model: no outliers, noise known, rests of the hub detected."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from twin.mechanics.state import Guide, Start
 from twin.recording import Recording
 from twin.rigs.model import Model
 
-_FEWEST = 4  # readings that make a channel
+_MIN_READINGS = 4  # of a channel that is compared
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A recording made ready to be compared with.
+    """A recording prepared for comparison with a model.
 
     Attributes:
-      recording: without outliers.
+      recording: outliers missing.
       noise: channel -> standard deviation of its noise.
       channels: channels that are compared.
-      hub: rests and motion of the hub, where it is measured and free.
-      start: state at the first sample, by the readings.
+      hub: rests and motion of the hub; None where its angle is not measured or it is clamped.
+      start: state at the first sample by the readings, `hub_angle` as read by the sensor [rad].
     """
 
     recording: Recording
@@ -37,10 +37,10 @@ class Prepared:
 
 
 def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared, list[str]]:
-    """Returns the recording made ready, and what was left out of it."""
+    """The prepared recording, and notes on the outliers that were left out; `noise`: channel -> deviation."""
     known = {name: noise[name] for name in recording.measured() if noise.get(name, 0.0) > 0}
     clean, notes = without_outliers(recording, known)
-    channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= _FEWEST)
+    channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= _MIN_READINGS)
     hub = None
     if "hub_angle" in channels and not clean.clamped:
         hub = rests.classify_hub_motion(clean, known["hub_angle"])
@@ -55,16 +55,28 @@ def shortest_period(prepared: Sequence[Prepared]) -> float:
     return min(p.recording.period for p in prepared)
 
 
-def guided(model: Model, prepared: Prepared, tight: bool) -> Guide | None:
-    """The guide of a recording under this model's hub sensor; `tight`: rests end where the measured ones do."""
+def guide_for(model: Model, prepared: Prepared, tight: bool) -> Guide | None:
+    """The guide of a simulation, so that its hub rests and slides as the measured one does.
+
+    Args:
+      model: its sensor model turns readings into hub angles.
+      prepared: the recording.
+      tight: hold the hub until two samples before it visibly moves; otherwise a margin beside each rest is left free.
+
+    Returns:
+      None where the hub angle is not measured or the hub is clamped.
+    """
     if prepared.hub is None:
         return None
     angle = model.hub_angle_of(prepared.hub.reading, prepared.recording.time)
     return rests.simulation_guide(prepared.hub, angle, tight)
 
 
-def reading_start(model: Model, prepared: Prepared, start: Start) -> Start:
-    """The state at the first sample, the hub's reading turned into its angle by the model of the sensor."""
+def sensor_corrected_start(model: Model, prepared: Prepared, start: Start) -> Start:
+    """The initial state of a rig at rest, its hub reading turned into the hub angle by the model's sensor.
+
+    The state of a rig that was moving is fitted and remains as it is.
+    """
     if prepared.recording.start != "rest" or prepared.hub is None:
         return start
     angle = model.hub_angle_of(np.array([start.hub_angle]), prepared.recording.time[:1])

@@ -1,93 +1,138 @@
-"""What is left of a recording where its hub moves the model, in noise units."""
+"""Residuals of a recording whose measured hub drives the modelled link: channels, hub torque, break-aways."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from twin.mechanics.state import Start
+from twin.mechanics.state import Motion, Start
 from twin.recording import Recording
 from twin.residuals import creep
 from twin.residuals.filters import GRID, low_passed
-from twin.residuals.hub_balance import break_aways, delivered, read_torque, unmodelled
+from twin.residuals.hub_balance import (
+    break_away_residual,
+    delivered_torque,
+    torque_reading,
+    unmodelled_torque,
+)
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import LEFT_OUT, View, before_end, move, whitened
+from twin.residuals.view import END_MARGIN, NoiseModel, Signals, View, before_end, move_link, whitened
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
-    """Name -> (m) what is `missing`, as `white`.
+    """Name -> residual (m) of the recording, whitened and in multiples of the noise, 0 where unknown."""
+    return scaled(raw_residual(view, prepared, model, start), view, model)
 
-    The balance of the hub stands in the unit of the command, which is known exactly: in newton metres, it would be the
-    smaller the smaller the rig and all that drives it were taken to be.
+
+def scaled(residuals: dict[str, np.ndarray], noise: NoiseModel, model: Model) -> dict[str, np.ndarray]:
+    """Raw residuals (m), normalised, the torque balance of the hub per unit of commanded torque.
+
+    The command is known exactly. In newton metres, the balance would be the smaller, the smaller the rig and its torque
+    gain are taken to be together.
     """
-    parts = white(missing(view, prepared, model, start), view)
+    parts = normalise_all(residuals, noise)
     if "hub_torque" in parts:
         parts["hub_torque"] = parts["hub_torque"] / model.torque_gain
     return parts
 
 
-def white(left: dict[str, np.ndarray], view: View) -> dict[str, np.ndarray]:
-    """What is `missing` (m) in noise units, noise as large at every frequency and everywhere."""
-    return {name: white_of(values, view, name) for name, values in left.items()}
+def normalise_all(residuals: dict[str, np.ndarray], noise: NoiseModel) -> dict[str, np.ndarray]:
+    """Name -> raw residual (m), see `normalise`."""
+    return {name: normalise(values, noise, name) for name, values in residuals.items()}
 
 
-def white_of(values: np.ndarray, view: View, name: str) -> np.ndarray:
-    """What is `missing` (..., m) under one name in noise units.
+def normalise(values: np.ndarray, noise: NoiseModel, name: str) -> np.ndarray:
+    """A raw residual (..., m) in multiples of the noise, the noise white and of equal size throughout.
 
-    Strains pass the filter of `whitened`, both strains and torque their `ringing`, and stretches in which the noise
-    swells become as quiet as the others.
+    Strains pass a whitening filter. From strains and hub torque the covariance of the link's ringing is removed, and
+    they are divided by the local scale of the noise. Residuals at instants are normalised already.
     """
-    if name in view.measured:
-        values = whitened(values, view, name)
-    elif name in view.noise:
-        values = values / view.noise[name]
-    if name in view.ringing:
-        values = view.ringing[name].whitened(values)
-    return values / view.swell[name] if name in view.swell else values
+    if name in noise.noise:
+        values = whitened(values, noise, name)
+    if name in noise.ringing:
+        values = noise.ringing[name].whitened(values)
+    return values / noise.noise_scale[name] if name in noise.noise_scale else values
 
 
-def missing(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
-    """Name -> (m) measured minus simulated in the channel's unit, 0 where unknown.
+def raw_residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
+    """Name -> measured minus simulated (m), 0 where unknown.
 
-    `hub_torque` is the unmodelled torque on the hub [N m]; what is read at instants is in noise units.
+    Channels are in their own unit, low-passed. With a free hub there are also "hub_torque", see `continuous_residual`,
+    and, in multiples of the noise, "break_away" and "departure": see `hub_balance.break_away_residual` and
+    `creep.departure_residual`.
     """
-    motion, required = move(view, prepared, model, start)
-    asked = Recording("", view.time, {c: np.zeros(len(view.time)) for c in view.measured})
-    parts = {}
-    simulated = sensor_readings(model, asked.replace(channels=_strains_only(asked)), motion)
-    for channel, values in view.measured.items():
+    motion, required = move_link(view, prepared, model, start)
+    if prepared.hub is None:
+        return channel_residual(view, prepared, model, motion)
+    delivered = delivered_torque(view, prepared, model)
+    residuals = continuous_residual(view, prepared, model, motion, required, delivered)
+    residuals["break_away"] = break_away_residual(view, model, motion, required, delivered)
+    residuals["departure"], _ = creep.departure_residual(view.time, prepared, model, motion, view.departures)
+    return residuals
+
+
+def continuous_residual(
+    signals: Signals,
+    prepared: Prepared,
+    model: Model,
+    motion: Motion,
+    required: np.ndarray,
+    delivered: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Residuals (m) of the channels and, as "hub_torque", the unmodelled torque on a sliding hub [N m].
+
+    Args:
+      signals: the recording.
+      prepared: the recording.
+      model: to compare with.
+      motion, required: see `move_link`.
+      delivered: see `hub_balance.delivered_torque` (m) [N m].
+    """
+    residuals = channel_residual(signals, prepared, model, motion)
+    torque = unmodelled_torque(signals, model, motion, required, delivered)
+    read = before_end(signals.time, model.hub_late + END_MARGIN)
+    residuals["hub_torque"] = np.where(signals.sliding & read, torque, 0.0)
+    return residuals
+
+
+def channel_residual(
+    signals: Signals, prepared: Prepared, model: Model, motion: Motion
+) -> dict[str, np.ndarray]:
+    """Channel -> measured minus simulated (m) in its unit, low-passed, 0 where unknown."""
+    blank = Recording("", signals.time, {c: np.zeros(len(signals.time)) for c in signals.measured})
+    strains = {c: v for c, v in blank.channels.items() if c != "motor_torque"}
+    simulated = sensor_readings(model, blank.replace(channels=strains), motion)
+    residuals = {}
+    for channel, values in signals.measured.items():
         if channel == "motor_torque":
-            predicted = read_torque(view, prepared, model)
+            predicted = torque_reading(signals, prepared, model)
         else:
             predicted = low_passed(simulated[channel], GRID)
-            if channel in view.holes:
-                values = values + _filled(view, channel, simulated[channel], prepared.hub is not None)
+            if channel in signals.with_gaps:
+                values = values + _gap_correction(
+                    signals, channel, simulated[channel], prepared.hub is not None
+                )
         off = values - predicted
         if prepared.recording.start == "unknown" and channel != "motor_torque":
             # Without a rest at the start the zero of a bridge is not known.
-            off = off - np.median(off[view.known[channel]])
-        parts[channel] = np.where(view.known[channel], off, 0.0)
-    if prepared.hub is not None:
-        drive_of = delivered(view, prepared, model)
-        off = unmodelled(view, model, motion, required, drive_of)
-        read = before_end(view.time, model.hub_late + LEFT_OUT)
-        parts["hub_torque"] = np.where(view.sliding & read, off, 0.0)
-        parts["break_away"] = break_aways(view, model, motion, required, drive_of)
-        parts["departure"], _ = creep.residual(view.time, prepared, model, motion, view.departures)
-    return parts
+            off = off - np.median(off[signals.known[channel]])
+        residuals[channel] = np.where(signals.known[channel], off, 0.0)
+    return residuals
 
 
-def _filled(view: View, channel: str, simulated: np.ndarray, moving: bool) -> np.ndarray:
-    """Change (m) of a filtered strain if its missing readings are as simulated, off by as much as those beside them.
+def _gap_correction(signals: Signals, channel: str, simulated: np.ndarray, free: bool) -> np.ndarray:
+    """Change of a low-passed strain (m) if its gaps are filled with simulated values, offset to their neighbours.
 
-    A filter spreads what bridges a gap to its sides: as simulated, it leaves no trace in what is compared.
+    The filter spreads what fills a gap to its sides. Filled with the simulation, a gap leaves no residual there.
+
+    Args:
+      signals: the recording.
+      channel: the strain.
+      simulated: its simulated values, not filtered (m).
+      free: whether the hub is free: then the strain has passed the filter of the motion, too.
     """
-    known, off = view.known[channel], view.holes[channel] - simulated
-    between = np.interp(view.time, view.time[known], off[known]) if known.any() else off
+    known, off = signals.known[channel], signals.with_gaps[channel] - simulated
+    between = np.interp(signals.time, signals.time[known], off[known]) if known.any() else off
     change = low_passed(np.where(known, 0.0, between - off), GRID)
-    return low_passed(change, GRID, view.band) if moving else change
-
-
-def _strains_only(asked: Recording) -> dict[str, np.ndarray]:
-    return {c: v for c, v in asked.channels.items() if c != "motor_torque"}
+    return low_passed(change, GRID, signals.band) if free else change

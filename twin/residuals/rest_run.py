@@ -1,7 +1,7 @@
-"""Runs that begin in a measured rest and leave it: what a hub does in the moments after it comes free.
+"""Simulations that begin in a measured rest of the hub and run through its end, the break-away.
 
-What the link does until then follows from the measured hub, and the run ends before that comes to rest again: nothing
-else that sticks or slips enters.
+Until the break-away the link moves as the measured hub makes it, and the simulation ends before the hub comes to rest
+again: no other stick or slip enters.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model
 from twin.rigs.simulate import delivered_torque, sensor_readings
 
-REST = 0.2
+REST_SPAN = 0.2
 """Span before a break-away in which the hub has to rest [s]."""
-BEFORE = 0.06
-"""Span before a break-away from which on it is run, from beyond the reach of the filter [s]."""
-_BEHIND = 0.06  # s behind it that are run, too
-_FEWEST = 8  # readings behind the break-away that tell its instant
-INSTANT = 5e-4
-"""To which a model tells when a hub came free, noise apart [s]."""
-_KNOWN = 0.01  # relative error that the instant may leave
-_ABOVE = 1.001  # times the Coulomb level, the least that a static level is
-_JUMP = 0.1  # part of the torque borne, beyond which a change from one sample to the next is no slow growth
+LEAD_SPAN = 0.06
+"""Span before a break-away at which the simulation starts, beyond the reach of the filter [s]."""
+_TAIL_SPAN = 0.06  # s behind the break-away that are simulated
+_MIN_READINGS = 8  # behind the break-away, to determine its instant
+INSTANT_ERROR = 5e-4
+"""Error of the instant of a break-away by the model, noise apart [s]."""
+_MAX_LEVEL_ERROR = 0.01  # relative error of the level up to which a torque counts as slow
+_ABOVE_COULOMB = 1.001  # least ratio of a static level to the Coulomb level
+_MAX_JUMP = 0.1  # change of the torque between samples, relative to it, up to which its growth counts as slow
 
 
 @dataclass(frozen=True, eq=False)
 class RestRun:
-    """A rig that comes free, from a rest on; n instants.
+    """A rig about one break-away, from its rest on; n instants.
 
     Attributes:
-      model: with which it is run.
+      model: that is simulated.
       prepared: the recording.
-      plant: of the model; a motor with play pushes from its flank as long as a torque grows.
-      time: the first at rest, behind it those of the recording (n) [s].
-      reading: of the hub (n) [rad]; none at the first.
-      state: angles and rates of the plant at the first.
-      end: index of the last at rest.
-      direction: in which it comes free.
-      level: of the model's static friction there, in that direction [N m].
+      plant: equations of motion of the model; a motor with backlash stays on its flank while a torque grows.
+      time: an instant at rest, from which the simulation starts, and the known samples that follow (n) [s].
+      reading: of the hub (n) [rad]; not a number at the first instant.
+      state: angles [rad] and rates [rad/s] of the plant at the first instant.
+      end: index of the last instant at rest.
+      direction: of the motion behind the break-away, +1 or -1.
+      level: static friction level of the model at the angle of the rest, in that direction [N m].
     """
 
     model: Model
@@ -62,20 +62,28 @@ class RestRun:
 
     @staticmethod
     def of(model: Model, prepared: Prepared, motion: Motion, onset: int, direction: int) -> RestRun | None:
-        """The run about the sample at which a motion is first seen; None without a rest before, or if it was short."""
+        """The run about one break-away; None if the rest before it or the motion behind it is too short.
+
+        Args:
+          model: to simulate.
+          prepared: the recording.
+          motion: of the link under the measured hub, on the grid.
+          onset: sample at which the hub visibly moves.
+          direction: of its motion, +1 or -1.
+        """
         recording, hub = prepared.recording, prepared.hub
         assert hub is not None
         time, last = recording.time, onset - SAMPLES_BEFORE_ONSET
         end = time[max(last, 0)]
-        rest = (time > end - REST) & (time <= end)
-        if time[0] > end - REST or not (hub.tight[rest] == STUCK).all():
+        rest = (time > end - REST_SPAN) & (time <= end)
+        if time[0] > end - REST_SPAN or not (hub.tight[rest] == STUCK).all():
             return None
-        row = int(np.searchsorted(motion.time, end - BEFORE))
-        again = np.flatnonzero((time > end) & (time < end + _BEHIND) & (hub.observed == STUCK))
+        row = int(np.searchsorted(motion.time, end - LEAD_SPAN))
+        again = np.flatnonzero((time > end) & (time < end + _TAIL_SPAN) & (hub.observed == STUCK))
         known = np.isfinite(recording["hub_angle"])
-        rows = np.flatnonzero((time > motion.time[row]) & (time < end + _BEHIND) & known)
+        rows = np.flatnonzero((time > motion.time[row]) & (time < end + _TAIL_SPAN) & known)
         rows = rows[rows < again[0]] if len(again) else rows
-        if (rows > last).sum() < _FEWEST:
+        if (rows > last).sum() < _MIN_READINGS:
             return None
         plant = model.plant_of(recording).with_backlash_closed()
         angles, rates = (plant.extend_state(values[row]) for values in motion.state())
@@ -94,58 +102,65 @@ class RestRun:
 
     @property
     def end_of_rest(self) -> float:
-        """The last instant at which the hub surely rested [s]."""
+        """The last instant at rest [s]."""
         return float(self.time[self.end])
 
     @property
-    def raised(self) -> float:
-        """By which the level there exceeds the plant's own [N m]."""
+    def level_offset(self) -> float:
+        """Static level at the angle of the rest less the plant's level there without position dependence [N m]."""
         return self.level - self.plant.friction.levels(self.direction)[0]
 
     @property
     def coulomb(self) -> float:
-        """The plant's own Coulomb level in the direction of the break-away [N m]."""
+        """The plant's Coulomb level in the direction of the break-away, without position dependence [N m]."""
         return self.plant.friction.levels(self.direction)[1]
 
     @functools.cached_property
-    def borne(self) -> tuple[float, float]:
-        """Torque that friction bore at the end of the rest [N m], and how fast it grew [N m/s]."""
+    def holding_torque(self) -> tuple[float, float]:
+        """Torque that friction holds at the end of the rest [N m], and the rate at which it grows [N m/s]."""
         rest = self.time[: self.end + 1]
         firm = self.plant.with_friction(static_positive=IMMOVABLE, static_negative=IMMOVABLE)
-        angles, rates, _ = self._moved(firm, rest)
+        angles, rates, _ = self._simulated(firm, rest)
         drive = self.model.drive(self.prepared.recording).at(rest)
         torque = self.direction * planar.holding_torque(firm, rest, angles, rates, drive)
         half = len(torque) // 2
-        return float(torque[-1]), abs(float(torque[-1] - torque[-1 - half])) / float(
-            rest[-1] - rest[-1 - half]
-        )
+        growth, span = float(torque[-1] - torque[-1 - half]), float(rest[-1] - rest[-1 - half])
+        return float(torque[-1]), abs(growth) / span
 
     @property
     def is_slow(self) -> bool:
-        """Whether the torque grew so slowly that the instant at which the hub came free tells the level."""
-        torque, slope = self.borne
+        """Whether the torque grows so slowly that the instant of the break-away determines the static level."""
+        torque, slope = self.holding_torque
         about = self.model.drive(self.prepared.recording).at(self.time[: self.end + SAMPLES_BEFORE_ONSET + 1])
-        return slope * INSTANT < _KNOWN * torque and np.abs(np.diff(about)).max() < _JUMP * torque
+        return (
+            slope * INSTANT_ERROR < _MAX_LEVEL_ERROR * torque
+            and np.abs(np.diff(about)).max() < _MAX_JUMP * torque
+        )
 
     def readings(self, level: float, time: np.ndarray) -> np.ndarray:
-        """The hub (n) as its sensor reports it under a static level [N m], at instants from the first on (n) [s]."""
-        # Below the Coulomb level a hub that has come free would rest and go on without end.
+        """Simulated readings of the hub (k) [rad].
+
+        Args:
+          level: static friction level in the direction of the break-away, without position dependence [N m].
+          time: instants (k), the first of them that of the run [s].
+        """
+        # A static level below the Coulomb level would stop the hub at once, again and again.
         own = self.plant.friction
         ahead, back = (level, own.static_negative) if self.direction > 0 else (own.static_positive, level)
         plant = self.plant.with_friction(
-            static_positive=max(ahead, _ABOVE * own.coulomb_positive),
-            static_negative=max(back, _ABOVE * own.coulomb_negative),
+            static_positive=max(ahead, _ABOVE_COULOMB * own.coulomb_positive),
+            static_negative=max(back, _ABOVE_COULOMB * own.coulomb_negative),
         )
-        motion = Motion.from_coordinates(time, *self._moved(plant, time), len(self.model.chain.lengths))
+        motion = Motion.from_coordinates(time, *self._simulated(plant, time), len(self.model.chain.lengths))
         return sensor_readings(self.model, Recording("", time, {"hub_angle": time}), motion)["hub_angle"]
 
-    def _moved(self, plant: Plant, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Angles, rates and modes of a plant at some instants."""
+    def _simulated(self, plant: Plant, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angles, rates and friction modes of a plant at some instants, the first of them that of the run."""
         lagging, times, torques = self._drive
         plant = plant.with_motor(lag=lagging.motor.lag)
         return planar.simulate(plant, times, torques, time, *self.state, 0, False, self.model.link_step)
 
     @functools.cached_property
     def _drive(self) -> tuple[Plant, np.ndarray, np.ndarray]:
-        """What all levels have in common: see `delivered`."""
+        """Delivered torque, the same for all levels: see `twin.rigs.simulate.delivered_torque`."""
         return delivered_torque(self.model, self.prepared.recording)

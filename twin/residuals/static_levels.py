@@ -1,8 +1,7 @@
-"""Static friction levels by runs that begin in a measured rest: the level at which they leave it as the rig did.
+"""Static friction levels from the ends of rests: the level at which a simulation leaves the rest as the rig did.
 
-Where a torque grows slowly, the instant of a break-away tells its level; a hub that has just come free gains speed so
-quickly that a few readings behind it tell that instant better than a sample period. Nothing else that sticks or slips
-enters: what the link does until then follows from the measured hub, and the run ends before that comes to rest again.
+Where a torque grows slowly, the instant of the break-away determines the level. The hub accelerates so fast that a few
+readings behind the break-away determine that instant better than a sample period. See `rest_run` for the simulations.
 """
 
 from __future__ import annotations
@@ -14,31 +13,40 @@ import numpy as np
 
 from twin.mechanics.state import Start
 from twin.residuals.data import DrivenData
-from twin.residuals.rest_run import BEFORE, INSTANT, REST, RestRun
-from twin.residuals.view import View, move
+from twin.residuals.rest_run import INSTANT_ERROR, LEAD_SPAN, REST_SPAN, RestRun
+from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
 
-_LATE, _OFF = 0.02, 0.005  # s by which the instant, and part by which the torque, may have been misread
-_STEPS = 41  # levels that are tried, twice
-_LIKELY = 2.0  # log likelihood below the best up to which a level is within two standard errors
-_FOLLOWED = 2.0  # noise levels up to which a run follows the rig
-_APART = 5.0  # standard errors by which two levels differ for sure
-_SLIPS = 0.01
-"""Relative error of a level beside a play: a hub first slips by less than is seen and leaves the flank that pushes it,
-so that it is seen to come free at up to 2 % more (virtual rig, flanks of 1000 N m/rad; tests/test_hub_friction.py)."""
+_INSTANT_SPAN, _TORQUE_SHARE = 0.02, 0.005
+"""Error of the first estimate of a level that its grid covers: of the instant [s], relative of the torque."""
+_GRID_POINTS = 41  # levels of each of two grids
+_TWO_SIGMA = 2.0  # log likelihood below the maximum up to which a level is within two standard errors
+_MAX_RMS = 2.0  # of a run that follows the rig, in multiples of the noise
+_CONTRADICTION = 5.0  # standard errors by which two levels differ for certain
+_BACKLASH_ERROR = 0.01
+"""Relative error of a level where there is a backlash: the hub first slips by less than is visible and leaves the flank
+that pushes it, so that it seems to break away at up to 2 % more (virtual rig, flanks of 1000 N m/rad;
+tests/residuals/test_hub_friction.py)."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """A static level [N m] and its standard error."""
+    """A static friction level [N m] and its standard error."""
 
     value: float
     error: float
 
 
 @dataclass(frozen=True)
-class Release:
-    """A rest that ended: recording, last sample at which the hub surely rested [s], direction, the plant's level."""
+class LevelReading:
+    """The static level at the end of one rest.
+
+    Attributes:
+      recording: index.
+      time: last instant at rest [s].
+      direction: of the motion behind it, +1 or -1.
+      level: without position dependence.
+    """
 
     recording: int
     time: float
@@ -47,86 +55,98 @@ class Release:
 
 
 def levels(data: DrivenData, model: Model, starts: Sequence[Start]) -> dict[int, Level]:
-    """Static level by direction, +1 and -1, where the recordings show it.
+    """Static level of each direction, +1 and -1, that has a break-away under a slowly growing torque.
 
-    A rest that ends below what friction bore elsewhere was none: the hub had only been slow. Recordings that began in
-    motion count where no others show any: how their link swings hangs on a first state that was estimated.
+    Readings that lie clearly below another one are dropped, see `combined_level`. Recordings that began in motion are
+    used only if there are no others: the motion of their link depends on an estimated initial state.
     """
-    read = releases(data, model, starts)
-    surely = [r for r in read if data.prepared[r.recording].recording.start == "rest"]
-    read = surely or read
-    seen = {direction: [r.level for r in read if r.direction == direction] for direction in (1, -1)}
-    return {direction: together(levels) for direction, levels in seen.items() if levels}
+    readings = level_readings(data, model, starts)
+    from_rest = [r for r in readings if data.prepared[r.recording].recording.start == "rest"]
+    readings = from_rest or readings
+    by_direction = {
+        direction: [r.level for r in readings if r.direction == direction] for direction in (1, -1)
+    }
+    return {direction: combined_level(levels) for direction, levels in by_direction.items() if levels}
 
 
-def releases(data: DrivenData, model: Model, starts: Sequence[Start]) -> list[Release]:
-    """The static level at the end of each rest that tells it; the model's other numbers are taken as true."""
-    read = []
-    for i, run in runs(data, model, starts):
-        level = _level(run, _pull(data.views[i], run.end_of_rest))
+def level_readings(data: DrivenData, model: Model, starts: Sequence[Start]) -> list[LevelReading]:
+    """The static level at the end of each rest that determines it, other parameters being those of the model."""
+    readings = []
+    for i, run in rest_runs(data, model, starts):
+        level = _level(run, _link_torque_noise(data.views[i], run.end_of_rest))
         if level is not None:
-            read.append(Release(i, run.end_of_rest, run.direction, level))
-    return read
+            readings.append(LevelReading(i, run.end_of_rest, run.direction, level))
+    return readings
 
 
-def runs(data: DrivenData, model: Model, starts: Sequence[Start]) -> Iterator[tuple[int, RestRun]]:
-    """Each rest that ends, with the index of its recording; the link moves as the measured hub has moved it."""
+def rest_runs(data: DrivenData, model: Model, starts: Sequence[Start]) -> Iterator[tuple[int, RestRun]]:
+    """The index of the recording and the run of each rest that ends, the link moved by the measured hub before."""
     for i, (prepared, view, start) in enumerate(zip(data.prepared, data.views, starts, strict=True)):
         if prepared.hub is None:
             continue
-        motion, _ = move(view, prepared, model, start)
+        motion, _ = move_link(view, prepared, model, start)
         for onset, direction in prepared.hub.onsets:
             run = RestRun.of(model, prepared, motion, onset, direction)
             if run is not None:
                 yield i, run
 
 
-def together(seen: Sequence[Level]) -> Level:
-    """One level of several: the mean of those that do not lie clearly below another."""
-    highest = max(seen, key=lambda level: level.value - _APART * level.error)
+def combined_level(readings: Sequence[Level]) -> Level:
+    """Weighted mean of levels that do not contradict the highest one.
+
+    A break-away clearly below another one was none: the hub had been creeping.
+    """
+    highest = max(readings, key=lambda level: level.value - _CONTRADICTION * level.error)
     kept = [
-        level for level in seen if highest.value - level.value < _APART * np.hypot(highest.error, level.error)
+        level
+        for level in readings
+        if highest.value - level.value < _CONTRADICTION * np.hypot(highest.error, level.error)
     ]
     weights = np.array([1 / level.error**2 for level in kept])
     value = float(weights @ [level.value for level in kept] / weights.sum())
     return Level(value, float(1 / np.sqrt(weights.sum())))
 
 
-def _pull(view: View, end: float) -> float:
-    """Standard deviation of the link's pull at the hub in the rest that ends at an instant [N m]."""
-    rest = (view.time > end - REST) & (view.time < end - BEFORE)
-    return float(np.sqrt(np.mean(view.pull[rest] ** 2)))
+def _link_torque_noise(view: View, end: float) -> float:
+    """Standard deviation of the link's torque on the hub by noise, in the rest that ends at an instant [N m]."""
+    rest = (view.time > end - REST_SPAN) & (view.time < end - LEAD_SPAN)
+    return float(np.sqrt(np.mean(view.link_torque_noise[rest] ** 2)))
 
 
-def _level(run: RestRun, pull: float) -> Level | None:
-    """The level at which a run follows the rig; None where none does, or the torque that friction bore jumped.
+def _level(run: RestRun, link_torque_noise: float) -> Level | None:
+    """The most likely static level of a run, by two grids.
 
-    A link that swings on pulls at the hub by a little more or less than the measured hub has moved it to, by `pull`
-    [N m].
+    Args:
+      run: the break-away.
+      link_torque_noise: standard deviation of the torque of the link, which the noise of the measured hub made
+        oscillate [N m].
+
+    Returns:
+      None if the torque does not grow slowly, or no level makes the run follow the rig.
     """
     if not run.is_slow:
         return None
-    torque, slope = run.borne
-    centre = torque - run.raised
-    half = max(slope * _LATE, _OFF * centre)
+    torque, slope = run.holding_torque
+    centre = torque - run.level_offset
+    half = max(slope * _INSTANT_SPAN, _TORQUE_SHARE * centre)
     for _ in range(2):
-        values = centre + np.linspace(-half, half, _STEPS)
-        # Below the Coulomb level a hub that has come free would rest and go on without end.
+        values = centre + np.linspace(-half, half, _GRID_POINTS)
+        # A static level below the Coulomb level would stop the hub at once, again and again.
         values = values[values > run.coulomb]
         if not len(values):
             return None
         costs = np.array([_cost(run, value) for value in values])
-        likely = values[costs < costs.min() + _LIKELY]
-        centre, half = float(likely.mean()), float(np.ptp(likely)) / 2 + 2 * half / (_STEPS - 1)
-    if costs.min() > _FOLLOWED**2 * len(run.time) / 2:
+        likely = values[costs < costs.min() + _TWO_SIGMA]
+        centre, half = float(likely.mean()), float(np.ptp(likely)) / 2 + 2 * half / (_GRID_POINTS - 1)
+    if costs.min() > _MAX_RMS**2 * len(run.time) / 2:
         return None
-    # Commands rise by stairs: between two of them all levels are alike.
-    error = max(float(np.ptp(likely)) / np.sqrt(12), 2 * half / (_STEPS - 1))
-    slips = _SLIPS * centre if run.model.plant.motor.gap > 0 else 0.0
-    return Level(centre, float(np.linalg.norm([error, slope * INSTANT, slips, pull])))
+    # Under a command of steps, levels between the torques of two steps are equally likely.
+    error = max(float(np.ptp(likely)) / np.sqrt(12), 2 * half / (_GRID_POINTS - 1))
+    slip = _BACKLASH_ERROR * centre if run.model.plant.motor.gap > 0 else 0.0
+    return Level(centre, float(np.linalg.norm([error, slope * INSTANT_ERROR, slip, link_torque_noise])))
 
 
 def _cost(run: RestRun, level: float) -> float:
-    """Minus the log likelihood of the readings under a static level [N m]."""
-    missing = (run.reading - run.readings(level, run.time)) / run.prepared.noise["hub_angle"]
-    return 0.5 * float(np.nansum(missing**2))
+    """Negative log likelihood of the readings of a run under a static level [N m], up to a constant."""
+    residual = (run.reading - run.readings(level, run.time)) / run.prepared.noise["hub_angle"]
+    return 0.5 * float(np.nansum(residual**2))

@@ -1,8 +1,8 @@
-"""Sliding friction that falls with the speed, along a measured motion of the hub.
+"""Sliding friction that falls with the speed (Stribeck), along a measured motion of the hub.
 
-Where the hub turns round such a friction is at its peak for a few milliseconds, hardly more than a step of the grid.
-The motion has passed a low-pass that rounds off just that: what friction does to the hub there, in less time than the
-filter lets through, is put back as far as friction has made it.
+Where the hub reverses, such a friction peaks for a few milliseconds, hardly more than a step of the grid. The filter of
+the measured motion rounds off the change of rate that the peak causes. It is put back by fixed-point iteration:
+friction gives the motion that the filter removes, and the motion gives the friction.
 """
 
 from __future__ import annotations
@@ -13,53 +13,59 @@ from scipy.ndimage import binary_dilation
 from twin.mechanics import planar
 from twin.mechanics.plant import Plant
 from twin.mechanics.state import Motion
-from twin.residuals.cell_means import at_cells, at_instants, cell, in_cells, of_cells
+from twin.residuals.cell_means import (
+    cell_length,
+    double_mean_of_cells,
+    from_double_mean,
+    interpolated_in_cells,
+    nearest_in_cells,
+)
 from twin.residuals.filters import GRID, REACH, low_passed
-from twin.residuals.view import View
+from twin.residuals.view import Signals
 from twin.rigs.model import Model
 
-_ROUNDS, _KEPT = 8, 0.3
-"""Rounds in which friction is found along with the motion that it makes, and the share of the last one in each."""
-_LEAST = 1e-9  # rad/s, a change of rate that is none
+_ITERATIONS, _KEPT = 8, 0.3
+"""Fixed-point iterations, and the share of the last one's result that each of them keeps."""
+_LEAST = 1e-9  # rad/s, change of rate that counts as none
 
 
-def along(view: View, model: Model, motion: Motion) -> np.ndarray:
-    """Torque (m) of sliding friction [N m], its mean over a grid step averaged over a step again.
+def friction_torque(signals: Signals, model: Model, motion: Motion) -> np.ndarray:
+    """Double mean (m) of the torque of sliding friction, see `cell_means` [N m].
 
-    Nothing is put back where the hub may stick: what seems to begin there would turn a creeping hub round.
+    Nothing is put back where the hub may stick: it would reverse a hub that creeps.
     """
-    angle, measured = in_cells(motion.angles[:, 0]), in_cells(motion.rates[:, 0])
-    resting = at_cells(motion.modes == 0)
-    sure = at_cells(binary_dilation(view.sliding, iterations=round(REACH / 2 / GRID)))
-    mobility = cell(view.time) / model.chain.free_hub_inertia()
+    angle = interpolated_in_cells(motion.angles[:, 0])
+    measured = interpolated_in_cells(motion.rates[:, 0])
+    resting = nearest_in_cells(motion.modes == 0)
+    slides = nearest_in_cells(binary_dilation(signals.sliding, iterations=round(REACH / 2 / GRID)))
+    mobility = cell_length(signals.time) / model.chain.free_hub_inertia()
 
-    def at(rate: np.ndarray) -> np.ndarray:
-        mean = _means(model.plant, (angle[1:] + angle[:-1]) / 2, rate)
+    def friction_at(rate: np.ndarray) -> np.ndarray:
+        mean = _mean_friction(model.plant, (angle[1:] + angle[:-1]) / 2, rate)
         return np.where(resting[1:] | resting[:-1], 0.0, mean)
 
-    friction, taken = at(measured), np.zeros(len(measured))
-    for _ in range(_ROUNDS):
-        pushed = np.r_[0.0, np.cumsum(friction)] * mobility
-        passed = in_cells(low_passed(at_instants(of_cells(pushed)), GRID, view.band))
-        taken = _KEPT * taken + (1 - _KEPT) * (pushed - passed)
-        friction = at(measured + np.where(sure, taken, 0.0))
+    friction, removed = friction_at(measured), np.zeros(len(measured))
+    for _ in range(_ITERATIONS):
+        change = np.r_[0.0, np.cumsum(friction)] * mobility
+        passed = interpolated_in_cells(
+            low_passed(from_double_mean(double_mean_of_cells(change)), GRID, signals.band)
+        )
+        removed = _KEPT * removed + (1 - _KEPT) * (change - passed)
+        friction = friction_at(measured + np.where(slides, removed, 0.0))
     before, behind = np.r_[friction[:1], friction], np.r_[friction, friction[-1:]]
-    return of_cells((before + behind) / 2)
+    return double_mean_of_cells((before + behind) / 2)
 
 
-def _means(plant: Plant, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Mean friction torque [N m] between instants (c) that are close together.
+def _mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Mean friction torque between adjacent instants (c - 1) [N m].
 
-    A hub that turns round slows down faster than it speeds up behind, for friction turns its sign: the instant is that
-    at which the rates before it and those behind it, each as a straight line, come to rest.
+    A hub that reverses slows down faster than it speeds up afterwards, because friction changes its sign. The instant
+    of the reversal is where straight lines through the rates before it and behind it come to zero.
 
     Args:
-      plant: the `Plant`.
-      angle: (c - 1) of the hub between the instants [rad].
-      rate: (c) of the hub [rad/s].
-
-    Returns:
-      (c - 1)
+      plant: equations of motion, of which the friction is used.
+      angle: of the hub between the instants (c - 1) [rad].
+      rate: of the hub at the instants (c) [rad/s].
     """
     mean = planar.mean_friction(plant, angle, (rate[1:] + rate[:-1]) / 2, np.diff(rate))
     turned = np.flatnonzero(rate[1:-2] * rate[2:-1] < 0) + 1

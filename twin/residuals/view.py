@@ -1,7 +1,7 @@
-"""One recording on a uniform grid, filtered, and what the link does in it.
+"""One recording on a uniform grid, low-passed, with the noise of its residuals; the link driven by the measured hub.
 
-The measured hub angle moves the link: its strains follow without friction, and the torque that the motion takes is
-known at every instant.
+The measured hub angle drives the modelled link: its strains then do not depend on friction, and the torque on the hub
+that the motion requires is known at every instant.
 """
 
 from __future__ import annotations
@@ -14,44 +14,36 @@ from scipy.fft import irfft, rfft
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
 from twin.residuals import creep
-from twin.residuals.filters import GRID, MOTION_BANDS, smooth
-from twin.residuals.link_moves import LinkMoves, Moved
+from twin.residuals.filters import GRID, MOTION_BANDS, smooth_spline
+from twin.residuals.motion_cache import LinkMotion, MotionCache
 from twin.residuals.prepared import Prepared
 from twin.residuals.ringing import Ringing
 from twin.rigs.model import Model
 from twin.rigs.simulate import initial_state
 
-_EXTENSION = 3.0  # s by which a residual is continued on either side before it is whitened
-_KEPT = 12  # simulations of a recording that are remembered
-_FEWEST = 8  # instants through which a spline is laid
-LEFT_OUT = 0.06
-"""Span at the end of a recording that is not compared [s]: the filters take what comes behind it for a mirror image."""
+PADDING = int(3.0 / GRID)
+"""Samples by which a residual is continued on either side before it is whitened: 3 s."""
+_CACHED_MOTIONS = 12  # of each recording
+_MIN_SPLINE_POINTS = 8
+END_MARGIN = 0.06
+"""Span at the end of a recording that is not compared [s]: the filters continue the signal by its mirror image."""
 
 
 @dataclass(frozen=True)
-class View:
-    """One recording on a uniform grid, filtered.
+class Signals:
+    """One recording on a uniform grid, low-passed; m instants.
 
     Attributes:
-      time: (m) [s].
-      reading, rate, acceleration: (m) of the hub's reading [rad], [rad/s], [rad/s^2]; zero where clamped.
-      direction: (m) of the motion of the hub, 0 where it rests or is unclear.
-      sliding: (m) whether the hub surely slides, with the filter's reach.
-      measured: channel -> (m) filtered readings.
-      known: channel -> (m) whether the readings are there.
-      holes: strain -> (m) its readings before the filter, where some are missing; there they are bridged.
-      noise: name -> standard deviation of what is compared, after the filter.
-      onsets: (index, direction) at which a rest of the hub ends under a slowly growing torque.
-      departures: samples of the recording at which the hub is seen to leave a rest, and its direction then.
-      departing: (m) whether the hub's reading about these is compared.
-      band: corner of the low-pass on the motion of the hub [Hz].
-      whitening: channel -> gain over frequency of `whitened`; empty where the hub is clamped.
-      ringing: name -> what the noise of the hub angle does to it by way of a ringing link; empty where the hub is
-        clamped.
-      swell: name -> (m) size of the noise in that of the quiet stretches; empty where the hub is clamped.
-      pull: (m) standard deviation of the torque with which the link pulls at the hub, by the noise of the hub's angle
-        in the motion before [N m].
-      moves: what the link did in the last simulations.
+      time: [s] (m).
+      reading, rate, acceleration: of the hub's reading [rad], [rad/s], [rad/s^2] (m); zero where it is clamped.
+      direction: sign of the hub's motion, 0 where it rests or that is unclear (m).
+      sliding: whether the hub slides for certain throughout the reach of the filter (m).
+      measured: channel other than the hub angle -> readings (m).
+      known: channel -> whether its readings are there (m).
+      onsets: index and direction of break-aways under a slowly growing torque.
+      band: cut-off of the low-pass on the motion of the hub [Hz].
+      with_gaps: strain with missing readings -> readings before the filter, gaps interpolated (m).
+      cache: simulated motions of the link.
     """
 
     time: np.ndarray
@@ -62,68 +54,93 @@ class View:
     sliding: np.ndarray
     measured: dict[str, np.ndarray]
     known: dict[str, np.ndarray]
-    noise: dict[str, float]
     onsets: tuple[tuple[int, int], ...]
     band: float = MOTION_BANDS[0]
+    with_gaps: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    cache: MotionCache = field(default_factory=lambda: MotionCache(_CACHED_MOTIONS), repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseModel:
+    """Noise of the residuals of one recording on a grid; m instants. Where the hub is clamped, `noise` alone is there.
+
+    Attributes:
+      noise: channel or "hub_torque" -> standard deviation behind the filter, without ringing.
+      whitening: strain -> gain over frequency of the filter that makes its residual white, see `whitened`.
+      ringing: strain or "hub_torque" -> coherent oscillation by noise of the hub angle.
+      noise_scale: strain or "hub_torque" -> noise relative to that of quiet stretches (m).
+    """
+
+    noise: dict[str, float]
     whitening: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     ringing: dict[str, Ringing] = field(default_factory=dict, repr=False)
-    swell: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
-    holes: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
-    departures: tuple[creep.Event, ...] = ()
-    departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
-    pull: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
-    moves: LinkMoves = field(default_factory=lambda: LinkMoves(_KEPT), repr=False)
-
-
-def whitened(values: np.ndarray, view: View, channel: str) -> np.ndarray:
-    """A residual (..., m) in noise units whose noise has the same size at every frequency up to `BAND`.
-
-    The noise of the hub angle shakes the modelled link, which rings at its clamped modes for seconds: there a
-    residual means little. Before and behind the recording it is continued as its odd extension.
-    """
-    share = view.whitening.get(channel)
-    if share is None:
-        return values / view.noise[channel]
-    pad = min(values.shape[-1] - 1, padding(view))
-    before = 2 * values[..., :1] - values[..., pad:0:-1]
-    behind = 2 * values[..., -1:] - values[..., -2 : -pad - 2 : -1]
-    extended = np.concatenate([before, values, behind], axis=-1)
-    white = irfft(rfft(extended) * share, extended.shape[-1])
-    return white[..., pad : pad + values.shape[-1]]
-
-
-def padding(view: View) -> int:
-    return int(_EXTENSION / GRID)
-
-
-def move(view: View, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:
-    """The link under the measured hub, and the torque (m) on the hub that this takes [N m].
-
-    Candidates that act on the hub alone move the link alike: what the link does is kept for a while.
-    """
-    hub = hub_motion(view, model)
-    phi, omega = initial_state(model, prepared.recording, start)
-    # What a motor with play does is for `delivered` to say.
-    plant = model.plant.without_motor()
-
-    def simulated() -> Moved:
-        first = plant.extend_state(phi), plant.extend_state(omega)
-        if prepared.recording.start == "unknown":
-            first = first[0], first[1] - omega[0] + hub.rate[0]
-        parts = max(1, round(GRID / model.step))
-        fine = planar.simulate_prescribed_hub(
-            plant, *_between(view.time, hub, parts), *first, model.link_step
-        )
-        return fine[0][::parts].copy(), fine[1][::parts].copy(), fine[2][::parts].copy()
-
-    on = (*plant.link, model.step, hub.angle, phi, omega)
-    angles, rates, required = view.moves.get(on, simulated)
-    return Motion.from_coordinates(view.time, angles, rates, hub.direction, len(phi)), required
+    noise_scale: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
-class Hub:
-    """Motion of the hub behind its sensor (m): angle [rad], rate, acceleration, direction."""
+class View(Signals, NoiseModel):
+    """One recording on a grid with the noise of its residuals; m instants.
+
+    Attributes:
+      departures: break-aways whose readings are compared: first visible sample of the recording, and direction.
+      departing: whether readings at an instant are compared for one of these (m); empty where the hub is clamped.
+      link_torque_noise: standard deviation of the link's torque on the hub, because noise of the hub angle excites the
+        modelled link (m) [N m]; empty where the hub is clamped.
+    """
+
+    departures: tuple[creep.Onset, ...] = ()
+    departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
+    link_torque_noise: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+
+
+def whitened(values: np.ndarray, model: NoiseModel, channel: str) -> np.ndarray:
+    """A residual (..., m) in multiples of the noise; that of a strain with white noise up to `filters.BAND`.
+
+    Noise of the hub angle excites the modelled link at its clamped modes for seconds. Near their frequencies, a
+    residual of a strain has little weight.
+    """
+    gain = model.whitening.get(channel)
+    return values / model.noise[channel] if gain is None else filtered(values, gain)
+
+
+def filtered(values: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    """A signal (..., m) behind a zero-phase filter with a gain over frequency; continued by its odd extension."""
+    pad = min(values.shape[-1] - 1, PADDING)
+    before = 2 * values[..., :1] - values[..., pad:0:-1]
+    behind = 2 * values[..., -1:] - values[..., -2 : -pad - 2 : -1]
+    extended = np.concatenate([before, values, behind], axis=-1)
+    white = irfft(rfft(extended) * gain, extended.shape[-1])
+    return white[..., pad : pad + values.shape[-1]]
+
+
+def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:
+    """Motion of the link under the measured hub, and the torque on the hub that it requires (m) [N m].
+
+    Models that differ in drive and hub alone share their motions, see `motion_cache`.
+    """
+    hub = hub_trajectory(signals, model)
+    phi, omega = initial_state(model, prepared.recording, start)
+    # A motor with backlash is part of the delivered torque, see `hub_balance.delivered_torque`.
+    plant = model.plant.without_motor()
+
+    def simulated() -> LinkMotion:
+        first = plant.extend_state(phi), plant.extend_state(omega)
+        if prepared.recording.start == "unknown":
+            first = first[0], first[1] - omega[0] + hub.rate[0]
+        substeps = max(1, round(GRID / model.step))
+        fine = planar.simulate_prescribed_hub(
+            plant, *_subdivided(signals.time, hub, substeps), *first, model.link_step
+        )
+        return fine[0][::substeps].copy(), fine[1][::substeps].copy(), fine[2][::substeps].copy()
+
+    inputs = (*plant.link, model.step, hub.angle, phi, omega)
+    angles, rates, required = signals.cache.get(inputs, simulated)
+    return Motion.from_coordinates(signals.time, angles, rates, hub.direction, len(phi)), required
+
+
+@dataclass(frozen=True)
+class HubTrajectory:
+    """Motion of the hub itself, not its reading (m): angle [rad], rate [rad/s], acceleration [rad/s^2], direction."""
 
     angle: np.ndarray
     rate: np.ndarray
@@ -131,36 +148,41 @@ class Hub:
     direction: np.ndarray
 
 
-def hub_motion(view: View, model: Model) -> Hub:
-    """What the hub does, as the model of its sensor says; what a late one has not read yet goes on as it was."""
-    angle = model.hub_angle_of(view.reading, view.time)
-    if np.array_equal(angle, view.reading):
-        return Hub(angle, view.rate, view.acceleration, view.direction)
-    read = before_end(view.time, model.hub_late)
-    read[:_FEWEST] = True
-    spline = smooth(view.time[read], angle[read])
-    last = view.time[read][-1]
-    at, beyond = np.minimum(view.time, last), np.maximum(view.time - last, 0.0)
+def hub_trajectory(signals: Signals, model: Model) -> HubTrajectory:
+    """The motion of the hub that the model's sensor reports as the reading.
+
+    At the end of the recording, what a late sensor has not yet reported is extrapolated at constant acceleration.
+    """
+    angle = model.hub_angle_of(signals.reading, signals.time)
+    if np.array_equal(angle, signals.reading):
+        return HubTrajectory(angle, signals.rate, signals.acceleration, signals.direction)
+    read = before_end(signals.time, model.hub_late)
+    read[:_MIN_SPLINE_POINTS] = True
+    spline = smooth_spline(signals.time[read], angle[read])
+    last = signals.time[read][-1]
+    at, beyond = np.minimum(signals.time, last), np.maximum(signals.time - last, 0.0)
     acceleration = spline(at, 2)
     rate = spline(at, 1) + acceleration * beyond
     angle = np.where(read, angle, spline(at) + (rate - acceleration * beyond / 2) * beyond)
-    return Hub(angle, rate, acceleration, np.where(view.direction == 0, 0.0, np.sign(rate)))
+    return HubTrajectory(angle, rate, acceleration, np.where(signals.direction == 0, 0.0, np.sign(rate)))
 
 
 def before_end(time: np.ndarray, span: float) -> np.ndarray:
-    """Whether instants (m) lie at least a span before the last [s]."""
+    """Whether instants (m) lie at least a span before the last one [s]."""
     return time <= time[-1] - span
 
 
-def _between(time: np.ndarray, hub: Hub, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Instants, angle, rate and acceleration of a hub, with so many parts to each step of the grid.
+def _subdivided(
+    time: np.ndarray, hub: HubTrajectory, substeps: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Time, angle, rate and acceleration of a hub, each step of the grid divided into `substeps`.
 
-    The acceleration of a driven link is a straight line from one instant to the next, in which an oscillation is
-    (omega h)^2/12 too small. A model with short steps sees it at the end of each, and `limit.move` takes the
-    error out of the others.
+    `planar.simulate_prescribed_hub` takes the acceleration as linear between instants, which makes an oscillation too
+    small by (omega h)^2/12. A model with a shorter step gets it at the end of each step; the error of the others is
+    removed together with that of the chain, see `chain_limit`.
     """
-    if parts == 1:
+    if substeps == 1:
         return time, hub.angle, hub.rate, hub.acceleration
-    finer = np.interp(np.arange(parts * (len(time) - 1) + 1) / parts, np.arange(len(time)), time)
-    spline = smooth(time, hub.angle)
+    finer = np.interp(np.arange(substeps * (len(time) - 1) + 1) / substeps, np.arange(len(time)), time)
+    spline = smooth_spline(time, hub.angle)
     return finer, spline(finer), spline(finer, 1), spline(finer, 2)
