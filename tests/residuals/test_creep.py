@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from rig_campaigns import planned
 from scipy.integrate import solve_ivp
 
+from twin.campaigns.campaign import read_campaign
 from twin.estimation.calibrate import noise_levels
 from twin.mechanics import chain, planar
 from twin.mechanics.plant import declared_plant
@@ -14,28 +14,34 @@ from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID, REACH, low_passed, smooth_spline
 from twin.residuals.prepared import prepare
 from twin.residuals.rest_run import RestRun
-from twin.residuals.view import View, move_link
+from twin.residuals.view import Signals, move_link
 from twin.rigs import preset
 from twin.rigs.model import Model
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
 
 VELOCITY = 0.25  # rad/s
 
 
-def ramps(campaign):
+def ramps(folder, effects, seed):
     """A slow torque up and another down: the data, and a model with the rig's own parameters."""
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(seed))
+    slow = [e for e in plan if e.name == "break-away"]
+    make_campaign(folder, effects, seed, experiments=slow)
+    campaign = read_campaign(folder)
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
     return DrivenData([prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
 
 
 @pytest.fixture(scope="module")
-def falling(rig_campaign):
+def falling(tmp_path_factory):
     effects = {"stribeck-friction": {"stribeck_velocity": VELOCITY}}
-    return ramps(rig_campaign(effects, 7, experiments=planned(7, "break-away")).read())
+    return ramps(tmp_path_factory.mktemp("falling") / "rig", effects, 7)
 
 
 @pytest.fixture(scope="module")
-def plain(rig_campaign):
-    return ramps(rig_campaign({}, 7, experiments=planned(7, "break-away")).read())
+def plain(tmp_path_factory):
+    return ramps(tmp_path_factory.mktemp("plain") / "rig", {}, 7)
 
 
 def misfit(data, model):
@@ -181,23 +187,23 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
     def move(t, x):
         return [x[1], (np.interp(t, fine, torque) + friction(x[1])) / inertia]
 
-    angle, rate = solve_ivp(move_link, (0, 2), [0.0, 0.0], "LSODA", fine, max_step=1e-4, rtol=1e-8).y
+    angle, rate = solve_ivp(move, (0, 2), [0.0, 0.0], "LSODA", fine, max_step=1e-4, rtol=1e-8).y
     exact = low_passed(low_passed(friction(rate), 2e-4, 70.0), 2e-4)[::finer]
     time = fine[::finer]
     spline = smooth_spline(time, low_passed(angle[::finer], GRID, 70.0))
     seen = spline(time), spline(time, 1), spline(time, 2)
-    view = View(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, {}, ())
+    signals = Signals(time, *seen, np.sign(seen[1]), np.ones(len(time), dtype=bool), {}, {}, ())
     links = len(twin.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in seen[:2])
     motion = Motion.from_coordinates(time, angles, rates, np.sign(seen[1]), links)
 
     def error():
-        return np.std((low_passed(hub_balance.hub_law_torque(view, twin, motion), GRID) - exact)[100:-100])
+        return np.std((low_passed(hub_balance.hub_law_torque(signals, twin, motion), GRID) - exact)[100:-100])
 
     put_back = error()
-    monkeypatch.setattr(stribeck_reversals, "_ROUNDS", 1)
+    monkeypatch.setattr(stribeck_reversals, "_ITERATIONS", 1)
     once = error()
-    monkeypatch.setattr(stribeck_reversals, "_ROUNDS", 0)
+    monkeypatch.setattr(stribeck_reversals, "_ITERATIONS", 0)
     assert put_back < 0.5 * once < 0.5 * error()
     assert put_back < 0.03 * np.std(exact)
 
@@ -209,11 +215,11 @@ def test_what_friction_seems_to_do_where_a_rest_ends_does_not_turn_a_creeping_hu
     rate = np.where(time < 1.0, 0.0, 0.03 * (time - 1.0))
     angle, nothing = np.cumsum(rate) * GRID, np.zeros(len(time))
     surely = time > 1.0 + REACH
-    view = View(time, angle, rate, nothing, np.sign(rate), surely, {}, {}, {}, ())
+    signals = Signals(time, angle, rate, nothing, np.sign(rate), surely, {}, {}, ())
     links = len(twin.chain.lengths)
     angles, rates = (np.outer(v, np.ones(links)) for v in (angle, rate))
     found = hub_balance.hub_law_torque(
-        view, twin, Motion.from_coordinates(time, angles, rates, np.sign(rate), links)
+        signals, twin, Motion.from_coordinates(time, angles, rates, np.sign(rate), links)
     )
     level = planar.sliding_level(twin.plant, 0.0, 0.015, 1)
     np.testing.assert_allclose(found[surely & (time < 1.9)], -level, rtol=0.01)

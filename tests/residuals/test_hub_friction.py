@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig_campaigns import planned
 
+from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import contest
 from twin.diagnosis.candidates import Candidate
 from twin.estimation import static_friction
@@ -22,9 +22,11 @@ from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID
 from twin.residuals.prepared import prepare
 from twin.residuals.static_levels import Level
-from twin.residuals.view import View
+from twin.residuals.view import Signals
 from twin.rigs import preset
 from twin.rigs.model import Model
+from twin.virtual_rig import Rig, Sensors, make_campaign
+from twin.virtual_rig.experiments import planned_campaign
 
 LEVELS = {
     "static_positive": 0.0612,
@@ -39,11 +41,22 @@ def model(rig, sensors):
     return Model(rig, sensors, shape, step=2e-3).replace(effects={"asymmetric-friction": LEVELS})
 
 
+def levels_of(values):
+    """Unknowns for the friction levels of each direction."""
+    return [
+        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction")
+        for n, v in values.items()
+    ]
+
+
 @pytest.fixture(scope="module")
-def ramps(rig_campaign):
+def ramps(tmp_path_factory):
     """A slow torque up and another down, on a rig whose friction differs by direction: the data, a model, starts."""
-    friction = {"asymmetric-friction": LEVELS}
-    campaign = rig_campaign(friction, 7, experiments=planned(7, "break-away")).read()
+    folder = tmp_path_factory.mktemp("ramps") / "rig"
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(7))
+    slow = [e for e in plan if e.name == "break-away"]
+    make_campaign(folder, {"asymmetric-friction": LEVELS}, 7, experiments=slow)
+    campaign = read_campaign(folder)
     twin = model(campaign.rig, campaign.sensors)
     prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
     return DrivenData(prepared, twin), twin, [p.start for p in prepared]
@@ -65,18 +78,20 @@ def test_a_link_that_swings_on_makes_a_static_level_less_sure(ramps, monkeypatch
     [view] = data.views
     first, second = [view.time[k] for k, _ in view.onsets]
     before, between = view.time < first - 0.1, (view.time > second - 0.3) & (view.time < second - 0.1)
-    assert view.pull[before].max() < 1e-9
-    assert 5e-6 < view.pull[between].min() <= view.pull[between].max() < 5e-4
+    assert view.link_torque_noise[before].max() < 1e-9
+    assert 5e-6 < view.link_torque_noise[between].min() <= view.link_torque_noise[between].max() < 5e-4
     quiet = static_levels.levels(data, twin, starts)
-    monkeypatch.setattr(data, "views", (replace(view, pull=np.full(len(view.time), 1e-3)),))
+    monkeypatch.setattr(data, "views", (replace(view, link_torque_noise=np.full(len(view.time), 1e-3)),))
     for direction, level in static_levels.levels(data, twin, starts).items():
         assert quiet[direction].error < 2e-4
         assert level.error == pytest.approx(1e-3, rel=0.02)
 
 
-def test_a_play_makes_static_levels_less_sure(rig_campaign):
+def test_a_play_makes_static_levels_less_sure(tmp_path):
     play = {"backlash": {"gap": 0.0146, "motor_inertia_share": 0.39}}
-    campaign = rig_campaign(play, 7, experiments=planned(7, "break-away")).read()
+    plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(7))
+    make_campaign(tmp_path / "rig", play, 7, experiments=[e for e in plan if e.name == "break-away"])
+    campaign = read_campaign(tmp_path / "rig")
     shape = chain.fit_shape(campaign.rig, 5)
     known = {"backlash": {**play["backlash"], "contact_loss": CONTACT_LOSS}}
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
@@ -90,10 +105,7 @@ def test_a_play_makes_static_levels_less_sure(rig_campaign):
 
 def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkeypatch):
     data, twin, starts = ramps
-    unknowns = [
-        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction")
-        for n, v in LEVELS.items()
-    ]
+    unknowns = levels_of(LEVELS)
     with ThreadPoolExecutor(1) as pool:
         bench = Workbench(data, pool)
         [residual] = bench.residuals([(twin, starts, None)])
@@ -111,10 +123,7 @@ def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkey
 
 def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramps):
     data, twin, starts = ramps
-    unknowns = [
-        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction")
-        for n, v in LEVELS.items()
-    ]
+    unknowns = levels_of(LEVELS)
     off, error = 0.004, 0.002
     x = np.array(list(LEVELS.values())) + [off, 0.0, -0.5 * off, 0.0]
     # Half a unit of Coulomb friction less for one of static friction more, and no word of the other direction.
@@ -137,9 +146,7 @@ def test_what_is_fitted_together_with_a_level_moves_with_it_when_it_is_read(ramp
 def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell(ramps, monkeypatch):
     data, twin, starts = ramps
     off = {**LEVELS, "static_positive": 1.2 * LEVELS["static_positive"]}
-    unknowns = [
-        Unknown("effect", n, v, 0.01, False, (0.0, 0.2), effect="asymmetric-friction") for n, v in off.items()
-    ]
+    unknowns = levels_of(off)
     x, none = np.array(list(off.values())), np.zeros(0)
     model = twin.replace(effects={"asymmetric-friction": off})
     badly_known = Fit(model, tuple(starts), tuple(unknowns), x, np.eye(4), none, none, 0.0, none)
@@ -191,14 +198,14 @@ def test_the_mean_of_friction_about_reversals_is_that_of_both_directions():
     omega = 2 * np.pi * 7.3
     angle, rate = 0.05 * np.sin(omega * time), 0.05 * omega * np.cos(omega * time)
     nothing = np.zeros(len(time))
-    view = View(
-        time, angle, rate, -(omega**2) * angle, np.sign(rate), np.ones(len(time), dtype=bool), {}, {}, {}, ()
+    signals = Signals(
+        time, angle, rate, -(omega**2) * angle, np.sign(rate), np.ones(len(time), dtype=bool), {}, {}, ()
     )
     links = len(twin.chain.lengths)
     angles, rates = np.outer(angle, np.ones(links)), np.outer(rate, np.ones(links))
     motion = Motion.from_coordinates(time, angles, rates, np.sign(rate), links)
     inner = slice(200, -200)
-    mean = hub_balance.hub_law_torque(view, twin, motion)[inner].mean()
+    mean = hub_balance.hub_law_torque(signals, twin, motion)[inner].mean()
     instants = np.linspace(time[200] - GRID / 2, time[-201] + GRID / 2, 200_000)
     ahead = np.cos(omega * instants) > 0
     exact = np.where(ahead, -LEVELS["coulomb_positive"], LEVELS["coulomb_negative"]).mean()
