@@ -74,6 +74,7 @@ def test_a_link_that_swings_on_makes_a_static_level_less_sure(ramps, monkeypatch
         assert level.error == pytest.approx(1e-3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_play_makes_static_levels_less_sure(rig_campaign):
     play = {"backlash": {"gap": 0.0146, "motor_inertia_share": 0.39}}
     campaign = rig_campaign(play, 7, experiments=planned(7, "break-away")).read()
