@@ -7,7 +7,6 @@ import sys
 
 import pytest
 from hypothesis import settings
-from rig_campaigns import RigCampaigns
 
 from twin import cli
 
@@ -20,6 +19,8 @@ settings.load_profile("repeat")
 @pytest.fixture(scope="session")
 def rig_campaign(tmp_path_factory):
     """Returns a function of the arguments of `make_campaign`: the campaign, made once a session."""
+    from rig_campaigns import RigCampaigns  # 2 s with all that it imports: not every test needs them
+
     own = tmp_path_factory.getbasetemp()
     # Each worker of pytest-xdist has a folder of its own in that of the session.
     store = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "rig-campaigns"

@@ -9,5 +9,9 @@ import pytest
 
 
 def slow_except(cases: Iterable[Any], *quick: Any) -> list[Any]:
-    """The cases, marked slow but for these: they stand for the others in the fast run."""
-    return [case if case in quick else pytest.param(case, marks=pytest.mark.slow) for case in cases]
+    """The cases marked slow, except those that stand for all in the fast run; a tuple is known by its first value."""
+    found = []
+    for case in cases:
+        values = case if isinstance(case, tuple) else (case,)
+        found.append(pytest.param(*values, marks=() if values[0] in quick else pytest.mark.slow))
+    return found

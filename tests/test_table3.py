@@ -96,6 +96,7 @@ def test_only_draws_that_are_worth_it_are_followed(model):
     assert followed.misfit < drawn.misfit
 
 
+@pytest.mark.slow
 def test_planted_friction_level_is_recovered(model):
     # Three turns, known to half a degree: two known to a tenth leave several levels open.
     profiles = Family(0.16).profiles(RIG, np.radians([20.0, 60.0, 120.0]))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from marks import slow_except
 
 import twin
 from twin.campaigns.campaign import read_campaign
@@ -175,7 +176,10 @@ def test_nothing_is_found_in_the_demo_campaign():
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"), [("stuck", "stays at"), ("saturated", "saturated at"), ("bad-segment", "usual noise")]
+    ("kind", "said"),
+    slow_except(
+        [("stuck", "stays at"), ("saturated", "saturated at"), ("bad-segment", "usual noise")], "stuck"
+    ),
 )
 def test_every_kind_is_found_in_campaigns_of_the_virtual_rig(rig_campaign, kind, said):
     draw = np.random.default_rng(1)

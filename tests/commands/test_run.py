@@ -68,6 +68,7 @@ def test_bang_bang_turns_the_papers_model_as_its_own_simulation_did(degrees, pub
     assert shown.metrics(shown.run())["hub_final_deg"] == pytest.approx(published, abs=1.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["compiled", "modal", "paper"])
 def test_fast_sinusoid_has_the_amplitude_and_deflection_of_figure_6(plant):
     figures = experiment("sinus-0.4", plant).metrics(experiment("sinus-0.4", plant).run())
@@ -77,6 +78,7 @@ def test_fast_sinusoid_has_the_amplitude_and_deflection_of_figure_6(plant):
     assert figures["saturated_fraction"] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [20, 45, 60, 90, 120])
 def test_bang_bang_turns_the_rigid_rig_without_friction_by_its_angle(degrees):
     stiff = RIG.replace(

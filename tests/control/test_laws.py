@@ -6,7 +6,6 @@ import textwrap
 import control
 import numpy as np
 import pytest
-from marks import slow_except
 from paths import ROOT
 
 from twin.control import plants
@@ -23,7 +22,8 @@ WITHOUT_FRICTION = RIG.replace(static_friction=0.0, coulomb_friction=0.0)
 PERIOD = 2e-3
 
 
-@pytest.mark.parametrize("name", slow_except(CONTROLLERS, "lqi"))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CONTROLLERS)
 def test_every_controller_moves_every_plant_to_the_reference(name):
     """The same object, called and reset by the same loop; a slow ramp to 40 degrees is within the reach of all."""
     law = controller(name, RIG, PERIOD)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from marks import slow_except
 from scipy.linalg import eigh, null_space
 
 from twin.control.plants.base import READINGS
@@ -80,7 +81,9 @@ def plain():
     return slew(ModalPlant(model({})))[0], slew(CompiledPlant(model({})))[0]
 
 
-@pytest.mark.parametrize(("name", "p"), CASES)
+@pytest.mark.parametrize(
+    ("name", "p"), slow_except(CASES, "viscous-friction", "cable-torsion", "stiffness-loss")
+)
 def test_an_effect_changes_the_modes_as_it_changes_the_chain(plain, name, p):
     modal, links = (
         slew(kind(model({name: p})))[0] - without

@@ -236,6 +236,7 @@ def test_of_equal_explanations_the_one_with_closer_free_runs_comes_first(viscous
     assert prefer_closer_free_runs(start.bench, same) is same
 
 
+@pytest.mark.slow
 def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     start, right = viscous
     defect = start.bench.defect

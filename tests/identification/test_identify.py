@@ -86,6 +86,7 @@ def test_table_one_in_numbers(table_one):
     assert table_one.modulus.value == pytest.approx(table_one.stiffness.value / 2.95e-11)
 
 
+@pytest.mark.slow
 def test_loads_read_to_few_decimals_do_not_flatten_the_line():
     rng = np.random.default_rng(5)
     force, off = np.linspace(0.0, 0.3, 400), {"both": [], "plain": []}

@@ -59,6 +59,7 @@ def test_a_bent_link_is_nearer_to_the_axis():
     assert found == pytest.approx(-0.155 * rate * c**2 * 0.42**4 / 45, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_total_inertia_has_no_bias(quiet):
     _, _, model, data = quiet
     found = total_inertia.momentum_balance(data, model).inertia
@@ -80,12 +81,14 @@ def test_a_strain_that_is_bridged_is_no_reading(quiet):
     assert found.inertia.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_shape_of_the_link_needs_two_gauges(quiet):
     _, _, model, data = quiet
     one = replace(model, sensors={n: s for n, s in model.sensors.items() if n != "strain_mid"})
     assert total_inertia.momentum_balance(data, one) is None
 
 
+@pytest.mark.slow
 def test_few_runs_say_nothing(quiet):
     _, _, model, data = quiet
     assert total_inertia.momentum_balance(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None

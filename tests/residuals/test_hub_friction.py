@@ -87,6 +87,7 @@ def test_a_link_that_swings_on_makes_a_static_level_less_sure(ramps, monkeypatch
         assert level.error == pytest.approx(1e-3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_play_makes_static_levels_less_sure(tmp_path):
     play = {"backlash": {"gap": 0.0146, "motor_inertia_share": 0.39}}
     plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(7))
