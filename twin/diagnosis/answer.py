@@ -174,7 +174,7 @@ class RoundJudgement:
 
     def to_json(self) -> dict[str, Any]:
         """The judgement as plain values."""
-        return {"round": self.round, **asdict(self.judgement)}
+        return {"round": self.round, **_judgement_json(self.judgement)}
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,9 @@ class Diagnosis:
             "ranking": [{"name": name, "score": score} for name, score in self.ranking],
             "not_fitted": list(self.not_fitted),
             "judgements": {n: [j.to_json() for j in judged] for n, judged in self.judgements.items()},
-            "explanation": {c: [asdict(j) for j in judged] for c, judged in self.explanation.items()},
+            "explanation": {
+                c: [_judgement_json(j) for j in judged] for c, judged in self.explanation.items()
+            },
             "indistinguishable": [list(names) for names in self.indistinguishable],
             "next_experiment": self.next_experiment,
             "depends_on": list(self.depends_on),
@@ -280,6 +282,12 @@ class Diagnosis:
             "notes": list(self.notes),
             "wall_s": self.wall_s,
         }
+
+
+def _judgement_json(judgement: Judgement) -> dict[str, Any]:
+    """The judgement as plain values; a statistic that does not exist for the trial, infinite, is None."""
+    values = asdict(judgement)
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
 
 
 def _values_json(effect: KnownEffect) -> dict[str, Any]:

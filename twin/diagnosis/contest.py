@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.diagnosis import candidates, rules
 from twin.diagnosis.candidates import Candidate
-from twin.diagnosis.judgement import Judgement, passes
+from twin.diagnosis.judgement import Judgement, judge_all, passes
 from twin.diagnosis.rules import Trial
 from twin.estimation import chain_limit
 from twin.estimation.calibrate import with_noise_of
@@ -151,7 +151,7 @@ def confirm_in_fine_limit(
     """
     ranked = list(ranked)
     checked: dict[Candidate, Workbench] = {}
-    while ranked and passes(rules.judge_candidate(Trial(bench, base, ranked[0], 1, by_chance, gained))):
+    while ranked and passes(judge_all(rules.ADOPTION, Trial(bench, base, ranked[0], 1, by_chance, gained))):
         choice = ranked[0]
         if choice in checked:
             return ranked, choice, checked[choice]
