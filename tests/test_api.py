@@ -116,7 +116,7 @@ def test_an_effect_of_ones_own_brakes():
 
 
 @pytest.mark.slow
-def test_the_example_of_a_diagnosis_runs(tmp_path, capsys):
+def test_the_script_and_the_notebook_run(tmp_path, capsys, monkeypatch):
     diagnosis = _example("diagnose").main(str(DEMO), str(tmp_path / "results"))
     assert diagnosis.verdict == "explained"
     assert [row["turned_down_by"] for row in diagnosis.ranking().rows()][0] is None
@@ -125,16 +125,22 @@ def test_the_example_of_a_diagnosis_runs(tmp_path, capsys):
     assert "The model lacks cable torsion" in printed
     assert "A slew ends at" in printed
 
+    # The notebook diagnoses the same campaign: it is given the answer of the script.
+    asked = []
+    monkeypatch.setattr(twin, "diagnose", lambda campaign: asked.append(campaign.name) or diagnosis)
+    names = _run_notebook("diagnosis")
+    assert asked == [diagnosis.answer.campaign]
+    assert "cable-torsion" in names["diagnosis"]._repr_html_()
 
-@pytest.mark.slow
-def test_the_notebook_runs():
-    notebook = json.loads((EXAMPLES / "diagnosis.ipynb").read_text(encoding="utf-8"))
+
+def _run_notebook(name: str) -> dict:
+    """The variables that the code cells of a notebook of the examples leave."""
+    notebook = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
     names: dict = {}
     for cell in notebook["cells"]:
         if cell["cell_type"] == "code":
             exec("".join(cell["source"]), names)
-    assert names["diagnosis"].verdict == "explained"
-    assert "cable-torsion" in names["diagnosis"]._repr_html_()
+    return names
 
 
 def _example(name: str):
