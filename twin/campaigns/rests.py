@@ -59,7 +59,6 @@ def classify_hub_motion(recording: Recording, noise: float) -> HubMotion:
     rate = savgol_filter(filled, window, 1, deriv=1, delta=dt)
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
     observed = np.full(len(time), UNDECIDED, dtype=np.int64)
-    observed[np.abs(rate) > _CERTAIN * error] = 0
     moving = np.abs(rate) > _CERTAIN * error
     observed[moving] = np.sign(rate[moving]).astype(np.int64)
     resting = _resting(filled, noise, dt)
