@@ -98,9 +98,10 @@ def relative_uncertainty(parameter: Parameter) -> float:
 def declared_range(parameter: Parameter, deviations: float) -> tuple[float, float]:
     """Returns the range of a parameter within so many standard deviations, within its bounds.
 
-    It is [value / f, value * f] with f = 1 + deviations * relative uncertainty, and stays positive for a large one.
+    It is [value / f, value * f] with f = exp(deviations * relative uncertainty): that of a log-normal quantity, which is
+    positive however large its uncertainty is.
     """
-    factor = 1 + deviations * relative_uncertainty(parameter)
+    factor = math.exp(deviations * relative_uncertainty(parameter))
     low, high = parameter.bounds
     return max(parameter.value / factor, low), min(parameter.value * factor, high)
 

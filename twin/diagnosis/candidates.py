@@ -19,12 +19,14 @@ from twin.diagnosis import spectrum
 from twin.diagnosis.permutation import Slopes
 from twin.diagnosis.spectrum import Peak
 from twin.effects import REGISTRY
+from twin.estimation import output_error
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.slopes import linear_gain, linear_move
 from twin.estimation.unknowns import Unknown, effect_unknowns, replaced_parameters
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
+from twin.residuals.data import DrivenData
 from twin.residuals.prepared import shortest_period
 from twin.rigs.model import Model
 
@@ -110,8 +112,9 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     """
     names = list(names)
     progress("scoring the effects")
+    driven, on_driven = output_error.on_driven_data(bench, base)
     peaks = {
-        name: spectrum.spectral_peaks(bench, base, REGISTRY[name])
+        name: spectrum.spectral_peaks(driven, on_driven, REGISTRY[name])
         for name in names
         if REGISTRY[name].wave is not None
     }
@@ -181,11 +184,7 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
     effect = REGISTRY[name]
     penalised = penalty(len(effect.free_parameters(effect.neutral(base.model.declared))), bench)
     if effect.wave is not None:
-        columns = (
-            spectrum.wave_slopes(bench, base, effect, peaks[0])
-            if peaks
-            else np.zeros((len(base.residual), 0))
-        )
+        columns = wave_slopes(bench, base, name, peaks)
         comparisons, level = (peaks[0].comparisons, peaks[0].level) if peaks else (1, 1.0)
         return Slopes(columns, tuple(effect.replaces), penalised, comparisons, level)
     neutral = effect.neutral(base.model.declared)
@@ -200,6 +199,23 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
     columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
     linear = np.array(coefficients) if changes else np.zeros((0, 0))
     return Slopes(columns, tuple(effect.replaces), penalised, coefficients=linear)
+
+
+def wave_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -> np.ndarray:
+    """Derivatives (n x k) of the residual by the coefficients of a wave at the highest of some peaks."""
+    effect = REGISTRY[name]
+    if not peaks:
+        return np.zeros((len(base.residual), 0))
+    if isinstance(bench.data, DrivenData):
+        return spectrum.wave_slopes(bench, base, effect, peaks[0])
+    neutral, columns = effect.neutral(base.model.declared), []
+    for unit in np.eye(len(peaks[0].coefficients)):
+        values = effect.wave_parameters(peaks[0].order, tuple(unit))
+        ray = {p.name: values[p.name] - neutral[p.name] for p in effect.parameters}
+        _, change = visible_length(bench, base, name, neutral, ray, _SLOPE_FACTOR)
+        if change is not None:
+            columns.append(change / max(float(np.std(change)), 1e-12))
+    return np.column_stack(columns) if columns else np.zeros((len(base.residual), 0))
 
 
 def fit_quickly(
@@ -264,7 +280,8 @@ def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float
 def try_effect(bench: Workbench, base: Fit, name: str) -> Candidate:
     """Adds one effect to a fitted model and fits it with few iterations."""
     effect = REGISTRY[name]
-    peaks = spectrum.spectral_peaks(bench, base, effect) if effect.wave is not None else ()
+    driven, on_driven = output_error.on_driven_data(bench, base)
+    peaks = spectrum.spectral_peaks(driven, on_driven, effect) if effect.wave is not None else ()
     return fit_quickly(bench, base, name, effect_slopes(bench, base, name, peaks), peaks)
 
 

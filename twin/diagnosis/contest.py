@@ -79,9 +79,8 @@ def prefer_closer_free_runs(bench: Workbench, ranked: list[Candidate]) -> list[C
         for c in ranked[:CONTENDERS]
         if c.score > ranked[0].score - rules.decisive_difference(ranked[0].score)
     ]
-    if len(alike) < 2:
+    if len(alike) < 2 or not isinstance(bench.data, DrivenData):
         return ranked
-    assert isinstance(bench.data, DrivenData)
     free = Workbench(FreeData(bench.prepared), bench.pool)
     read = [with_static_levels(bench.data, c.fit) for c in alike]
     cost = [free.cost(r) for r in free.residuals([(f.model, f.starts, None) for f in read])]
@@ -180,7 +179,7 @@ def refit_with_own_noise(bench: Workbench, base: Fit, fit: Fit) -> tuple[Workben
 
     Noise of the hub angle excites the modelled link at its resonances, so the noise of the residuals depends on them.
     """
-    if not _has_other_resonances(fit.model, base.model):
+    if not isinstance(bench.data, DrivenData) or not _has_other_resonances(fit.model, base.model):
         return bench, fit
     return refit_in_fine_limit(with_noise_of(bench, fit.model), fit)
 

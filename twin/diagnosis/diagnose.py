@@ -29,7 +29,7 @@ from twin.diagnosis.plan import plans_for_pair
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import InputError
-from twin.estimation import jackknife, refine, static_friction
+from twin.estimation import jackknife, output_error, refine, static_friction
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
@@ -69,17 +69,30 @@ def diagnose(
         followed = not remainder.unexplained_channels(state)
         if followed:
             progress("reading the static friction")
-        polished = static_friction.final_models(
-            state.data, state.base, state.best, state.start.declared, pool, whole=followed
-        )
+        polished = _final_models(state, pool, followed)
         progress("simulating every recording")
         predicted = predict.predict(campaign, state, polished, pool)
         pair = rules.closest_pair([r.ranked for r in state.adopting])
         plans = plans_for_pair(campaign, pair, pool) if pair else []
-        left = dependence.unexplained_residuals(state.bench, state.data, state.best)
+        left = dependence.unexplained_residuals(state.driven_bench, state.data, state.best)
         patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
     answer = conclude(campaign, state, left, polished, predicted, plans, patched)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
+
+
+def _final_models(
+    state: SearchState, pool: ThreadPoolExecutor, followed: bool
+) -> static_friction.FinalModels:
+    """The models that are reported; a fit to free runs has found the static friction already."""
+    declared = state.start.declared
+    if not state.on_output_errors:
+        return static_friction.final_models(
+            state.data, state.base, state.best, declared, pool, whole=followed
+        )
+    base = (
+        state.base if state.best is state.base else static_friction.with_static_levels(state.data, state.base)
+    )
+    return static_friction.FinalModels(declared, base, state.best)
 
 
 # Recordings are simulated side by side: threads of linear algebra beside them double the time.
@@ -91,11 +104,11 @@ def search(
     false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> SearchState:
     """Searches the fit recordings for effects that the model lacks; arguments as `diagnose`, threads in `pool`."""
-    state, more = first_round(campaign, pool, progress, false_alarm_rate)
+    state, more = on_output_errors(*first_round(campaign, pool, progress, false_alarm_rate), progress)
     for _ in range(MOST_ROUNDS - 1):
         if not more or len(state.adopted) == MOST_EFFECTS:
             break
-        state, more = next_round(state, progress, false_alarm_rate)
+        state, more = on_output_errors(*next_round(state, progress, false_alarm_rate), progress)
     progress("computing standard errors")
     state, sound = on_sound_channels(state)
     state = with_errors(state, sound)
@@ -125,7 +138,11 @@ def _final_state(state: SearchState, sound: Workbench, false_alarm_rate: float) 
 
 def with_unnamed(state: SearchState, bench: Workbench, false_alarm_rate: float) -> SearchState:
     """The state with the test for smooth functions in the residuals of these data."""
-    return replace(state, unnamed=unnamed.find_functions(bench, state.best, false_alarm_rate))
+    if state.on_output_errors and not remainder.large_residuals(state):
+        # A free run adds up every torque on the hub: nothing is left that a function could explain.
+        return replace(state, unnamed=())
+    driven, best = output_error.on_driven_data(bench, state.best)
+    return replace(state, unnamed=unnamed.find_functions(driven, best, false_alarm_rate))
 
 
 def with_whole_orders(state: SearchState, bench: Workbench) -> SearchState:
@@ -147,6 +164,29 @@ def first_round(
             start = calibrate(campaign, pool, progress, clock=clock)
             return next_round(SearchState(start), progress, false_alarm_rate)
     return state, more
+
+
+def on_output_errors(state: SearchState, more: bool, progress: Progress) -> tuple[SearchState, bool]:
+    """The state with its last fit repeated on output errors, and whether to go on; unchanged where these are chaotic.
+
+    Free runs are used where a model explains them, or where no stick or slip decides them within the scatter of friction.
+    """
+    if state.on_output_errors or not output_error.is_repeatable(state.bench, state.best):
+        return state, more
+    progress("fitting free runs")
+    bench, fit = output_error.fit_output_error(state.bench, state.best)
+    explained = bench.sizes(fit.residual).max(initial=0.0) < rules.WORST_RESIDUAL
+    if not explained and not output_error.is_repeatable(bench, fit, output_error.FRICTION_SCATTER):
+        return state, more
+    if state.adopted:
+        *earlier, last = state.adopting
+        last = replace(last, adopted=replace(state.adopted[-1], fit=fit), bench=bench)
+        state = revise.revise(replace(state, rounds=(*earlier, last)), progress)
+    else:
+        state = replace(state, start=replace(state.start, bench=bench, base=fit))
+    # No effect can gain more than the misfit.
+    more = state.bench.misfit(state.best.residual) > rules.MODEL_ERROR_SCORE
+    return (replace(state, rounds=state.adopting) if more else state), more
 
 
 def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) -> tuple[SearchState, bool]:

@@ -68,7 +68,10 @@ def _error(
     known = np.isfinite(measured)
 
     def rms(a: np.ndarray, b: np.ndarray) -> float:
-        return float(np.sqrt(np.mean((a - b)[known] ** 2)))
+        off = (a - b)[known]
+        if channel not in ("hub_angle", "motor_torque"):
+            off = off - off.mean()
+        return float(np.sqrt(np.mean(off**2)))
 
     before, calibrated, after = (rms(measured, run[channel]) for run in runs)
     reach = max(rms(runs[-1][channel], run[channel]) for run in nearby)

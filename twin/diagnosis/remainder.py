@@ -51,13 +51,13 @@ def large_residuals(state: SearchState) -> tuple[str, ...]:
 def in_one_recording(state: SearchState) -> list[tuple[int, str, float]]:
     """Recording, channel and size of each large residual that no other recording shows in that channel."""
     repeated, single = large_residuals(state), []
-    recordings = _recordings(state.bench)
+    by_place = {HUB_TORQUE if c == "hub_angle" else c: r for c, r in _recordings(state.bench).items()}
     for channel, left in _leftovers(state).items():
         worst, *_ = judge_all(EXPLANATION, left)
         if channel in repeated or worst.passed:
             continue
         for k in np.flatnonzero(excesses(left, ADEQUATE_RMS, SIZE_DEVIATIONS) > 1).tolist():
-            single.append((recordings[channel][k], channel, float(left.sizes[k])))
+            single.append((by_place[channel][k], channel, float(left.sizes[k])))
     return single
 
 
@@ -84,14 +84,15 @@ def _leftovers(state: SearchState) -> dict[str, Leftover]:
     leftovers = {}
     for channel, recordings in _recordings(state.bench).items():
         keys = [(i, channel) for i in recordings]
-        # Discretisation leaves a share of the residual that a right effect explains.
-        sizes = [
-            float(np.sqrt(max(after[k] ** 2 - (LEFT_SHARE * before.get(k, 0.0)) ** 2, 0.0))) for k in keys
-        ]
+        # Discretisation leaves a share of the residual that a right effect explains, if the hub is not free.
+        share = 0.0 if state.on_output_errors else LEFT_SHARE
+        sizes = [float(np.sqrt(max(after[k] ** 2 - (share * before.get(k, 0.0)) ** 2, 0.0))) for k in keys]
         # Standard deviation of the root-mean-square of n standard normal samples: 1/sqrt(2 n).
         deviations = [1 / float(np.sqrt(2 * max(samples[k], 1.0))) for k in keys]
         left = Leftover(sizes, deviations, len(state.bench.prepared))
-        leftovers[channel] = _with_function(state, left) if channel == HUB_TORQUE else left
+        # The error of a free-running hub is that of the torques on it.
+        place = HUB_TORQUE if channel == "hub_angle" else channel
+        leftovers[place] = _with_function(state, left) if place == HUB_TORQUE else left
     return leftovers
 
 

@@ -11,6 +11,7 @@ from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement
 from twin.estimation.calibrate import Calibration
 from twin.estimation.fit import Fit
+from twin.estimation.output_error import OutputErrorData, driven_data
 from twin.estimation.workbench import Workbench
 from twin.recording import HUB_TORQUE
 from twin.residuals.data import DrivenData
@@ -101,8 +102,17 @@ class SearchState:
     @property
     def data(self) -> DrivenData:
         """The recordings of `bench`, the link driven by the measured hub angle."""
-        assert isinstance(self.bench.data, DrivenData)
-        return self.bench.data
+        return driven_data(self.bench)
+
+    @property
+    def driven_bench(self) -> Workbench:
+        """The data of `bench`, the link driven by the measured hub angle; no correction of the chain."""
+        return Workbench(self.data, self.bench.pool) if self.on_output_errors else self.bench
+
+    @property
+    def on_output_errors(self) -> bool:
+        """Whether `bench` holds the errors of free-running simulations."""
+        return isinstance(self.bench.data, OutputErrorData)
 
     @property
     def base(self) -> Fit:

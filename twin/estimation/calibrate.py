@@ -27,6 +27,7 @@ from twin.estimation.unknowns import (
     clock_unknown,
     declared_unknowns,
     known_effect_unknowns,
+    model_at,
     start_unknowns,
 )
 from twin.estimation.workbench import Workbench
@@ -182,16 +183,29 @@ def _rough_calibration(
     left_out = [note for _, notes in pairs for note in notes]
     notes = (*left_out, *clock_notes(clock), *_divergence_notes(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
-    unknowns = (
+    unknowns = _all_unknowns(model, bench, given)
+    bench, _ = chain_limit.without_discretisation_error(bench, model, starts, chain_limit.ROUGH)
+    x = initial_point(bench, model, starts, unknowns, given.initial_values)
+    if any(p.recording.start == "unknown" for p in data.prepared):
+        # The bend of a link that was moving is estimated with its frequencies: those of the declared link may be far off.
+        near = model_at(model, unknowns, x)
+        bench = Workbench(DrivenData([first_state.with_bend(p, near) for p in data.prepared], near), pool)
+        starts, unknowns = tuple(p.start for p in bench.prepared), _all_unknowns(model, bench, given)
+        bench, _ = chain_limit.without_discretisation_error(bench, near, starts, chain_limit.ROUGH)
+        nearer = {u.name: float(v) for u, v in zip(unknowns, x, strict=True) if u.kind == "rig"}
+        x = initial_point(bench, model, starts, unknowns, nearer)
+    fit = minimise(bench, model, starts, unknowns, x, iterations=20)
+    return _RoughCalibration(clock, bench, fit, notes)
+
+
+def _all_unknowns(model: Model, bench: Workbench, given: _Given) -> tuple[Unknown, ...]:
+    """Unknowns of a calibration: declared parameters and effects, clock of the commands, initial states."""
+    return (
         *declared_unknowns(model),
         *known_effect_unknowns(model, given.effect_errors, bench.channels()),
         clock_unknown(bench.prepared),
         *start_unknowns(bench.prepared),
     )
-    bench, _ = chain_limit.without_discretisation_error(bench, model, starts, chain_limit.ROUGH)
-    x = initial_point(bench, model, starts, unknowns, given.initial_values)
-    fit = minimise(bench, model, starts, unknowns, x, iterations=20)
-    return _RoughCalibration(clock, bench, fit, notes)
 
 
 def _divergence_notes(data: DrivenData) -> list[str]:

@@ -114,11 +114,16 @@ def channel_residual(
                     signals, channel, simulated[channel], prepared.hub is not None
                 )
         off = values - predicted
-        if prepared.recording.start == "unknown" and channel != "motor_torque":
-            # Without a rest at the start the zero of a bridge is not known.
-            off = off - np.median(off[signals.known[channel]])
+        off = without_zero(channel, off, signals.known[channel])
         residuals[channel] = np.where(signals.known[channel], off, 0.0)
     return residuals
+
+
+def without_zero(channel: str, off: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The residual (m) of a channel less the unknown zero of its sensor: the median, of sensors on the link."""
+    if channel in ("hub_angle", "motor_torque") or not known.any():
+        return off
+    return off - np.median(off[known])
 
 
 def _gap_correction(signals: Signals, channel: str, simulated: np.ndarray, free: bool) -> np.ndarray:

@@ -1,0 +1,166 @@
+"""Recordings as output errors: measured minus simulated, the simulation from the initial state and the command alone.
+
+Where sticks and slips do not decide the rest of a run, this is the maximum-likelihood residual of white sensor noise
+(L. Ljung, System Identification, 1999, ch. 7: output-error models). A rough hub sensor does not matter then, whose
+noise excites the link where its measured angle drives it (`twin.residuals.data`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from twin.estimation import chain_limit
+from twin.estimation.first_state import first_state
+from twin.estimation.fit import Fit
+from twin.estimation.minimise import minimise
+from twin.estimation.slopes import cost_of, costs_at, difference_jacobian
+from twin.estimation.unknowns import Unknown
+from twin.estimation.workbench import CORRELATION_TIME, GuidedData, Workbench
+from twin.mechanics.state import Start
+from twin.residuals.data import BLOCK_SPAN, DrivenData
+from twin.residuals.groups import Group, split_into_blocks
+from twin.residuals.prepared import Prepared, sensor_corrected_start
+from twin.residuals.residual import without_zero
+from twin.rigs.model import Model
+from twin.rigs.simulate import simulate
+
+BREAK_AWAY_CHANGE = 1e-3
+"""Relative change of the break-away torque that must not be visible in a free run, so that a fit converges."""
+FRICTION_SCATTER = 1e-2
+"""Scatter of a break-away torque from one stick to the next, which no model knows."""
+_ITERATIONS = 20
+_COULOMB_GRID = np.geomspace(0.7, 1.4, 7)
+"""Coulomb friction of the grid over that of the first fit: its error is a few standard errors of a rough hub sensor."""
+_STATIC_GRID = np.array([1.0, 1.15, 1.35, 1.6, 2.0])
+"""Static over Coulomb friction of the grid."""
+
+
+class OutputErrorData(GuidedData):
+    """Residuals of free-running simulations; initial states of rigs that were moving are unknowns of the fit.
+
+    Attributes:
+      driven: the same recordings, the link driven by the measured hub.
+    """
+
+    def __init__(self, driven: DrivenData):
+        self.driven = driven
+        self.prepared = driven.prepared
+        self.groups, self.weight = _layout(self.prepared)
+        periods = [p.recording.period for p in self.prepared]
+        self.blocks = tuple(
+            block
+            for g in self.groups
+            for block in split_into_blocks([g], self.weight, max(1, round(BLOCK_SPAN / periods[g.recording])))
+        )
+
+    def counts(self) -> np.ndarray:
+        """Number of independent samples in each block (g): one per `CORRELATION_TIME`."""
+        periods = [self.prepared[g.recording].recording.period for g in self.blocks]
+        known = [self.weight[g.rows].sum() for g in self.blocks]
+        return np.array(known) * np.minimum(1.0, np.array(periods) / CORRELATION_TIME)
+
+    def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
+        """Channel -> measured minus simulated (m), in multiples of the noise, 0 where missing."""
+        prepared = self.prepared[i]
+        measured = prepared.recording
+        predicted = simulate(model, measured, sensor_corrected_start(model, prepared, start))
+        residuals = {}
+        for c in prepared.channels:
+            known = np.isfinite(measured[c])
+            off = without_zero(c, (measured[c] - predicted[c]) / prepared.noise[c], known)
+            residuals[c] = np.where(known, off, 0.0)
+        return residuals
+
+
+def _layout(prepared: Sequence[Prepared]) -> tuple[tuple[Group, ...], np.ndarray]:
+    """Rows of each channel of each recording, and the weights (n): 1 where there is a reading, else 0."""
+    groups, weights, row = [], [], 0
+    for i, p in enumerate(prepared):
+        for channel in p.channels:
+            known = np.isfinite(p.recording[channel])
+            groups.append(Group(i, channel, slice(row, row + len(known))))
+            weights.append(known.astype(float))
+            row += len(known)
+    return tuple(groups), np.concatenate(weights) if weights else np.zeros(0)
+
+
+def is_repeatable(bench: Workbench, fit: Fit, change: float = BREAK_AWAY_CHANGE) -> bool:
+    """Whether no stick or slip decides a free run of any recording.
+
+    A relative change of the break-away torque must change no channel by more than its noise.
+    """
+    free = _output_errors(bench)
+    models = [fit.model, *(fit.model.with_break_away(1 + s * change) for s in (1, -1))]
+    plain, *changed = free.residuals([(m, fit.starts, None) for m in models])
+    return all(float(free.sizes(other - plain).max(initial=0.0)) < 1 for other in changed)
+
+
+def driven_data(bench: Workbench) -> DrivenData:
+    """The recordings of a bench with the link driven by the measured hub."""
+    return bench.data.driven if isinstance(bench.data, OutputErrorData) else cast(DrivenData, bench.data)
+
+
+def on_driven_data(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
+    """The recordings with the link driven by the measured hub, and the residual of a fit there with its Jacobian."""
+    if not isinstance(bench.data, OutputErrorData):
+        return bench, fit
+    driven = Workbench(bench.data.driven, bench.pool)
+    driven, _ = chain_limit.without_discretisation_error(driven, fit.model, fit.starts, chain_limit.ROUGH)
+    [r] = driven.residuals([(fit.model, fit.starts, None)])
+    steps = np.array([0.1 * u.scale if u.prior else u.scale for u in fit.unknowns])
+    J, _ = difference_jacobian(driven, fit.model, fit.starts, fit.unknowns, fit.values, r, steps, {})
+    cost = cost_of(driven, fit.unknowns, fit.values, r)
+    return driven, replace(fit, residual=r, size=driven.sizes(r), cost=cost, jacobian=J)
+
+
+def _output_errors(bench: Workbench) -> Workbench:
+    return Workbench(OutputErrorData(driven_data(bench)), bench.pool)
+
+
+def with_first_states(bench: Workbench, fit: Fit) -> tuple[Start, ...]:
+    """The initial states of the recordings for free-running simulations of the model of a fit."""
+    return tuple(first_state(fit.model, p, bench.pool) for p in bench.prepared)
+
+
+def fit_output_error(bench: Workbench, fit: Fit, iterations: int = _ITERATIONS) -> tuple[Workbench, Fit]:
+    """The output errors of the recordings of a bench, and the model of a fit fitted to them."""
+    free = _output_errors(bench)
+    states = with_first_states(bench, fit)
+    values = np.array([_value(u, v, states) for u, v in zip(fit.unknowns, fit.values, strict=True)])
+    values = _likeliest_friction(free, fit, states, values)
+    fitted = minimise(free, fit.model, states, fit.unknowns, values, iterations=iterations)
+    free, _ = chain_limit.without_discretisation_error(
+        free, fitted.model, fitted.starts, chain_limit.STANDARD
+    )
+    at = fitted.model, fitted.starts, fitted.unknowns, fitted.values
+    return free, minimise(free, *at, fixed_jacobian=fitted.jacobian_columns)
+
+
+def _likeliest_friction(free: Workbench, fit: Fit, states: Sequence[Start], values: np.ndarray) -> np.ndarray:
+    """The values (p) with the friction levels at the best point of a grid.
+
+    Where the hub sticks decides the rest of a free run: a fit that starts with wrong levels ends in a local minimum.
+    """
+    index = {u.name: k for k, u in enumerate(fit.unknowns) if u.kind == "rig"}
+    if not {"static_friction", "coulomb_friction"} <= index.keys():
+        return values
+    points = [values]
+    for coulomb in _COULOMB_GRID * values[index["coulomb_friction"]]:
+        for static in _STATIC_GRID * coulomb:
+            x = values.copy()
+            x[index["coulomb_friction"]], x[index["static_friction"]] = coulomb, static
+            points.append(np.clip(x, *np.transpose([u.bounds for u in fit.unknowns])))
+    costs = costs_at(free, fit.model, states, fit.unknowns, points)
+    return points[int(np.argmin(costs))]
+
+
+def _value(u: Unknown, value: float, states: Sequence[Start]) -> float:
+    """The value of an unknown; of an initial state, that of these states."""
+    if u.kind != "start" or u.recording is None:
+        return float(value)
+    attribute = getattr(states[u.recording], u.name)
+    return float(attribute if u.index is None else attribute[u.index])
