@@ -16,13 +16,14 @@ import numpy as np
 from twin.control.laws.base import Controller
 from twin.control.plants.base import READINGS, Plant, Reference
 from twin.control.plants.sensors import Sensors
+from twin.errors import InputError
 from twin.recording import Recording
 
 _PIECE = 0.5  # s, length of the pieces of a run that are passed to `watch`
 
 
-class DivergenceError(RuntimeError):
-    """The motion of a plant is no longer finite."""
+class DivergenceError(InputError):
+    """The motion of a plant is no longer finite: an unstable controller, or parameters beyond what can be simulated."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,10 @@ def run(
 
 def _check_divergence(plant: Plant) -> None:
     if not np.all(np.isfinite(plant.configuration)):
-        raise DivergenceError(f"the {plant.name} diverged at {plant.time():g} s: a coordinate is not finite")
+        raise DivergenceError(
+            f"the {plant.name} diverged at {plant.time():g} s: a coordinate is not finite; expected a controller and "
+            "a rig whose motion stays bounded: check the units of gains, stiffnesses and torques"
+        )
 
 
 def _column(rows: tuple[Mapping[str, float], ...], name: str) -> np.ndarray:
