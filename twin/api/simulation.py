@@ -18,6 +18,8 @@ _TOO_MUCH = "expected torques and parameters with which the link stays slender: 
 _SIMULATED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "motor_torque")
 
 
+_LONGEST = 1e5
+"""Longest simulation [s]: it takes a quarter of an hour."""
 _TURNS = 1e3
 """Largest angle from which the hub starts [rad]."""
 
@@ -90,6 +92,7 @@ def _blank(
             f"time has shape {time.shape} and torque {torque.shape}; expected two vectors of equal length, time "
             "increasing"
         )
+    checked_number("the duration", time[-1] - time[0], 0.0, _LONGEST, "s")
     unknown = [c for c in channels if c not in _SIMULATED]
     if unknown:
         raise InputError(f"'{unknown[0]}' is not simulated; expected some of: {', '.join(_SIMULATED)}")

@@ -32,6 +32,7 @@ from twin.correlations import Correlations
 from twin.errors import LARGEST, InputError, checked_number, nearest, quoted, shown
 from twin.files.toml import read_toml
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
+from twin.rigs.check import check_speed
 
 _KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlations")
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
@@ -149,6 +150,7 @@ def _read(
         if not isinstance(name, str) or not name:
             raise InputError(f'name is {quoted(name)}; expected name = "..." of the rig')
         rig = Rig(name, _parameters(_table(content, "parameters")))
+        check_speed(rig)
         effects = checked_effects(_table(content, "effects"), rig)
         errors = _standard_errors(_table(content, "standard_errors"), effects)
         known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
