@@ -21,7 +21,7 @@ class InputError(ValueError):
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Returns "; did you mean 'x'?" for the known word most similar to `word`, or "" if none is similar."""
-    match = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    match = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
     return f"; did you mean '{match[0]}'?" if match else ""
 
 
@@ -58,13 +58,17 @@ def checked_number(
     Raises:
       InputError: it is no number from `low` to `high`.
     """
-    if isinstance(value, bool) or not isinstance(value, Real) or value != value:
+    if not _is_a(Real, value) or value != value:
         raise InputError(f"{field} is {quoted(value)}; expected a number")
     if low <= value <= high and (abs(value) <= LARGEST or isinstance(value, float)):
         return float(value)
     found = quoted(value) if isinstance(value, int) else f"{value:g}"
     of = "" if unit in ("", "1") or math.isinf(value) else f" {unit}"
     raise InputError(f"{field} is {found}{of}; expected {_range(low, high, math.isinf(value))}{of}")
+
+
+def _is_a(kind: type, value: Any) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def _range(low: float, high: float, infinite: bool) -> str:
@@ -79,7 +83,7 @@ def _range(low: float, high: float, infinite: bool) -> str:
 
 def checked_count(field: str, value: Any, low: int, high: int) -> int:
     """Returns a whole number from `low` to `high`; raises InputError where `value` is none."""
-    if isinstance(value, bool) or not isinstance(value, Integral):
+    if not _is_a(Integral, value):
         raise InputError(f"{field} is {quoted(value)}; expected a whole number from {low} to {high}")
     if not low <= value <= high:
         raise InputError(f"{field} is {quoted(int(value))}; expected {low} to {high}")

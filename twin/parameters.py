@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from twin.errors import checked_number, nearest
+from twin.errors import InputError, checked_number, nearest
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,16 @@ class Rig(Mapping[str, float]):
         return len(self.parameters)
 
     def replace(self, source: str = "set by the caller", **values: float) -> Rig:
-        """Returns a rig with other values of some parameters; their unit, bounds and uncertainty are kept."""
+        """Returns a rig with other values of some parameters; their unit, bounds and uncertainty are kept.
+
+        Raises:
+          InputError: the rig has no such parameter, or none can have this value.
+        """
+        for name in values:
+            if name not in self.parameters:
+                raise InputError(
+                    f"'{name}' is not a parameter of {self.name}{nearest(name, self.parameters)}"
+                )
         changed = {n: replace(self.parameters[n], value=v, source=source) for n, v in values.items()}
         return replace(self, parameters={**self.parameters, **changed})
 

@@ -10,8 +10,10 @@ from typing import NamedTuple, TypeAlias
 from twin.campaigns.campaign import Campaign
 from twin.campaigns.campaign import read_campaign as _read_campaign
 from twin.campaigns.declared_rig import with_rig
+from twin.errors import InputError, quoted
 from twin.parameters import Rig
 from twin.rigs import preset
+from twin.rigs.check import check_parameters
 from twin.rigs.rig_file import checked_effects, read_rig_file
 
 Effects: TypeAlias = Mapping[str, Mapping[str, float]]
@@ -62,7 +64,10 @@ def rig_of(given: RigLike) -> RigFile:
     if isinstance(given, RigFile):
         return RigFile(given.rig, checked_effects(given.effects, given.rig))
     if isinstance(given, Rig):
+        check_parameters(given)
         return RigFile(given, {})
+    if not isinstance(given, str | PathLike):
+        raise InputError(f"rig is {quoted(given)}; expected a name, a parameter file, a Rig or a RigFile")
     path = Path(given)
     if path.suffix or path.exists():
         return read_rig(path)

@@ -18,7 +18,7 @@ from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table, read_text
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
 from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
-from twin.rigs.check import check_speed
+from twin.rigs.check import check_parameters
 
 STATIC_FILE = "static.csv"
 """File name of the static load test."""
@@ -102,7 +102,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     root = _folder(Path(folder))
     content = schema.parse(read_text(root / schema.FILE, schema.FILE))
     rig = _declared_rig(content)
-    check_speed(rig)
+    check_parameters(rig)
     _check_channels(content, rig)
     _check_recordings(content, rig)
     read = [_read_recording(root, entry, content.channels) for entry in content.recordings]

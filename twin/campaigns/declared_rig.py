@@ -9,7 +9,7 @@ from twin.campaigns import check_channels, check_rig, schema
 from twin.campaigns.campaign import Campaign, check_deflection
 from twin.errors import InputError
 from twin.parameters import Rig
-from twin.rigs.check import check_gauges, check_speed
+from twin.rigs.check import check_gauges, check_parameters
 
 Effects = Mapping[str, Mapping[str, float]]
 """Effect name -> parameter name -> value, SI."""
@@ -36,7 +36,7 @@ def with_rig(campaign: Campaign, rig: Rig, effects: Effects, errors: Effects | N
 
 def _check(campaign: Campaign, rig: Rig) -> None:
     recordings = (*campaign.fit, *campaign.holdout())
-    check_speed(rig)
+    check_parameters(rig)
     check_gauges(rig, campaign.sensors.values())
     for recording in recordings:
         check_deflection(f"{schema.FILE}: {recording.name}", recording.initial_tip_deflection, rig)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from twin.control.laws.base import Controller
-from twin.control.plants.base import READINGS, Plant, Reference
+from twin.control.plants.base import READINGS, Plant, Reference, wanted_angle
 from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
 from twin.recording import Recording
@@ -123,7 +123,7 @@ def run(
     steps = math.ceil((duration - plant.period / 2) / plant.period)
     for step in range(steps + 1):
         readings = {**sensors.read(plant.time(), plant.read()), "time": plant.time()}
-        target = reference(plant.time())
+        target = wanted_angle(reference, plant.time())
         torque = float(controller.torque(dict(readings), target))
         log.add(plant, {**readings, "reference": target}, torque, getattr(controller, "states", {}))
         if watch is not None and (step == steps or len(log.rows) - watched >= _PIECE / plant.period):

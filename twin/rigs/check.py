@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from twin.errors import InputError
+from twin.parameters import PARAMETERS
 from twin.recording import Sensor
 
 _SHORTEST_STEP = 1e-6
@@ -16,12 +17,15 @@ _STABLE = 2.6
 """Radius of the stability region of the Runge-Kutta method [1], see `Chain.largest_step`."""
 
 
-def check_speed(rig: Mapping[str, float]) -> None:
-    """Makes sure that the link is slow enough to be simulated.
+def check_parameters(rig: Mapping[str, float]) -> None:
+    """Makes sure that a rig has every parameter, and a link that is slow enough to be simulated.
 
     Raises:
-      InputError: it is not.
+      InputError: it has not.
     """
+    lacking = [name for name in PARAMETERS if name not in rig]
+    if lacking:
+        raise InputError(f"the rig has no {', '.join(lacking)}; expected a value for each")
     length = rig["length"]
     fastest = _FASTEST * math.sqrt(rig["bending_stiffness"] / rig["linear_density"]) / length**2
     if fastest * _SHORTEST_STEP > _STABLE:

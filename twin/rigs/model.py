@@ -15,7 +15,7 @@ from twin.mechanics.hub_law import HubTorque, as_arrays
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.recording import Recording, Sensor
-from twin.rigs.check import check_gauges, check_speed
+from twin.rigs.check import check_gauges, check_parameters
 from twin.rigs.drive_law import apply_drive_effects
 from twin.rigs.patch import Patch
 
@@ -175,7 +175,7 @@ class Model:
 
 def checked_model(model: Model) -> Model:
     """Returns the model; raises InputError where its rig, with its effects, cannot be simulated."""
-    check_speed(model.rig)
+    check_parameters(model.rig)
     check_gauges(model.rig, model.sensors.values())
     return model
 

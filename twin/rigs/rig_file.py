@@ -32,7 +32,7 @@ from twin.correlations import Correlations
 from twin.errors import LARGEST, InputError, checked_number, nearest, quoted, shown
 from twin.files.toml import read_toml
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
-from twin.rigs.check import check_speed
+from twin.rigs.check import check_parameters
 
 _KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlations")
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
@@ -150,7 +150,7 @@ def _read(
         if not isinstance(name, str) or not name:
             raise InputError(f'name is {quoted(name)}; expected name = "..." of the rig')
         rig = Rig(name, _parameters(_table(content, "parameters")))
-        check_speed(rig)
+        check_parameters(rig)
         effects = checked_effects(_table(content, "effects"), rig)
         errors = _standard_errors(_table(content, "standard_errors"), effects)
         known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
@@ -212,6 +212,8 @@ def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, 
     Raises:
       InputError: an effect or a parameter is unknown, or no rig can have a value.
     """
+    if not isinstance(tables, Mapping):
+        raise InputError(f"effects is {quoted(tables)}; expected a table")
     if not tables:
         return {}
     from twin.effects import REGISTRY  # compiles equations of motion: only where it is needed
@@ -223,7 +225,7 @@ def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, 
             raise InputError(
                 f"effects.{shown(name)} is not an effect; expected one of: {known}{nearest(name, REGISTRY)}"
             )
-        if not isinstance(given, dict):
+        if not isinstance(given, Mapping):
             raise InputError(f"effects.{name} is {quoted(given)}; expected a table")
         _check_keys(given, tuple(p.name for p in REGISTRY[name].parameters), f"effects.{name}.")
         effects[name] = REGISTRY[name].checked(given, rig)
