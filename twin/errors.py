@@ -62,9 +62,10 @@ def checked_number(
         raise InputError(f"{field} is {quoted(value)}; expected a number")
     if low <= value <= high and (abs(value) <= LARGEST or isinstance(value, float)):
         return float(value)
-    found = quoted(value) if isinstance(value, int) else f"{value:g}"
-    of = "" if unit in ("", "1") or math.isinf(value) else f" {unit}"
-    raise InputError(f"{field} is {found}{of}; expected {_range(low, high, math.isinf(value))}{of}")
+    whole = isinstance(value, int)
+    found, infinite = (quoted(value), False) if whole else (f"{value:g}", math.isinf(value))
+    of = "" if unit in ("", "1") or infinite else f" {unit}"
+    raise InputError(f"{field} is {found}{of}; expected {_range(low, high, infinite)}{of}")
 
 
 def _is_a(kind: type, value: Any) -> bool:
