@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,11 +67,11 @@ def _with_rig_file(campaign: Campaign, file: Path | None) -> Campaign:
     """The campaign with the rig, effects and standard errors of a parameter file, if there is one."""
     if file is None:
         return campaign
+    from twin.campaigns.declared_rig import with_rig
     from twin.rigs.rig_file import read_rig_file, read_uncertainty
 
-    rig, effects = read_rig_file(file)
     errors, _ = read_uncertainty(file)
-    return replace(campaign, rig=rig, effects=effects, effect_errors=errors)
+    return with_rig(campaign, *read_rig_file(file), errors)
 
 
 def _held_out(result: Identification) -> Table:

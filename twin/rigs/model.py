@@ -15,6 +15,7 @@ from twin.mechanics.hub_law import HubTorque, as_arrays
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.recording import Recording, Sensor
+from twin.rigs.check import check_gauges, check_parameters
 from twin.rigs.drive_law import apply_drive_effects
 from twin.rigs.patch import Patch
 
@@ -77,7 +78,8 @@ class Model:
 
     def gauge_row(self, links: Chain, x: float) -> np.ndarray:
         """Returns the row (n) from hinge angles of a chain on a rigid clamp to the curvature at x [m] [1/m per rad]."""
-        return chain.curvature_row(links, self.rig, x)
+        # A fit may shorten the link to less than the position of a gauge at its end.
+        return chain.curvature_row(links, self.rig, min(x, self.rig["length"]))
 
     @functools.cached_property
     def curvature_rows(self) -> dict[str, np.ndarray]:
@@ -169,6 +171,13 @@ class Model:
         for name, p in reversed(list(self.effects.items())):
             reading = REGISTRY[name].hub_angle_of(time, reading, p)
         return reading
+
+
+def checked_model(model: Model) -> Model:
+    """Returns the model; raises InputError where its rig, with its effects, cannot be simulated."""
+    check_parameters(model.rig)
+    check_gauges(model.rig, model.sensors.values())
+    return model
 
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4

@@ -23,6 +23,7 @@ from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
 from twin.parameters import Rig
+from twin.rigs.check import check_parameters
 from twin.validation.linear_form import LinearForm, NoLinearFormError, linear_form_of
 from twin.validation.linear_rig import sampled_chain, sampled_modes
 from twin.validation.margins import Margins, margins
@@ -128,6 +129,7 @@ class Evaluator:
           InputError: the controller fails.
         """
         model = self._nominal.replace(declared=drawn.rig, effects=drawn.effects)
+        check_parameters(model.rig)
         plant = _CachedPlant(model, self._period)
         try:
             sensors = Sensors(effects=SensorEffects(model, plant))
