@@ -20,3 +20,17 @@ def read(path) -> dict[str, dict[str, np.ndarray]]:
             if ":" in name:
                 found[str(chunk.entity_path)][name.split(":")[-1]] += [batch.column(name).to_pylist()]
     return {e: {c: np.concatenate(parts) for c, parts in columns.items()} for e, columns in found.items()}
+
+
+def contents(path) -> list:
+    """Returns the identity of a recording, and each of its chunks without the identities of chunk and rows."""
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(path)
+    [entry] = reader.recordings()
+    batches = [chunk.to_record_batch() for chunk in reader.stream()]
+    return [(entry.application_id, entry.recording_id)] + [
+        {name: batch.column(name) for name in batch.schema.names if name != "rerun.controls.RowId"}
+        | {"entity": batch.schema.metadata[b"rerun:entity_path"]}
+        for batch in batches
+    ]
