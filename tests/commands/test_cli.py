@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin import cli
+from twin import terminal
 from twin.commands import shared
 from twin.diagnosis.answer import Patched
 from twin.files.json import to_text
@@ -269,7 +269,7 @@ def test_interrupt_is_130_in_one_line(tmp_path, campaign):
         assert process.stdout.readline() == "running\n"
         process.send_signal(signal.SIGINT)
         output, error = process.communicate(timeout=20)
-    assert (process.returncode, output, error) == (cli.INTERRUPTED, "", "Interrupted.\n")
+    assert (process.returncode, output, error) == (terminal.INTERRUPTED, "", "Interrupted.\n")
     assert files(tmp_path) == ["bench"]
 
 

@@ -47,9 +47,7 @@ def in_memory(
 
     digest = hashlib.sha256(name.encode("utf-8", "replace"))
     for part in content:
-        digest.update(
-            part.encode("utf-8", "replace") if isinstance(part, str) else np.ascontiguousarray(part)
-        )
+        digest.update(part.encode("utf-8", "replace") if isinstance(part, str) else part.tobytes())
     with _enabled():
         stream = rr.RecordingStream(
             APPLICATION,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from twin import terminal
 from twin.files.whole import write_files
 from twin.mechanics.chain import build
 from twin.mechanics.mjcf import build_spec
@@ -39,4 +40,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    terminal.run(main)
