@@ -32,7 +32,7 @@ LAYERS = (
 ALONE = {"virtual_rig"}
 """Imports nothing of the twin but `SHARED`, which is no model, so that data made with it judge the twin fairly."""
 
-SHARED = ("twin.errors", "twin.terminal", "twin.files.whole")
+SHARED = ("twin.errors", "twin.terminal", "twin.files.compiled", "twin.files.whole")
 
 
 def imported(path: Path) -> set[tuple[int, str]]:

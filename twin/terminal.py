@@ -9,10 +9,11 @@ import io
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from twin.errors import InputError
 
@@ -61,9 +62,8 @@ def _exit_code(command: Callable[[], int | None]) -> int | str | None:
         report_error(str(error))
         return BAD_INPUT
     except OSError as error:
-        if error.filename is None:  # a print
-            raise OutputLost(error) from error
-        report_error(f"cannot use {error.filename}: {error.strerror}")
+        _flush()  # raises, if this is what failed
+        report_error(f"cannot use {error.filename or 'a file'}: {error.strerror or error}")
         return BAD_INPUT
     except KeyboardInterrupt:
         code: int | str | None = INTERRUPTED
@@ -83,6 +83,7 @@ def _prepare() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace" if stream is sys.stdout else "backslashreplace")
+    warnings.showwarning = _show_warning  # type: ignore[assignment]
     for name in ("SIGTERM", "SIGHUP"):  # the latter is not known to Windows
         number = getattr(signal, name, None)
         # Whoever started the process may have it ignore a signal, as nohup does.
@@ -130,6 +131,12 @@ def _report_end(code: int | str | None) -> None:
     if said:
         with suppress(OSError):
             print(said, file=sys.stderr, flush=True)
+
+
+def _show_warning(message: Warning | str, *_: Any) -> None:
+    """Prints a warning without the line of code that gave it."""
+    with suppress(OSError):
+        print(f"Warning: {message}", file=sys.stderr, flush=True)
 
 
 def _open_closed_descriptors() -> None:
