@@ -63,7 +63,10 @@ def _exit_code(command: Callable[[], int | None]) -> int | str | None:
         return BAD_INPUT
     except OSError as error:
         _flush()  # raises, if this is what failed
-        report_error(f"cannot use {error.filename or 'a file'}: {error.strerror or error}")
+        if isinstance(error, BrokenPipeError):
+            raise OutputLost(error) from error
+        place = error.filename or "standard output or a file"  # not known for a print without a buffer
+        report_error(f"cannot use {place}: {error.strerror or error}")
         return BAD_INPUT
     except KeyboardInterrupt:
         code: int | str | None = INTERRUPTED

@@ -1,0 +1,27 @@
+"""A process that is killed while it writes leaves whole files, and a folder that can be used again."""
+
+import os
+
+import kill
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+SIZES = {"report.html": 4_000_000, "run.rrd": 1_000_000, "augmented-rig.toml": 4000, "diagnosis.json": 90_000}
+
+
+@pytest.fixture
+def places(tmp_path):
+    """Folders to write to, with old and with new results."""
+    for version in (b"old ", b"new "):
+        folder = tmp_path / version.decode().strip()
+        folder.mkdir()
+        for name, size in SIZES.items():
+            (folder / name).write_bytes(version * (size // 4))
+    return tmp_path / "out", tmp_path / "old", tmp_path / "new"
+
+
+@pytest.mark.parametrize("number", kill.SIGNALS, ids=lambda s: s.name)
+def test_results_are_old_or_new_and_whole_whenever_their_writing_is_killed(number, places):
+    for delay in (0.0, 0.003, 0.007, 0.013, 0.021, 0.05):
+        trial = kill.writing_trial(*places, number, delay)
+        assert trial.good, (delay, trial)
