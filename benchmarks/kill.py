@@ -86,7 +86,7 @@ def writing_trial(out: Path, old: Path, new: Path, number: signal.Signals, delay
     """Kills a process that writes the results in `old` and `new` to `out` in turn, `delay` [s] after it began."""
     versions = [read_contents(old), read_contents(new)]
     results_folder(versions[0]).write(out, versions[0])
-    process = _start([__file__, "--again-and-again", str(out), str(old), str(new)])
+    process = start([__file__, "--again-and-again", str(out), str(old), str(new)])
     assert process.stdout is not None
     assert process.stdout.readline() == "writing\n"
     time.sleep(delay)
@@ -96,7 +96,7 @@ def writing_trial(out: Path, old: Path, new: Path, number: signal.Signals, delay
 def work_trial(campaign: Path, out: Path, number: signal.Signals, delay: float) -> Trial | None:
     """Kills a diagnosis `delay` [s] after it began; returns None if it has ended by then."""
     versions = [read_contents(out)]
-    process = _start(["-m", "twin.cli", "diagnose", str(campaign), "--out", str(out)])
+    process = start(["-m", "twin.cli", "diagnose", str(campaign), "--out", str(out)])
     try:
         process.wait(delay)
         return None
@@ -104,7 +104,7 @@ def work_trial(campaign: Path, out: Path, number: signal.Signals, delay: float) 
         return _kill(process, "work", number, out, versions)
 
 
-def _start(arguments: Sequence[str]) -> subprocess.Popen[str]:
+def start(arguments: Sequence[str]) -> subprocess.Popen[str]:
     """Starts Python in a session of its own, with interrupts that are not ignored as those of background jobs are."""
     return subprocess.Popen(
         [sys.executable, *arguments],
@@ -124,10 +124,10 @@ def _kill(
     versions: Sequence[Contents],
 ) -> Trial:
     """Sends the signal and looks at what is left."""
-    start = time.perf_counter()
+    sent = time.perf_counter()
     process.send_signal(number)
     _, error = process.communicate()
-    wait = time.perf_counter() - start
+    wait = time.perf_counter() - sent
     found = {p.name: p.read_bytes() for p in out.iterdir() if p.name != MARKER}
     temporary = [name for name in found if is_temporary(name)]
     torn = [n for n in found if n not in temporary and all(found[n] != v.get(n) for v in versions)]
@@ -138,20 +138,20 @@ def _kill(
         wait,
         (*torn, *(name for name in versions[0] if name not in found)),
         len(temporary),
-        _session_size(process.pid),
+        session_size(process.pid),
         _accepted(out, versions[0]),
     )
 
 
-def _session_size(session: int) -> int:
-    """Number of processes in a session; they have a second to end."""
-    for _ in range(20):
+def session_size(session: int, wait: float = 1.0) -> int:
+    """Returns the number of processes in a session, which have so much time to end [s]."""
+    deadline = time.monotonic() + wait
+    while True:
         listed = subprocess.run(["ps", "-eo", "sid="], capture_output=True, text=True, check=True).stdout
         size = listed.split().count(str(session))
-        if not size:
-            break
+        if not size or time.monotonic() >= deadline:
+            return size
         time.sleep(0.05)
-    return size
 
 
 def _accepted(out: Path, contents: Contents) -> bool:
@@ -163,13 +163,13 @@ def _accepted(out: Path, contents: Contents) -> bool:
 def trials(campaign: Path, work: Path, instants: int) -> Iterator[Trial]:
     """Yields the trials with each signal; `work` is an empty folder."""
     old, new, out = work / "old", work / "new", work / "out"
-    start = time.perf_counter()
+    began = time.perf_counter()
     for folder in (old, new):
-        with _start(["-m", "twin.cli", "diagnose", str(campaign), "--out", str(folder)]) as process:
+        with start(["-m", "twin.cli", "diagnose", str(campaign), "--out", str(folder)]) as process:
             process.communicate()
         if process.returncode:
             raise SystemExit(f"{campaign} cannot be diagnosed")
-    duration = (time.perf_counter() - start) / 2
+    duration = (time.perf_counter() - began) / 2
     first = time.perf_counter()
     results_folder(read_contents(old)).write(out, read_contents(old))
     writing = time.perf_counter() - first

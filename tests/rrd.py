@@ -23,14 +23,18 @@ def read(path) -> dict[str, dict[str, np.ndarray]]:
 
 
 def contents(path) -> list:
-    """Returns the identity of a recording, and each of its chunks without the identities of chunk and rows."""
+    """Returns the identity of a recording, and each chunk of it and of its layout, without those of chunk and rows.
+
+    Without the instant at which the layout was made, too.
+    """
     from rerun.chunk import RrdReader
 
     reader = RrdReader(path)
-    [entry] = reader.recordings()
-    batches = [chunk.to_record_batch() for chunk in reader.stream()]
+    [entry], [layout] = reader.recordings(), reader.blueprints()
+    batches = [chunk.to_record_batch() for store in (entry, layout) for chunk in reader.stream(store=store)]
+    chance = ("rerun.controls.RowId", "log_time")
     return [(entry.application_id, entry.recording_id)] + [
-        {name: batch.column(name) for name in batch.schema.names if name != "rerun.controls.RowId"}
+        {name: batch.column(name) for name in sorted(batch.schema.names) if name not in chance}
         | {"entity": batch.schema.metadata[b"rerun:entity_path"]}
         for batch in batches
     ]

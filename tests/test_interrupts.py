@@ -1,6 +1,8 @@
 """A process that is killed while it writes leaves whole files, and a folder that can be used again."""
 
 import os
+import signal
+import time
 
 import kill
 import pytest
@@ -25,3 +27,20 @@ def test_results_are_old_or_new_and_whole_whenever_their_writing_is_killed(numbe
     for delay in (0.0, 0.003, 0.007, 0.013, 0.021, 0.05):
         trial = kill.writing_trial(*places, number, delay)
         assert trial.good, (delay, trial)
+
+
+@pytest.mark.slow  # two processes that load the equations of motion
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core runs all rigs in one process")
+def test_processes_of_a_validation_end_with_the_one_that_started_them():
+    process = kill.start(["-m", "twin.cli", "validate", "lqi", "--rigs", "400"])
+    deadline = time.monotonic() + 60
+    while kill.session_size(process.pid, wait=0) < 3:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    process.stderr.close()
+    assert (
+        kill.session_size(process.pid, wait=30) == 0
+    )  # those that are still loading begin to watch after that

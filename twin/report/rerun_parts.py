@@ -247,6 +247,7 @@ def blueprint(contents: rrb.Container) -> rrb.Blueprint:
     """Returns a layout with a time bar and without the viewer's other panels."""
     import rerun.blueprint as rrb
 
+    _identify(contents, "layout")
     return rrb.Blueprint(
         contents,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
@@ -255,3 +256,13 @@ def blueprint(contents: rrb.Container) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _identify(part: rrb.Container | rrb.View, place: str) -> None:
+    """Gives a part of a layout and those inside it identities by their place, where rerun has random ones."""
+    import rerun.blueprint as rrb
+
+    part.id = uuid.uuid5(uuid.NAMESPACE_OID, place)
+    if isinstance(part, rrb.Container):
+        for index, inner in enumerate(part.contents):
+            _identify(inner, f"{place}/{index}")
