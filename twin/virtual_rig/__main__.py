@@ -3,8 +3,8 @@
 import argparse
 from collections.abc import Sequence
 
-from twin import terminal
 from twin.errors import InputError
+from twin.terminal import BAD_INPUT, report_error, run
 from twin.virtual_rig.campaign_writer import make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.sensors import DIRT
@@ -69,11 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             force=options.force,
         )
     except InputError as error:
-        terminal.report_error(str(error))
-        return terminal.BAD_INPUT
+        report_error(str(error))
+        return BAD_INPUT
     print(f"{options.out}: campaign '{truth.name}', effects: {', '.join(truth.effects) or 'none'}")
     return 0
 
 
 if __name__ == "__main__":
-    terminal.run(main)
+    run(main)
