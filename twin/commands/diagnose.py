@@ -88,4 +88,4 @@ def _diagnose(
     print_summary(result, screen, {**delivery.paths, **answer})
     if delivery.left_out:
         missing = ", ".join(delivery.left_out)
-        screen.print(f"{delivery.paths['MJCF'].name} leaves out: {missing}", highlight=False, markup=False)
+        screen.print(f"{delivery.paths['MJCF'].name} leaves out: {missing}")

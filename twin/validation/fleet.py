@@ -7,7 +7,10 @@ synthesises it again, since not every controller can be pickled.
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -189,11 +192,18 @@ def _outcomes(job: Job, rigs: Sequence[DrawnRig], processes: int) -> Iterator[Ou
         return
     # "spawn": a forked process may deadlock, because numerical libraries have started threads.
     fresh = multiprocessing.get_context("spawn")
+    others = multiprocessing.active_children()
     pool = ProcessPoolExecutor(processes, fresh, _start_process, (job,))
     try:
-        with _script_hidden():
+        with _script_hidden(), _interrupts_ignored():
             results = pool.map(_evaluate_in_process, rigs, chunksize=_CHUNK_SIZE)
         yield from results
+    except BaseException:
+        # What they compute is not wanted any more: do not wait for it.
+        for process in multiprocessing.active_children():
+            if process not in others:
+                process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -213,6 +223,19 @@ def _script_hidden() -> Iterator[None]:
         vars(main).update(hidden)
 
 
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Ignores Ctrl-C while processes are started, which they inherit: this one ends them, without their tracebacks."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Python delivers signals to the main thread only
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 _bench: Evaluator
 
 
@@ -220,8 +243,17 @@ def _start_process(job: Job) -> None:
     global _bench
     from threadpoolctl import threadpool_limits
 
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     threadpool_limits(1)  # the processes share the cores; matrices are small
     _bench = Evaluator(job)
+
+
+def _end_with_parent() -> None:
+    """Ends this process when the one that started it has ended, even by a signal that it could not pass on."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _evaluate_in_process(drawn: DrawnRig) -> Outcome:

@@ -27,9 +27,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.files.compiled import cached_njit
 from twin.virtual_rig.beam import Array, Link
 from twin.virtual_rig.rig import Rig
 
@@ -46,7 +46,7 @@ KNOCK_LENGTH = 0.01  # s, duration of a half-sine pulse
 
 
 # Contraction to fused multiply-add is the only permitted change of floating-point operations.
-compiled = njit(cache=True, fastmath={"contract"})
+compiled = cached_njit(fastmath={"contract"})
 
 
 class Drive(NamedTuple):
