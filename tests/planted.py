@@ -11,6 +11,7 @@ PLANTED = {
     "cable-torsion": {"stiffness": 0.012, "rest_angle": 0.2},
     "torque-bias": {"bias": 0.003},
     "torque-gain": {"gain": 0.94},
+    "dead-zone": {"half_width": 0.01},
     "actuator-delay": {"delay": 0.009},
     "payload-mass": {"tip_mass": 0.14},
     "stiffness-loss": {"bending_stiffness": 0.22},

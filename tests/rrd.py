@@ -20,3 +20,21 @@ def read(path) -> dict[str, dict[str, np.ndarray]]:
             if ":" in name:
                 found[str(chunk.entity_path)][name.split(":")[-1]] += [batch.column(name).to_pylist()]
     return {e: {c: np.concatenate(parts) for c, parts in columns.items()} for e, columns in found.items()}
+
+
+def contents(path) -> list:
+    """Returns the identity of a recording, and each chunk of it and of its layout, without those of chunk and rows.
+
+    Without the instant at which the layout was made, too.
+    """
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(path)
+    [entry], [layout] = reader.recordings(), reader.blueprints()
+    batches = [chunk.to_record_batch() for store in (entry, layout) for chunk in reader.stream(store=store)]
+    chance = ("rerun.controls.RowId", "log_time")
+    return [(entry.application_id, entry.recording_id)] + [
+        {name: batch.column(name) for name in sorted(batch.schema.names) if name not in chance}
+        | {"entity": batch.schema.metadata[b"rerun:entity_path"]}
+        for batch in batches
+    ]

@@ -6,10 +6,9 @@ modules inside, so that `--help` is fast.
 
 from __future__ import annotations
 
-import sys
-
 import typer
 
+from twin import terminal
 from twin.commands.check import check
 from twin.commands.compare import compare
 from twin.commands.diagnose import demo, diagnose
@@ -18,28 +17,15 @@ from twin.commands.plan import plan_experiment
 from twin.commands.run import run
 from twin.commands.validate import validate
 from twin.commands.view import view
-from twin.errors import InputError
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None
 )
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
-
 
 def main() -> None:
-    """Runs the command; exits with 2 for an unusable input, with 130 after Ctrl-C."""
-    try:
-        app()
-    except InputError as error:
-        print(f"Error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except SystemExit as end:
-        # typer exits silently after Ctrl-C.
-        if end.code == INTERRUPTED:
-            print("Interrupted.", file=sys.stderr)
-        raise
+    """Runs the command and exits, with 2 for an unusable input and with 128 and the number of a signal after it."""
+    terminal.run(app)
 
 
 @app.callback()

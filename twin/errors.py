@@ -1,7 +1,15 @@
 """Errors in the user's input, reported with a message instead of a traceback."""
 
 import difflib
+import math
 from collections.abc import Iterable
+from numbers import Integral, Real
+from typing import Any
+
+LARGEST = 1e100
+"""Magnitude of the largest accepted number: squares of larger ones overflow."""
+_SHOWN = 60  # characters of a wrong value that a message shows
+_DIGITS = 1e15  # whole numbers beyond this are shown by their size
 
 
 class InputError(ValueError):
@@ -13,5 +21,71 @@ class InputError(ValueError):
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Returns "; did you mean 'x'?" for the known word most similar to `word`, or "" if none is similar."""
-    match = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    match = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
     return f"; did you mean '{match[0]}'?" if match else ""
+
+
+def quoted(value: Any) -> str:
+    """Returns a wrong value as a message shows it: as in TOML, of bounded length, without control characters."""
+    if value is None:
+        return "missing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else "a list"
+    if isinstance(value, int) and abs(value) > _DIGITS:
+        return f"a whole number of {round(value.bit_length() * math.log10(2)) + 1} digits"
+    return f"'{shown(value)}'" if isinstance(value, str) else shown(str(value))
+
+
+def shown(text: str) -> str:
+    """Returns a text of a file for a message: of bounded length, without control characters."""
+    plain = "".join(c if c.isprintable() else "?" for c in text[: _SHOWN + 1])
+    return plain if len(plain) <= _SHOWN else f"{plain[:_SHOWN]}..."
+
+
+def checked_number(
+    field: str, value: Any, low: float = -LARGEST, high: float = LARGEST, unit: str = ""
+) -> float:
+    """Returns a number as it came from a file or a caller.
+
+    Args:
+      field: what it is, for the message.
+      value: the number; not a bool, not NaN.
+      low, high: smallest and largest possible value.
+      unit: of all three, for the message.
+
+    Raises:
+      InputError: it is no number from `low` to `high`.
+    """
+    if not _is_a(Real, value) or value != value:
+        raise InputError(f"{field} is {quoted(value)}; expected a number")
+    if low <= value <= high and (abs(value) <= LARGEST or isinstance(value, float)):
+        return float(value)
+    whole = isinstance(value, int)
+    found, infinite = (quoted(value), False) if whole else (f"{value:g}", math.isinf(value))
+    of = "" if unit in ("", "1") or infinite else f" {unit}"
+    raise InputError(f"{field} is {found}{of}; expected {_range(low, high, infinite)}{of}")
+
+
+def _is_a(kind: type, value: Any) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
+
+
+def _range(low: float, high: float, infinite: bool) -> str:
+    """The numbers from `low` to `high` in words."""
+    kind = "a finite number" if infinite else "a number"
+    if low <= -LARGEST or high >= LARGEST:
+        least = "" if low <= -LARGEST else f" >= {low:g}"
+        most = "" if high >= LARGEST else f" <= {high:g}"
+        return kind + (least or most or ("" if infinite else f" up to {LARGEST:g}"))
+    return f"{kind}, {low:g} to {high:g}" if infinite else f"{low:g} to {high:g}"
+
+
+def checked_count(field: str, value: Any, low: int, high: int) -> int:
+    """Returns a whole number from `low` to `high`; raises InputError where `value` is none."""
+    if not _is_a(Integral, value):
+        raise InputError(f"{field} is {quoted(value)}; expected a whole number from {low} to {high}")
+    if not low <= value <= high:
+        raise InputError(f"{field} is {quoted(int(value))}; expected {low} to {high}")
+    return int(value)

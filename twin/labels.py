@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -131,6 +132,23 @@ def probability(value: float) -> str:
     if not math.isfinite(value):
         return "–"
     return "> 99.9 %" if value > 0.999 else "< 0.1 %" if value < 0.001 else f"{100 * value:.3g} %"
+
+
+_ASCII = {
+    "±": "+-", "µ": "u", "μ": "u", "ε": "e", "σ": "sigma", "θ": "theta", "°": " deg", "²": "^2", "³": "^3", "⁴": "^4",
+    "–": "-", "—": "-", "−": "-", "∞": "inf", "≤": "<=", "≥": ">=", "×": "x", "·": "*", "…": "...", "→": "->",
+}  # fmt: skip
+
+
+def printable(text: str, plain: bool = False) -> str:
+    """Returns a text without control characters, which could command a terminal; in ASCII where `plain`."""
+    shown = "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    if not plain:
+        return shown
+    shown = "".join(_ASCII.get(c, c) for c in shown)
+    # Letters lose their accents.
+    bare = "".join(c for c in unicodedata.normalize("NFKD", shown) if not unicodedata.combining(c))
+    return bare.encode("ascii", "replace").decode()
 
 
 def join_with_and(items: list[str]) -> str:

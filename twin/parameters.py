@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from twin.errors import nearest
+from twin.errors import InputError, checked_number, nearest
 
 
 @dataclass(frozen=True)
@@ -19,11 +19,11 @@ class Parameter:
       value: value in `unit`.
       unit: SI unit.
       uncertainty: relative standard deviation of the value [1]; None where not declared.
-      bounds: smallest and largest physically possible value, in `unit`.
+      bounds: smallest and largest possible value, in `unit`; those of `PARAMETERS` hold beside them.
       source: origin of the value: table, page, equation, "assumed".
 
     Raises:
-      ValueError: the value is outside its bounds, or the uncertainty negative.
+      InputError: the value is outside its bounds, or the uncertainty negative.
     """
 
     name: str
@@ -34,11 +34,11 @@ class Parameter:
     source: str = "assumed"
 
     def __post_init__(self) -> None:
-        low, high = self.bounds
-        if not low <= self.value <= high:
-            raise ValueError(f"{self.name} is {self.value:g} {self.unit}; expected {low:g} to {high:g}")
-        if self.uncertainty is not None and not self.uncertainty >= 0:
-            raise ValueError(f"uncertainty of {self.name} is {self.uncertainty}; expected a number >= 0")
+        _, known = PARAMETERS.get(self.name, (self.unit, self.bounds))
+        low, high = max(self.bounds[0], known[0]), min(self.bounds[1], known[1])
+        checked_number(self.name, self.value, low, high, self.unit)
+        if self.uncertainty is not None:
+            checked_number(f"uncertainty of {self.name}", self.uncertainty, 0.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,16 @@ class Rig(Mapping[str, float]):
         return len(self.parameters)
 
     def replace(self, source: str = "set by the caller", **values: float) -> Rig:
-        """Returns a rig with other values of some parameters; their unit, bounds and uncertainty are kept."""
+        """Returns a rig with other values of some parameters; their unit, bounds and uncertainty are kept.
+
+        Raises:
+          InputError: the rig has no such parameter, or none can have this value.
+        """
+        for name in values:
+            if name not in self.parameters:
+                raise InputError(
+                    f"'{name}' is not a parameter of {self.name}{nearest(name, self.parameters)}"
+                )
         changed = {n: replace(self.parameters[n], value=v, source=source) for n, v in values.items()}
         return replace(self, parameters={**self.parameters, **changed})
 
@@ -98,8 +107,8 @@ def relative_uncertainty(parameter: Parameter) -> float:
 def declared_range(parameter: Parameter, deviations: float) -> tuple[float, float]:
     """Returns the range of a parameter within so many standard deviations, within its bounds.
 
-    It is [value / f, value * f] with f = exp(deviations * relative uncertainty): that of a log-normal quantity, which is
-    positive however large its uncertainty is.
+    It is [value / f, value * f] with f = exp(deviations * relative uncertainty): the range of a log-normal quantity,
+    which is positive however large its uncertainty is.
     """
     factor = math.exp(deviations * relative_uncertainty(parameter))
     low, high = parameter.bounds
@@ -118,7 +127,18 @@ PARAMETERS: Mapping[str, tuple[str, tuple[float, float]]] = {
     "coulomb_friction": ("N*m", (0.0, 1e3)),
     "torque_limit": ("N*m", (1e-9, math.inf)),
 }
-"""Parameter of the recording format -> SI unit, and smallest and largest accepted value."""
+"""Parameter of the recording format -> SI unit, and smallest and largest value that a rig can have."""
+
+
+def rig_parameter(name: str, value: float, uncertainty: float | None, source: str) -> Parameter:
+    """Returns a parameter of the recording format, in its unit and within its bounds.
+
+    Raises:
+      InputError: no rig can have this value, or the uncertainty is negative.
+    """
+    unit, bounds = PARAMETERS[name]
+    return Parameter(name, value, unit, uncertainty, bounds, source)
+
 
 DEFAULTS: Mapping[str, float] = {
     "tip_mass": 0.0,

@@ -206,7 +206,7 @@ TOML = {
     ),
     "parameter is not a number": (
         toml_text(rig=f"{RIG}\ntip_mass = nan"),
-        "parameters.tip_mass is nan kg; expected 0 to 1000",
+        "parameters.tip_mass is nan; expected a number",
     ),
     "text for a parameter": (
         toml_text(rig=f'{RIG}\ntip_mass = "heavy"'),

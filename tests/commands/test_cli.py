@@ -15,16 +15,18 @@ import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
 
-from twin import cli
+from twin import terminal
 from twin.commands import shared
 from twin.diagnosis.answer import Patched
 from twin.files.json import to_text
+from twin.files.outputs import MARKER
 from twin.recording import HUB_TORQUE
 from twin.report.deliver import ANSWER, FILES, FOLDER, deliver
 from twin.rigs.patch import Patch
 
 TWIN = [sys.executable, "-m", "twin.cli"]
 WRITTEN = [name for name in FILES.values() if name != FILES["patch"]]
+FOLDER_HOLDS = sorted([MARKER, *WRITTEN])
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +64,7 @@ def test_diagnose_writes_a_folder_named_after_the_campaign(run, campaign):
     code, output, error = run("diagnose", campaign)
     assert (code, error) == (0, "")
     assert files() == ["bench-diagnosis"]
-    assert files(Path("bench-diagnosis")) == sorted(WRITTEN)
+    assert files(Path("bench-diagnosis")) == FOLDER_HOLDS
     for name in WRITTEN:
         assert f"bench-diagnosis/{name}" in output
     assert "cable-torsion" in output
@@ -98,7 +100,7 @@ def test_folder_of_an_earlier_run_is_written_again(run, campaign):
     assert run("diagnose", campaign)[0] == 0
     Path("bench-diagnosis", "run.rrd").unlink()
     assert run("diagnose", campaign)[0] == 0
-    assert files(Path("bench-diagnosis")) == sorted(WRITTEN)
+    assert files(Path("bench-diagnosis")) == FOLDER_HOLDS
 
 
 @pytest.mark.parametrize("foreign", ["thesis.tex", "report.html", ANSWER])
@@ -220,9 +222,13 @@ def test_a_full_disk_is_told_without_a_traceback(run, campaign, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("twin.report.deliver.write_report", full)
+    assert run("diagnose", campaign)[0] == 0
+    before = {path: path.read_bytes() for path in Path("bench-diagnosis").iterdir()}
+    monkeypatch.setattr(os, "fsync", full)
     code, _, error = run("diagnose", campaign)
-    assert (code, error) == (2, "Error: cannot write bench-diagnosis: No space left on device\n")
+    assert code == 2
+    assert error == f"Error: cannot write bench-diagnosis/{MARKER}: No space left on device\n"
+    assert {path: path.read_bytes() for path in Path("bench-diagnosis").iterdir()} == before
 
 
 # The process
@@ -263,7 +269,7 @@ def test_interrupt_is_130_in_one_line(tmp_path, campaign):
         assert process.stdout.readline() == "running\n"
         process.send_signal(signal.SIGINT)
         output, error = process.communicate(timeout=20)
-    assert (process.returncode, output, error) == (cli.INTERRUPTED, "", "Interrupted.\n")
+    assert (process.returncode, output, error) == (terminal.INTERRUPTED, "", "Interrupted.\n")
     assert files(tmp_path) == ["bench"]
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rrd import read
+import rerun as rr
+from rrd import contents, read
 
 from twin.control import scenarios
 from twin.control.experiment import Experiment
@@ -163,7 +164,9 @@ def test_rerun_file_holds_the_run_and_its_ghost(tmp_path):
 
 def test_what_is_sent_while_a_run_goes_on_is_what_the_file_holds(tmp_path, monkeypatch):
     live, path = tmp_path / "live.rrd", tmp_path / "run.rrd"
-    monkeypatch.setattr(run_rerun, "open_viewer", lambda name: run_rerun.open_file(live, name))
+    stream = rr.RecordingStream("live")
+    stream.save(live)
+    monkeypatch.setattr(run_rerun, "open_viewer", lambda name: stream)
     run_and_show(experiment(noise=1), path, view=True, ghost="other")
     streamed, written = read(live), read(path)
     assert streamed.keys() == written.keys()
@@ -174,6 +177,13 @@ def test_what_is_sent_while_a_run_goes_on_is_what_the_file_holds(tmp_path, monke
         if "scalars" in columns:
             there = np.concatenate([streamed[entity]["scalars"][i] for i in order])
             np.testing.assert_allclose(there, np.concatenate(list(columns["scalars"])), atol=1e-12)
+
+
+def test_the_same_run_gives_the_same_recording(chain_run, tmp_path):
+    track = run_rerun.of_run(chain_run, "chain")
+    for name in ("a.rrd", "b.rrd"):
+        run_rerun.write_rrd([track], RIG["length"], tmp_path / name, "run")
+    assert contents(tmp_path / "a.rrd") == contents(tmp_path / "b.rrd")
 
 
 @pytest.mark.slow

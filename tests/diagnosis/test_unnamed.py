@@ -60,8 +60,8 @@ def asked_of(campaign):
 
 
 @pytest.mark.slow
-def test_a_dead_zone_is_a_function_of_the_command(rig_campaign):
-    [best, *others] = asked(rig_campaign, {"dead-zone": {"width": 0.025}})
+def test_a_dead_band_is_a_function_of_the_command(rig_campaign):
+    [best, *others] = asked(rig_campaign, {"dead-band": {"width": 0.025}})
     assert best.law.variables == ("torque_command",)
     assert best.evidence > max(5.0, best.by_chance)
     assert all(other.evidence < 5.0 for other in others)
@@ -72,8 +72,8 @@ def test_a_dead_zone_is_a_function_of_the_command(rig_campaign):
 
 
 @pytest.mark.slow
-def test_a_sensor_of_the_torque_reads_a_dead_zone_too(rig_campaign):
-    best, *others = asked(rig_campaign, {"dead-zone": {"width": 0.02}}, torque_sensor=True)
+def test_a_sensor_of_the_torque_reads_a_dead_band_too(rig_campaign):
+    best, *others = asked(rig_campaign, {"dead-band": {"width": 0.02}}, torque_sensor=True)
     on_hub = next(n for n in others if n.law == state.FunctionOf("torque_command"))
     assert best.law == state.FunctionOf("torque_command", drive=True)
     assert best.evidence > max(5.0, best.by_chance, 2 * on_hub.evidence)

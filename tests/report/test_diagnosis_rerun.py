@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
-from rrd import read
+from rrd import contents, read
 
 from twin.recording import Recording, Sensor
-from twin.report.diagnosis_rerun import write_rrd
+from twin.report.diagnosis_rerun import to_rrd
 from twin.report.rerun_parts import centre_line
 
 LENGTH = 0.42
+
+
+def write_rrd(diagnosis, path, sensors=None):
+    path.write_bytes(to_rrd(diagnosis, sensors))
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +118,21 @@ def test_lost_channels_leave_the_arm_straight(tmp_path):
     write_rrd(replace(diagnosis, predictions={"x.csv": blind}), tmp_path / "x.rrd", synthetic.SENSORS)
     strips = read(tmp_path / "x.rrd")["/holdout/01_x/arms/measured/link"]["strips"]
     assert np.array(strips[0][0], dtype=float)[:, 1] == pytest.approx(0.0)
+
+
+def test_the_same_diagnosis_gives_the_same_recording_and_another_one_another(tmp_path, monkeypatch):
+    diagnosis = synthetic.diagnosis(duration=0.4)
+    p = diagnosis.predictions["bang-bang-90.csv"]
+    moved = p.after.replace(channels={**p.after.channels, "hub_angle": p.after["hub_angle"] + 1e-6})
+    other = {**diagnosis.predictions, "bang-bang-90.csv": replace(p, after=moved)}
+    write_rrd(diagnosis, tmp_path / "a.rrd", synthetic.SENSORS)
+    monkeypatch.setenv("RERUN", "off")
+    write_rrd(replace(diagnosis, wall_s=1.0), tmp_path / "b.rrd", synthetic.SENSORS)
+    write_rrd(replace(diagnosis, predictions=other), tmp_path / "c.rrd", synthetic.SENSORS)
+    a, b, c = (contents(tmp_path / f"{name}.rrd") for name in "abc")
+    assert a == b
+    assert len(a) > 10
+    assert a[0] != c[0]
 
 
 # The line of the link, from gauges

@@ -196,6 +196,14 @@ def test_odd_names_are_escaped(diagnosis):
     assert name in summary(odd).replace("\n", "")
 
 
+@pytest.mark.parametrize("name", ["/*plotly.js*/", "{{ plotly_js }}", "{% raw %}", "</script>", "<!--"])
+def test_no_name_is_taken_for_a_part_of_the_template(name, diagnosis):
+    usual, odd = page(diagnosis), page(replace(diagnosis, campaign=name))
+    assert len(odd) - len(usual) < 1000
+    assert len(outline(odd).tags) == len(outline(usual).tags)
+    assert name in seen(odd)
+
+
 def test_lone_surrogates_and_control_characters_can_be_written(diagnosis, tmp_path):
     odd = replace(diagnosis, campaign="caf\udce9 \x1b[31mred")
     write_report(odd, tmp_path / "report.html")

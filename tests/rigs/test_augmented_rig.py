@@ -118,7 +118,10 @@ def test_parameters_left_out_of_an_effect_are_neutral(tmp_path):
         ),
         (MINIMAL.replace("0.4", "{valu = 0.4}"), "unknown key parameters.length.valu.*did you mean 'value'"),
         (MINIMAL.replace("0.4", "{value = 0.4, standard_error = -1}"), "standard_error is -1"),
-        (MINIMAL.replace("0.4", "{value = 0.4, uncertainty = -1}"), "uncertainty of length is -1"),
+        (
+            MINIMAL.replace("0.4", "{value = 0.4, uncertainty = -1}"),
+            "parameters.length.uncertainty is -1; expected a number >= 0",
+        ),
         (MINIMAL + "[effects.cable-torsoin]\n", "not an effect.*did you mean 'cable-torsion'"),
         (MINIMAL + "[effects.cable-torsion]\nstifness = 1\n", "unknown key effects.cable-torsion.stifness"),
         (MINIMAL + "[effects.cable-torsion]\nstiffness = 'x'\n", "stiffness is 'x'; expected a number"),

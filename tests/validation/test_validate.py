@@ -340,7 +340,7 @@ def test_a_file_changes_some_limits_and_drops_others(tmp_path):
         ("overshoot = 'x'", "limits.toml: overshoot is 'x'; expected a number"),
         ("overshoot = nan", "overshoot is nan"),
         ("overshoot = true", "overshoot is True"),
-        ("share = 0", "share is 0; expected a number above 0"),
+        ("share = 0", "share is 0; expected 1e-06 to 1"),
         ("share = 95", "share is 95"),
         ("overshoot = ", "limits.toml is not TOML"),
         ("\n".join(f"{r.name} = false" for r in DEFAULTS), "no requirement is left"),

@@ -2,6 +2,7 @@
 
 import ast
 import math
+import os
 import sys
 import tomllib
 from pathlib import Path
@@ -309,13 +310,14 @@ STRONG = {
     "root-compliance": {"stiffness": 20.0},
     "air-drag": {"coefficient": 0.05},
     "air-pad-drag": {"viscous": 0.03},
+    "dead-zone": {"half_width": 0.02},
     "hub-sensor-gain": {"gain": 0.97},
     "hub-sensor-nonlinearity": {"amplitude": 0.02, "order": 2, "phase": 1.5},
     "strain-gain": {"gain_base": 0.95, "gain_mid": 1.04},
     "strain-drift": {"rate_base": 2e-5, "rate_mid": -1e-5},
     "sensor-delay": {"delay": 0.007},
     "strain-amplifier-clips": {"level": 2e-4},
-    "dead-zone": {"width": 0.145},
+    "dead-band": {"width": 0.145},
     "hard-stop": {"angle": 0.5, "stiffness": 5.0, "damping": 0.01},
     "warming-friction": {"rise": 0.01, "time_constant": 5.0},
     "shaking-base": {"amplitude": 0.3, "frequency": 2.0, "phase": 0.0},
@@ -336,6 +338,7 @@ NEUTRAL = {
     "cogging": {"amplitude": 0.0},
     "torque-gain": {"gain": 1.0},
     "torque-bias": {"bias": 0.0},
+    "dead-zone": {"half_width": 0.0},
     "actuator-lag": {"time_constant": 0.0},
     "actuator-delay": {"delay": 0.0},
     "backlash": {"gap": 0.0},
@@ -354,7 +357,7 @@ NEUTRAL = {
     "strain-drift": {"rate_base": 0.0, "rate_mid": 0.0},
     "sensor-delay": {"delay": 0.0},
     "strain-amplifier-clips": {"level": math.inf},
-    "dead-zone": {"width": 0.0},
+    "dead-band": {"width": 0.0},
     "hard-stop": {"angle": math.inf},
     "warming-friction": {"rise": 0.0},
     "shaking-base": {"amplitude": 0.0},
@@ -673,6 +676,27 @@ def test_full_folder_is_not_overwritten_unless_forced(tmp_path):
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
+def test_unwritable_places_are_found_before_the_simulation(tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.virtual_rig.campaign_writer._record", lambda *_: pytest.fail("simulated"))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="it is a file"):
+        make_campaign(tmp_path / "file" / "rig", {}, 1)
+    for truth, message in (("none/truth.json", "there is no folder"), ("file/truth.json", "no folder")):
+        with pytest.raises(InputError, match=message):
+            make_campaign(tmp_path / "rig", {}, 1, truth_file=tmp_path / truth)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_campaign_is_written_whole_over_what_a_killed_process_left(tmp_path, monkeypatch):
+    order, replace = [], os.replace
+    monkeypatch.setattr(os, "replace", lambda old, new: order.append(new.name) or replace(old, new))
+    (tmp_path / f".twin-{os.getpid()}-00000000-00000000.tmp").write_text("half")
+    make_campaign(tmp_path, {}, 1, experiments=short_plan()[1:], name='a "b" \\ {{')
+    assert order[-1] == "campaign.toml"
+    assert sorted(order) == sorted(path.name for path in tmp_path.iterdir())
+    assert tomllib.loads((tmp_path / "campaign.toml").read_text())["name"] == 'a "b" \\ {{'
+
+
 @pytest.mark.parametrize(
     ("effects", "message"),
     [
@@ -714,7 +738,8 @@ def test_demo_campaign_is_small_and_from_its_script():
 
 
 def test_corner_shares_no_model_code_with_the_twin():
-    allowed = {"numpy", "scipy", "numba"} | set(sys.stdlib_module_names)
+    shared = ("twin.errors", "twin.terminal", "twin.files.compiled", "twin.files.whole")  # no models
+    allowed = {"numpy", "scipy"} | set(sys.stdlib_module_names)
     for path in CORNER.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -722,5 +747,5 @@ def test_corner_shares_no_model_code_with_the_twin():
                 assert node.level == 0
                 names = [node.module]
             for name in names:
-                own = name == "twin.errors" or name.startswith("twin.virtual_rig")
+                own = name in shared or name.startswith("twin.virtual_rig")
                 assert own or name.split(".")[0] in allowed, f"{path.name} imports {name}"

@@ -14,9 +14,12 @@ from twin.api.answers import Diagnosis, Identification, Run
 from twin.api.inputs import Effects, FilePath, RigLike, campaign_of, rig_of
 from twin.campaigns.campaign import Campaign
 from twin.control.experiment import Experiment
-from twin.errors import InputError
+from twin.errors import InputError, checked_count, quoted
 from twin.progress import Progress, silent
 from twin.recording import GAUGES
+
+_MOST_MODES = 50
+"""Most bending modes of a linear model: of higher ones the beam theory of a slender link says nothing."""
 
 if TYPE_CHECKING:
     import control
@@ -122,6 +125,8 @@ def run(
     """
     known = rig_of(rig)
     acting = known.effects if effects is None else effects
+    if controller is not None and not isinstance(controller, str):
+        raise InputError(f"controller is {quoted(controller)}; expected a name, or FILE.py:NAME")
     experiment = Experiment(scenario, plant, known.rig, acting, controller, noise)
     return Run(experiment, experiment.run())
 
@@ -205,12 +210,13 @@ def state_space(rig: RigLike = "bossi2009", modes: int = 2) -> control.StateSpac
       modes: number of bending modes.
 
     Raises:
-      InputError: the rig is not known.
+      InputError: the rig is not known, or not so many modes can be computed.
     """
     import control
 
     from twin.mechanics.modal import state_space as build
 
+    checked_count("modes", modes, 1, _MOST_MODES)
     system = build(rig_of(rig).rig, modes, GAUGES)
     return control.ss(
         system.A,

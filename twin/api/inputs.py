@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 from twin.campaigns.campaign import Campaign
 from twin.campaigns.campaign import read_campaign as _read_campaign
+from twin.campaigns.declared_rig import with_rig
+from twin.errors import InputError, quoted
 from twin.parameters import Rig
 from twin.rigs import preset
-from twin.rigs.rig_file import read_rig_file
+from twin.rigs.check import check_parameters
+from twin.rigs.rig_file import checked_effects, read_rig_file
 
 Effects: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect name -> parameter name -> value, SI."""
@@ -60,9 +62,12 @@ def read_rig(file: FilePath) -> RigFile:
 
 def rig_of(given: RigLike) -> RigFile:
     if isinstance(given, RigFile):
-        return given
+        return RigFile(given.rig, checked_effects(given.effects, given.rig))
     if isinstance(given, Rig):
+        check_parameters(given)
         return RigFile(given, {})
+    if not isinstance(given, str | PathLike):
+        raise InputError(f"rig is {quoted(given)}; expected a name, a parameter file, a Rig or a RigFile")
     path = Path(given)
     if path.suffix or path.exists():
         return read_rig(path)
@@ -73,5 +78,4 @@ def campaign_of(given: FilePath | Campaign, declared: RigLike | None) -> Campaig
     campaign = given if isinstance(given, Campaign) else read_campaign(given)
     if declared is None:
         return campaign
-    known = rig_of(declared)
-    return replace(campaign, rig=known.rig, effects=known.effects)
+    return with_rig(campaign, *rig_of(declared))

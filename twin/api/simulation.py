@@ -8,12 +8,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin.api.inputs import Effects, RigLike, rig_of
-from twin.errors import InputError
+from twin.errors import LARGEST, InputError, checked_count, checked_number
+from twin.mechanics.accuracy import SEGMENT_LIMITS
 from twin.recording import GAUGES, Recording
-from twin.rigs.model import FINE_SEGMENTS, FINE_STEP, Model
+from twin.rigs.model import FINE_SEGMENTS, FINE_STEP, Model, checked_model
 from twin.rigs.rig_file import checked_effects
 
+_TOO_MUCH = "expected torques and parameters with which the link stays slender: check their units"
 _SIMULATED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "motor_torque")
+
+
+_LONGEST = 1e5
+"""Longest simulation [s]: it takes a quarter of an hour."""
+_TURNS = 1e3
+"""Largest angle from which the hub starts [rad]."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +55,21 @@ class RigModel:
           channels: that are simulated.
 
         Raises:
-          InputError: the arrays do not fit, or a channel is not simulated.
+          InputError: the arrays do not fit, a channel is not simulated, or the motion is no longer finite.
         """
         from twin.mechanics.state import Start
         from twin.rigs.simulate import simulate
 
         recording = _blank(time, torque, channels, clamped, tip_deflection)
-        return simulate(self.model, recording, Start(hub_angle=hub_angle))
+        checked_number("hub_angle", hub_angle, -_TURNS, _TURNS, "rad")
+        if tip_deflection is not None:
+            length = self.model.rig["length"]
+            checked_number("tip_deflection", tip_deflection, -length, length, "m")
+        simulated = simulate(self.model, recording, Start(hub_angle=hub_angle))
+        diverged = [c for c in channels if not np.isfinite(simulated[c]).all()]
+        if diverged:
+            raise InputError(f"the simulation diverged: {diverged[0]} is not finite; {_TOO_MUCH}")
+        return simulated
 
     def mjcf(self) -> str:
         """Returns the rig as MJCF, what MuJoCo cannot say named in a comment."""
@@ -70,17 +86,29 @@ def _blank(
     tip_deflection: float | None,
 ) -> Recording:
     """A recording with nothing measured yet."""
-    time, torque = (np.asarray(values, dtype=float) for values in (time, torque))
+    time, torque = _numbers("time", time), _numbers("torque", torque)
     if time.ndim != 1 or time.shape != torque.shape or len(time) < 2 or np.any(np.diff(time) <= 0):
         raise InputError(
             f"time has shape {time.shape} and torque {torque.shape}; expected two vectors of equal length, time "
             "increasing"
         )
+    checked_number("the duration", time[-1] - time[0], 0.0, _LONGEST, "s")
     unknown = [c for c in channels if c not in _SIMULATED]
     if unknown:
         raise InputError(f"'{unknown[0]}' is not simulated; expected some of: {', '.join(_SIMULATED)}")
     empty = {channel: np.zeros(len(time)) for channel in channels}
     return Recording("simulated", time, {"torque_command": torque, **empty}, clamped, "open", tip_deflection)
+
+
+def _numbers(name: str, values: Sequence[float] | np.ndarray) -> np.ndarray:
+    """An array of finite numbers."""
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is no array of numbers: {error}; expected a vector") from None
+    if not np.all(np.abs(array) <= LARGEST):
+        raise InputError(f"{name} has a value that is not finite; expected finite numbers")
+    return array
 
 
 def model(
@@ -101,4 +129,6 @@ def model(
     known = rig_of(rig)
     acting = checked_effects(known.effects if effects is None else effects, known.rig)
     gauges = {gauge.channel: gauge for gauge in GAUGES}
-    return RigModel(Model(known.rig, gauges, chain.fit_shape(known.rig, segments), acting, FINE_STEP))
+    checked_count("segments", segments, *SEGMENT_LIMITS)
+    shape = chain.fit_shape(known.rig, segments)
+    return RigModel(checked_model(Model(known.rig, gauges, shape, acting, FINE_STEP)))

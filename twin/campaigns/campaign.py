@@ -16,8 +16,9 @@ from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
 from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table, read_text
-from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
+from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
 from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
+from twin.rigs.check import check_parameters
 
 STATIC_FILE = "static.csv"
 """File name of the static load test."""
@@ -101,6 +102,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     root = _folder(Path(folder))
     content = schema.parse(read_text(root / schema.FILE, schema.FILE))
     rig = _declared_rig(content)
+    check_parameters(rig)
     _check_channels(content, rig)
     _check_recordings(content, rig)
     read = [_read_recording(root, entry, content.channels) for entry in content.recordings]
@@ -173,7 +175,7 @@ def _declared_rig(content: schema.CampaignFile) -> Rig:
         base = {name: replace(parameter, uncertainty=None) for name, parameter in start.items()}
     else:
         base = _default_parameters(content)
-    declared = {name: _declared_parameter(name, value, base) for name, value in content.parameters.items()}
+    declared = {name: _declared_parameter(name, value) for name, value in content.parameters.items()}
     parameters = {**base, **declared}
     return Rig(content.rig, {name: _with_uncertainty(p, content) for name, p in parameters.items()})
 
@@ -191,18 +193,14 @@ def _default_parameters(content: schema.CampaignFile) -> dict[str, Parameter]:
 
 
 def _default_parameter(name: str, value: float) -> Parameter:
-    unit, bounds = PARAMETERS[name]
     uncertainty = 1.0 if name == "damping_ratio" else None
-    return Parameter(name, value, unit, uncertainty, bounds, "default of the recording format")
+    return rig_parameter(name, value, uncertainty, "default of the recording format")
 
 
-def _declared_parameter(name: str, value: float, base: Mapping[str, Parameter]) -> Parameter:
-    unit, bounds = PARAMETERS[name]
-    if name in base:
-        unit, bounds = base[name].unit, base[name].bounds
+def _declared_parameter(name: str, value: float) -> Parameter:
     try:
-        return Parameter(name, value, unit, None, bounds, schema.FILE)
-    except ValueError as error:
+        return rig_parameter(name, value, None, schema.FILE)
+    except InputError as error:
         raise InputError(f"{schema.FILE}: parameters.{error}") from None
 
 
@@ -316,12 +314,16 @@ def _check_recordings(content: schema.CampaignFile, rig: Rig) -> None:
                 f"{schema.FILE}: channels.hub_angle is missing; expected it for {entry.file}: "
                 "only a recording with clamped = true may lack it"
             )
-        deflection = entry.initial_tip_deflection
-        if deflection is not None and abs(deflection) >= rig["length"]:
-            raise InputError(
-                f"{schema.FILE}: recordings[{i}] ({entry.file}).initial_tip_deflection is {deflection:g} m; "
-                f"expected less than {rig['length']:g} m, the length of the link"
-            )
+        check_deflection(f"{schema.FILE}: recordings[{i}] ({entry.file})", entry.initial_tip_deflection, rig)
+
+
+def check_deflection(where: str, deflection: float | None, rig: Rig) -> None:
+    """Raises InputError where an initial tip deflection [m] is not smaller than the link."""
+    if deflection is not None and abs(deflection) >= rig["length"]:
+        raise InputError(
+            f"{where}.initial_tip_deflection is {deflection:g} m; "
+            f"expected less than {rig['length']:g} m, the length of the link"
+        )
 
 
 def _read_recording(

@@ -56,7 +56,7 @@ def _print_check(result: Check) -> None:
         verdicts.add_row(
             r.quantity, f"{r.error:.2g}", f"{r.bound:.2g}", r.unit, "ok" if r.passed else "FAILED"
         )
-    screen.print(modes, highlight=False)
+    screen.print(modes)
     screen.print()
-    screen.print(verdicts, highlight=False)
+    screen.print(verdicts)
     screen.print("passed" if result.passed else "failed")

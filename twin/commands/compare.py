@@ -59,7 +59,7 @@ def compare(
         )
     _print(tracks[0].name, rows)
     for line in remarks(tracks):
-        console().print(line, highlight=False, markup=False)
+        console().print(line)
 
 
 def _print(first: str, rows: list[Difference]) -> None:
@@ -78,7 +78,7 @@ def _print(first: str, rows: list[Difference]) -> None:
         values = (_number(shown.factor * row.rms), _number(shown.factor * row.largest))
         share = f"{_number(100 * row.relative, 2)} %" if isfinite(row.relative) else "at rest"
         table.add_row(row.name, shown.label, *values, shown.unit, share)
-    console().print(table, highlight=False)
+    console().print(table)
 
 
 def _number(value: float, digits: int = 3) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,10 +51,10 @@ def _with_rig_file(campaign: Campaign, file: Path) -> Campaign:
 
     The standard errors of its effects are not used: an effect may have changed, so that it is fitted anew.
     """
+    from twin.campaigns.declared_rig import with_rig
     from twin.rigs.rig_file import read_rig_file
 
-    rig, effects = read_rig_file(file)
-    return replace(campaign, rig=rig, effects=effects)
+    return with_rig(campaign, *read_rig_file(file))
 
 
 def _diagnose(
@@ -89,4 +88,4 @@ def _diagnose(
     print_summary(result, screen, {**delivery.paths, **answer})
     if delivery.left_out:
         missing = ", ".join(delivery.left_out)
-        screen.print(f"{delivery.paths['MJCF'].name} leaves out: {missing}", highlight=False, markup=False)
+        screen.print(f"{delivery.paths['MJCF'].name} leaves out: {missing}")

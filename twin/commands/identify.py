@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,11 +67,11 @@ def _with_rig_file(campaign: Campaign, file: Path | None) -> Campaign:
     """The campaign with the rig, effects and standard errors of a parameter file, if there is one."""
     if file is None:
         return campaign
+    from twin.campaigns.declared_rig import with_rig
     from twin.rigs.rig_file import read_rig_file, read_uncertainty
 
-    rig, effects = read_rig_file(file)
     errors, _ = read_uncertainty(file)
-    return replace(campaign, rig=rig, effects=effects, effect_errors=errors)
+    return with_rig(campaign, *read_rig_file(file), errors)
 
 
 def _held_out(result: Identification) -> Table:
@@ -95,7 +94,7 @@ def _print(result: Identification, paths: dict[str, Path]) -> None:
     from twin.identification.text import format_estimate
 
     screen = console()
-    screen.print(f"{result.campaign}: identified", highlight=False, markup=False)
+    screen.print(f"{result.campaign}: identified")
     table = Table("parameter", "declared", "identified (95 % interval)", "unit", "not determined", box=None)
     for name, p in result.all_parameters.items():
         table.add_row(
@@ -105,19 +104,19 @@ def _print(result: Identification, paths: dict[str, Path]) -> None:
             p.unit,
             result.not_determined.get(name, ""),
         )
-    screen.print(table, highlight=False)
+    screen.print(table)
     for finding in result.findings:
-        screen.print(f"\n{finding.title}", highlight=False, markup=False)
+        screen.print(f"\n{finding.title}")
         lines = (f"not possible: {finding.missing}",) if finding.missing else finding.sentences
         for line in lines:
-            screen.print(f"  {line}", highlight=False, markup=False)
+            screen.print(f"  {line}")
     if result.held_out:
-        screen.print("\nHeld-out recordings: measured minus simulated, in noise levels", highlight=False)
-        screen.print(_held_out(result), highlight=False)
+        screen.print("\nHeld-out recordings: measured minus simulated, in noise levels")
+        screen.print(_held_out(result))
     if result.notes:
-        screen.print("\nAssumptions and data defects", highlight=False)
+        screen.print("\nAssumptions and data defects")
         for note in result.notes:
-            screen.print(f"  {note}", highlight=False, markup=False)
+            screen.print(f"  {note}")
     screen.print()
     for what, path in paths.items():
-        screen.print(f"{what:<7} {path}", highlight=False, markup=False, soft_wrap=True)
+        screen.print(f"{what:<7} {path}", soft_wrap=True)

@@ -49,7 +49,7 @@ def plan_experiment(
     _print(planned)
     if written is not None:
         text = f"{torque_file} has the torque of {written.experiment.name}: {written.experiment.how}"
-        console().print(text, highlight=False, markup=False, soft_wrap=True)
+        console().print(text, soft_wrap=True)
 
 
 def _print(planned: ExperimentPlan) -> None:
@@ -58,8 +58,8 @@ def _print(planned: ExperimentPlan) -> None:
     from twin.diagnosis import experiments
 
     screen = console()
-    screen.print(planned.recommendation(), highlight=False, markup=False)
+    screen.print(planned.recommendation())
     table = Table("experiment", "what to do", "noise levels apart", "in", "with another sensor", box=None)
     for row in experiments.rows(planned.plans):
         table.add_row(*row)
-    screen.print(table, highlight=False)
+    screen.print(table)

@@ -123,7 +123,7 @@ def run(
         write_json(json_file, answer)
     _print(answer)
     for line in remarks:
-        console().print(line, highlight=False, markup=False)
+        console().print(line)
 
 
 def _answer(experiment: Experiment, result: Run) -> dict[str, Any]:
@@ -169,9 +169,9 @@ def _print(answer: dict[str, Any]) -> None:
         highlight=False,
     )
     if "patch" in answer:
-        screen.print(f"With a patch, which is no physics: {answer['patch']}", highlight=False)
+        screen.print(f"With a patch, which is no physics: {answer['patch']}")
     table = Table("figure", "value", box=None)
     table.columns[1].justify = "right"
     for name, value in answer["metrics"].items():
         table.add_row(name, f"{value:.4g}")
-    screen.print(table, highlight=False)
+    screen.print(table)

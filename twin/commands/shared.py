@@ -15,11 +15,8 @@ import typer
 from twin.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from twin.commands.screen import Screen
     from twin.parameters import Rig
-
-_WIDTH = 110  # columns of output into a file or a pipe
 
 
 def _out_folder(kind: str) -> Any:
@@ -57,28 +54,31 @@ IdentificationFolder = Annotated[Path | None, _out_folder("identification")]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds other files.")]
 
 
-def console() -> Console:
-    """Returns the console for results, as wide as the terminal, else `_WIDTH` columns."""
-    from rich.console import Console
+def console() -> Screen:
+    """Returns the console for results."""
+    from twin.commands.screen import Screen
 
-    screen = Console()
-    return screen if screen.is_terminal else Console(width=_WIDTH)
+    return Screen()
 
 
 @contextmanager
 def progress() -> Iterator[Callable[[str], None]]:
     """Yields a function that shows a text as the current stage, on standard error if that is a terminal."""
-    from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    screen = Console(stderr=True)
+    from twin.commands.screen import Screen
+    from twin.labels import printable
+
+    screen = Screen(stderr=True)
     if not screen.is_terminal:
         yield lambda text: None
         return
-    columns = (SpinnerColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+    plain = screen.options.ascii_only
+    spinner = SpinnerColumn("line" if plain else "dots")
+    columns = (spinner, TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
     with Progress(*columns, console=screen, transient=True) as display:
         task = display.add_task("starting", total=None)
-        yield lambda text: display.update(task, description=text)
+        yield lambda text: display.update(task, description=printable(text, plain))
 
 
 def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:

@@ -126,15 +126,15 @@ def _print(result: Validation) -> None:
     from twin.validation import text
 
     screen = console()
-    screen.print(text.headline(result), highlight=False, markup=False)
+    screen.print(text.headline(result))
     screen.print()
     table = Table("requirement", "limit", "nominal", "median", "worst", "missed", "driven by", box=None)
     for column in table.columns[1:6]:
         column.justify = "right"
     for row in text.rows(result):
         table.add_row(*row)
-    screen.print(table, highlight=False)
+    screen.print(table)
     screen.print()
     for line in (*text.worst_cases(result), *text.remarks(result)):
-        screen.print(line, highlight=False, markup=False)
+        screen.print(line)
     screen.print("passed" if result.passed else "failed")

@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 
 from twin.control.laws.base import Controller
-from twin.control.plants.base import READINGS, Plant, Reference
+from twin.control.plants.base import READINGS, Plant, Reference, wanted_angle
 from twin.control.plants.sensors import Sensors
+from twin.errors import InputError
 from twin.recording import Recording
 
 _PIECE = 0.5  # s, length of the pieces of a run that are passed to `watch`
 
 
-class DivergenceError(RuntimeError):
-    """The motion of a plant is no longer finite."""
+class DivergenceError(InputError):
+    """The motion of a plant is no longer finite: an unstable controller, or parameters beyond what can be simulated."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def run(
     steps = math.ceil((duration - plant.period / 2) / plant.period)
     for step in range(steps + 1):
         readings = {**sensors.read(plant.time(), plant.read()), "time": plant.time()}
-        target = reference(plant.time())
+        target = wanted_angle(reference, plant.time())
         torque = float(controller.torque(dict(readings), target))
         log.add(plant, {**readings, "reference": target}, torque, getattr(controller, "states", {}))
         if watch is not None and (step == steps or len(log.rows) - watched >= _PIECE / plant.period):
@@ -136,7 +137,10 @@ def run(
 
 def _check_divergence(plant: Plant) -> None:
     if not np.all(np.isfinite(plant.configuration)):
-        raise DivergenceError(f"the {plant.name} diverged at {plant.time():g} s: a coordinate is not finite")
+        raise DivergenceError(
+            f"the {plant.name} diverged at {plant.time():g} s: a coordinate is not finite; expected a controller and "
+            "a rig whose motion stays bounded: check the units of gains, stiffnesses and torques"
+        )
 
 
 def _column(rows: tuple[Mapping[str, float], ...], name: str) -> np.ndarray:

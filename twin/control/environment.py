@@ -16,12 +16,17 @@ import numpy as np
 from dm_control.rl import control
 from dm_env import specs
 
-from twin.control.plants.base import PERIOD, READINGS, Plant, Reference
+from twin.control.plants.base import PERIOD, READINGS, Plant, Reference, wanted_angle
 from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
+from twin.errors import InputError, checked_number, quoted
 from twin.parameters import Rig
 from twin.rigs.patch import Patch
 
+_PERIODS = (1e-5, 0.1)
+"""Sample periods [s] with which a hub and its first mode can be controlled."""
+_LONGEST = 1e5
+"""Longest episode [s]."""
 _GOOD = math.radians(0.5)  # rad, error up to which the reward is 1
 _POOR = math.radians(30.0)  # rad, further error at which the reward has fallen to 0.1
 
@@ -81,7 +86,9 @@ class FollowReference(control.Task):
         self._sensors.reset()
 
     def before_step(self, action: Any, physics: PlantPhysics) -> None:
-        """Sets the torque."""
+        """Sets the torque; raises InputError where it is not finite."""
+        if not np.all(np.isfinite(action)):
+            raise InputError(f"the torque is {action}; expected a finite number of N m")
         physics.set_control(action)
 
     def after_step(self, physics: PlantPhysics) -> None:
@@ -101,7 +108,7 @@ class FollowReference(control.Task):
         """Present readings, time and reference."""
         true = physics.plant.read()
         now = physics.time()
-        reference = self.reference(now)
+        reference = wanted_angle(self.reference, now)
         values = {**self._sensors.read(now, true), "time": now, "reference": reference}
         return {name: np.asarray(value, dtype=float) for name, value in values.items()}
 
@@ -137,8 +144,16 @@ def rig_environment(
       period: sample period [s].
       sensors: by default without noise and quantisation, with the effects on the readings.
       patch: empirical lookup table; None for none.
+
+    Raises:
+      InputError: rig, effects, reference, duration or period cannot be used.
     """
     from twin.control import plants
+
+    checked_number("period", period, *_PERIODS, "s")
+    checked_number("duration", duration, period, _LONGEST, "s")
+    if not callable(reference):
+        raise InputError(f"reference is {quoted(reference)}; expected a function of the time")
 
     plant = plants.make_plant("chain", rig, effects, period, patch=patch)
     if sensors is None:

@@ -13,8 +13,12 @@ from twin.control.laws import library
 from twin.control.laws.base import Controller
 from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import BOSSI2009, Sensors
+from twin.errors import checked_count
 from twin.parameters import Rig
 from twin.rigs.patch import Patch
+
+LARGEST_SEED = 2**128 - 1
+"""Largest seed of random numbers: numpy's generators have 128 bits."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,9 @@ class Experiment:
       controller: name or FILE.py:NAME; None for the scenario's own.
       noise: seed of the sensors' noise; None for no noise and quantisation.
       patch: empirical lookup table; None for none.
+
+    Raises:
+      InputError: the seed is no whole number from 0 to 2^128 - 1.
     """
 
     scenario: str
@@ -38,6 +45,10 @@ class Experiment:
     controller: str | None = None
     noise: int | None = None
     patch: Patch | None = None
+
+    def __post_init__(self) -> None:
+        if self.noise is not None:
+            checked_count("noise", self.noise, 0, LARGEST_SEED)
 
     @property
     def controller_name(self) -> str:

@@ -28,7 +28,7 @@ from twin.diagnosis.conclude import conclude
 from twin.diagnosis.plan import plans_for_pair
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY, EffectParameter
-from twin.errors import InputError
+from twin.errors import checked_count, checked_number
 from twin.estimation import jackknife, output_error, refine, static_friction
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.estimation.fit import Fit
@@ -41,6 +41,7 @@ MOST_EFFECTS = 3
 MOST_ROUNDS = 6
 """Rounds of the search at most: more than effects, because revision may remove an effect."""
 FALSE_ALARM_RATE = 0.01
+_MOST_WORKERS = 1024  # threads
 
 
 def diagnose(
@@ -58,11 +59,12 @@ def diagnose(
       false_alarm_rate: upper bound of the probability that an effect is adopted where none is missing.
 
     Raises:
-      InputError: the rate is not between 1/`permutation.DRAWS` and 0.5.
+      InputError: the rate is not between 1/`permutation.DRAWS` and 0.5, or there cannot be so many threads.
     """
     least = 1 / permutation.DRAWS
-    if not least <= false_alarm_rate <= 0.5:
-        raise InputError(f"false-alarm rate is {false_alarm_rate:g}; expected {least:g} to 0.5")
+    checked_number("false-alarm rate", false_alarm_rate, least, 0.5)
+    if workers is not None:
+        checked_count("workers", workers, 1, _MOST_WORKERS)
     began = time.perf_counter()
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         state = search(campaign, pool, progress, false_alarm_rate)
@@ -169,7 +171,7 @@ def first_round(
 def on_output_errors(state: SearchState, more: bool, progress: Progress) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on; unchanged where these are chaotic.
 
-    Free runs are used where a model explains them, or where no stick or slip decides them within the scatter of friction.
+    Free runs are used where a model explains them, or where no stick or slip within the scatter of friction decides them.
     """
     if state.on_output_errors or not output_error.is_repeatable(state.bench, state.best):
         return state, more

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +20,8 @@ from twin.diagnosis.separation import Explanation
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
 from twin.estimation.calibrate import Calibration, calibrate, noise_levels
-from twin.files.outputs import writing
+from twin.files.table import csv_text
+from twin.files.whole import write_file
 from twin.progress import Progress, silent
 from twin.recording import MEASURED
 
@@ -109,12 +109,9 @@ def write_torque(plans: Sequence[Plan], path: Path) -> Plan:
     if best is None:
         raise InputError("no torque makes any of these experiments; expected none with --torque")
     recording = best.experiment.recording
-    with writing(path), path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time", "torque_command"])
-        writer.writerows(
-            [f"{t:.6g}", f"{u:.6g}"] for t, u in zip(recording.time, recording["torque_command"], strict=True)
-        )
+    rows = zip(recording.time, recording["torque_command"], strict=True)
+    text = csv_text([["time", "torque_command"], *([f"{t:.6g}", f"{u:.6g}"] for t, u in rows)])
+    write_file(path, text)
     return best
 
 

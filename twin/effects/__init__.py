@@ -20,6 +20,7 @@ from twin.effects.backlash import Backlash
 from twin.effects.base import TORSION, Drive, Effect, EffectParameter
 from twin.effects.cable_torsion import CableTorsion
 from twin.effects.cogging import Cogging
+from twin.effects.dead_zone import DeadZone
 from twin.effects.gravity_tilt import GravityTilt
 from twin.effects.hub_sensor_gain import HubSensorGain
 from twin.effects.hub_sensor_nonlinearity import HubSensorNonlinearity
@@ -47,6 +48,7 @@ _BUILT_IN: tuple[Effect, ...] = (
     CableTorsion(),
     Cogging(),
     TorqueGain(),
+    DeadZone(),
     TorqueBias(),
     ActuatorLag(),
     ActuatorDelay(),

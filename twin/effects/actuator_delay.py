@@ -1,6 +1,6 @@
 """Dead time between commanded and delivered torque."""
 
-from twin.effects.base import TIMING_TOLERANCE, Effect, EffectParameter
+from twin.effects.base import TIMES, TIMING_TOLERANCE, Effect, EffectParameter
 
 
 class ActuatorDelay(Effect):
@@ -9,7 +9,7 @@ class ActuatorDelay(Effect):
     name = "actuator-delay"
     meaning = "a drive that follows its command after a dead time"
     acts_on = "drive"
-    parameters = (EffectParameter("delay", "s", 0.0, (0.0, 0.2), 2e-3),)
+    parameters = (EffectParameter("delay", "s", 0.0, (0.0, 0.2), 2e-3, possible=TIMES),)
 
     def is_resolved(self, values, period):
         return values["delay"] >= TIMING_TOLERANCE * period

@@ -1,6 +1,6 @@
 """First-order lag between commanded and delivered torque."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import TIMES, Effect, EffectParameter
 
 
 class ActuatorLag(Effect):
@@ -9,7 +9,7 @@ class ActuatorLag(Effect):
     name = "actuator-lag"
     meaning = "a drive that follows its command with a first-order lag"
     acts_on = "drive"
-    parameters = (EffectParameter("time_constant", "s", 0.0, (0.0, 0.5), 1e-3),)
+    parameters = (EffectParameter("time_constant", "s", 0.0, (0.0, 0.5), 1e-3, possible=TIMES),)
 
     def drive(self, drive, p):
         return drive.replace(lag=p["time_constant"])

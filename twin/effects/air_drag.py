@@ -1,6 +1,6 @@
 """Quadratic air drag on the tip."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import DRAG, Effect, EffectParameter
 
 
 class AirDrag(Effect):
@@ -9,7 +9,7 @@ class AirDrag(Effect):
     name = "air-drag"
     meaning = "drag on the tip, proportional to the square of its speed"
     acts_on = "payload"
-    parameters = (EffectParameter("coefficient", "N*s^2/m^2", 0.0, (0.0, 10.0), 2e-3),)
+    parameters = (EffectParameter("coefficient", "N*s^2/m^2", 0.0, (0.0, 10.0), 2e-3, possible=DRAG),)
 
     def plant(self, plant, p):
         return plant.with_link(drag_quadratic=p["coefficient"])

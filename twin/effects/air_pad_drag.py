@@ -1,6 +1,6 @@
 """Linear drag on the tip, as an air-pad causes it."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import DRAG, Effect, EffectParameter
 
 
 class AirPadDrag(Effect):
@@ -9,7 +9,7 @@ class AirPadDrag(Effect):
     name = "air-pad-drag"
     meaning = "drag on the tip, proportional to its speed"
     acts_on = "payload"
-    parameters = (EffectParameter("viscous", "N*s/m", 0.0, (0.0, 10.0), 1e-3),)
+    parameters = (EffectParameter("viscous", "N*s/m", 0.0, (0.0, 10.0), 1e-3, possible=DRAG),)
 
     def plant(self, plant, p):
         return plant.with_link(drag_linear=p["viscous"])

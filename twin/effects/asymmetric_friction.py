@@ -1,6 +1,6 @@
 """Friction levels that depend on the direction of rotation."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import TORQUES, Effect, EffectParameter
 
 
 class AsymmetricFriction(Effect):
@@ -10,10 +10,10 @@ class AsymmetricFriction(Effect):
     meaning = "friction levels that differ between the two directions of rotation"
     acts_on = "hub"
     parameters = (
-        EffectParameter("static_positive", "N*m", None, (0.0, 1e3), 1e-3),
-        EffectParameter("static_negative", "N*m", None, (0.0, 1e3), 1e-3),
-        EffectParameter("coulomb_positive", "N*m", None, (0.0, 1e3), 1e-4),
-        EffectParameter("coulomb_negative", "N*m", None, (0.0, 1e3), 1e-4),
+        EffectParameter("static_positive", "N*m", None, (0.0, 1e3), 1e-3, possible=TORQUES),
+        EffectParameter("static_negative", "N*m", None, (0.0, 1e3), 1e-3, possible=TORQUES),
+        EffectParameter("coulomb_positive", "N*m", None, (0.0, 1e3), 1e-4, possible=TORQUES),
+        EffectParameter("coulomb_negative", "N*m", None, (0.0, 1e3), 1e-4, possible=TORQUES),
     )
     replaces = ("static_friction", "coulomb_friction")
 

@@ -1,5 +1,7 @@
 """Backlash between the motor and the hub."""
 
+import math
+
 import numpy as np
 
 from twin.effects.base import Effect, EffectParameter
@@ -19,9 +21,9 @@ class Backlash(Effect):
     meaning = "play between motor and hub"
     acts_on = "drive"
     parameters = (
-        EffectParameter("gap", "rad", 0.0, (0.0, 0.3), 2e-3),
-        EffectParameter("motor_inertia_share", "1", 0.4, (0.05, 0.9), 0.05),
-        EffectParameter("contact_loss", "1", CONTACT_LOSS, (0.02, 0.8), 0.03),
+        EffectParameter("gap", "rad", 0.0, (0.0, 0.3), 2e-3, possible=(0.0, 2 * math.pi)),
+        EffectParameter("motor_inertia_share", "1", 0.4, (0.05, 0.9), 0.05, possible=(0.01, 0.99)),
+        EffectParameter("contact_loss", "1", CONTACT_LOSS, (0.02, 0.8), 0.03, possible=(0.0, 1.0)),
     )
     linearisable = False
     undefined_at_neutral = ("motor_inertia_share", "contact_loss")

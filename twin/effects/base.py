@@ -12,10 +12,11 @@ import numpy as np
 
 from twin.effects.reading import Reading
 from twin.effects.wave import Wave
+from twin.errors import InputError, checked_number, quoted
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubLaw, HubTorque
 from twin.mechanics.plant import Plant
-from twin.parameters import Rig
+from twin.parameters import PARAMETERS, Rig
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -31,6 +32,24 @@ FAR_MULTIPLES = tuple(np.geomspace(1, 3000, 28).tolist())
 and possibly far larger."""
 
 
+# Values that a rig can have, wider than what a search tries: beyond them a model says nothing of any rig.
+TIMES = (0.0, 10.0)
+"""Delays and time constants [s]: of a longer one, an experiment of 5 to 20 s shows nothing."""
+TORQUES = PARAMETERS["static_friction"][1]
+"""Magnitude of a torque on the hub [N m]."""
+ANGLES = (-1e3, 1e3)
+"""Phases, directions and rest angles [rad]: whole turns are allowed, and keep 12 digits of a sine."""
+GAIN_ERRORS = (1e-3, 1e3)
+"""Gain errors [1]: none is 0, which is a dead channel, or negative, which is a sign in the campaign."""
+ORDERS = (1e-2, 1e3)
+"""Periods per turn [1]."""
+DRAG = (0.0, 1e3)
+"""Drag and viscous friction per length or angle, in the effect's unit."""
+
+_LARGEST = 1e12
+"""Magnitude of a parameter of another package that says nothing else: larger ones leave a double 4 digits of a rig."""
+
+
 @dataclass(frozen=True)
 class EffectParameter:
     """One parameter of an effect.
@@ -40,6 +59,8 @@ class EffectParameter:
       unit: SI unit.
       neutral: value at which the effect vanishes; None if this is the declared value of the rig parameter.
       bounds: of a fit.
+      possible: smallest and largest value that a rig can have; None for any of the sign of `bounds`. Files and callers
+        are held to it, and rigs drawn from the uncertainty.
       step: small change that is visible in the data, from which a search starts.
       channel: channel without which the parameter has no influence, or None.
       inverse: whether a fit uses the reciprocal of the value, as of a stiffness whose neutral value is infinite.
@@ -55,6 +76,35 @@ class EffectParameter:
     channel: str | None = None
     inverse: bool = False
     choice: bool = False
+    possible: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        low, high = self.possible_range
+        if not low <= self.bounds[0] <= self.bounds[1] <= high:
+            raise ValueError(
+                f"{self.name} has the bounds {self.bounds}; expected them ascending, within {(low, high)}"
+            )
+
+    @property
+    def possible_range(self) -> tuple[float, float]:
+        """Smallest and largest value that a rig can have."""
+        if self.possible is not None:
+            return self.possible
+        low, high = self.bounds
+        return (0.0 if low >= 0 else min(low, -_LARGEST)), (0.0 if high <= 0 else max(high, _LARGEST))
+
+    def checked(self, field: str, value: object) -> float:
+        """Returns a value that a rig can have.
+
+        Raises:
+          InputError: it is none.
+        """
+        if not self.choice:
+            return checked_number(field, value, *self.possible_range, self.unit)
+        number = checked_number(field, value, *self.bounds)
+        if number != round(number):
+            raise InputError(f"{field} is {quoted(value)}; expected a whole number, as it is a choice")
+        return number
 
     def turned(self, value: float) -> float:
         """The value, or its reciprocal if `inverse`: from value to fitted number and back."""
@@ -177,6 +227,18 @@ class Effect:
     def neutral(self, rig: Mapping[str, float]) -> dict[str, float]:
         """Values at which the model equals the one without this effect."""
         return {p.name: rig[p.name] if p.neutral is None else p.neutral for p in self.parameters}
+
+    def checked(self, given: Mapping[str, object], rig: Mapping[str, float]) -> dict[str, float]:
+        """Returns values that a rig can have, neutral ones where none are given.
+
+        Raises:
+          InputError: no rig can have a value.
+        """
+        values = self.neutral(rig)
+        for p in self.parameters:
+            if p.name in given:
+                values[p.name] = p.checked(f"effects.{self.name}.{p.name}", given[p.name])
+        return values
 
     def free_parameters(self, values: Mapping[str, float]) -> tuple[EffectParameter, ...]:
         """Parameters that a fit varies when the effect has these values."""

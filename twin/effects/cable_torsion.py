@@ -2,7 +2,7 @@
 
 import math
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import ANGLES, Effect, EffectParameter
 from twin.mechanics.hub_law import HubLaw
 
 
@@ -22,8 +22,8 @@ class CableTorsion(Effect):
     meaning = "wires that pull the hub back like a spring"
     acts_on = "hub"
     parameters = (
-        EffectParameter("stiffness", "N*m/rad", 0.0, (0.0, 10.0), 1e-3),
-        EffectParameter("rest_angle", "rad", 0.0, (-2 * math.pi, 2 * math.pi), 0.1),
+        EffectParameter("stiffness", "N*m/rad", 0.0, (0.0, 10.0), 1e-3, possible=(0.0, 1e4)),
+        EffectParameter("rest_angle", "rad", 0.0, (-2 * math.pi, 2 * math.pi), 0.1, possible=ANGLES),
     )
 
     hub_law = torque

@@ -2,7 +2,7 @@
 
 import math
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import ANGLES, ORDERS, TORQUES, Effect, EffectParameter
 from twin.effects.wave import Wave
 from twin.mechanics.hub_law import HubLaw
 
@@ -24,9 +24,9 @@ class Cogging(Effect):
     meaning = "a torque of the motor's magnets, periodic in the angle"
     acts_on = "drive"
     parameters = (
-        EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
-        EffectParameter("order", "1", 2.0, (1.9, 80.0), 0.02),
-        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
+        EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3, possible=TORQUES),
+        EffectParameter("order", "1", 2.0, (1.9, 80.0), 0.02, possible=ORDERS),
+        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, possible=ANGLES),
     )
     hub_law = torque
     on_motor = True

@@ -1,9 +1,11 @@
 """Gravity in the plane of motion of a rig that is not level."""
 
+import math
+
 import numpy as np
 from scipy.constants import g
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import ANGLES, Effect, EffectParameter
 
 
 class GravityTilt(Effect):
@@ -13,8 +15,8 @@ class GravityTilt(Effect):
     meaning = "gravity in the plane of motion, which is not level"
     acts_on = "link"
     parameters = (
-        EffectParameter("tilt", "rad", 0.0, (0.0, 0.8), 1e-3),
-        EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1),
+        EffectParameter("tilt", "rad", 0.0, (0.0, 0.8), 1e-3, possible=(0.0, math.pi / 2)),
+        EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1, possible=ANGLES),
     )
     undefined_at_neutral = ("direction",)
 

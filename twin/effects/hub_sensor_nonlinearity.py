@@ -1,10 +1,11 @@
 """Periodic error of the hub angle sensor: the track of a potentiometer, the eccentricity of an encoder disc."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import ANGLES, ORDERS, Effect, EffectParameter
 from twin.effects.wave import Wave
 
 
@@ -15,9 +16,9 @@ class HubSensorNonlinearity(Effect):
     meaning = "an error of the hub angle sensor, periodic in the angle"
     acts_on = "sensors"
     parameters = (
-        EffectParameter("amplitude", "rad", 0.0, (0.0, 0.5), 1e-3, "hub_angle"),
-        EffectParameter("order", "1", 1.0, (0.9, 40.0), 0.02, "hub_angle"),
-        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, "hub_angle"),
+        EffectParameter("amplitude", "rad", 0.0, (0.0, 0.5), 1e-3, "hub_angle", possible=(0.0, 2 * math.pi)),
+        EffectParameter("order", "1", 1.0, (0.9, 40.0), 0.02, "hub_angle", possible=ORDERS),
+        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, "hub_angle", possible=ANGLES),
     )
     undefined_at_neutral = ("order", "phase")
     wave = Wave("reading", "order")

@@ -1,6 +1,7 @@
 """A payload mass outside its declared uncertainty."""
 
 from twin.effects.base import FAR_MULTIPLES, Effect, EffectParameter
+from twin.parameters import PARAMETERS
 
 
 class PayloadMass(Effect):
@@ -9,7 +10,9 @@ class PayloadMass(Effect):
     name = "payload-mass"
     meaning = "a payload mass other than the declared one"
     acts_on = "payload"
-    parameters = (EffectParameter("tip_mass", "kg", None, (0.0, 1e3), 1e-3),)
+    parameters = (
+        EffectParameter("tip_mass", "kg", None, (0.0, 1e3), 1e-3, possible=PARAMETERS["tip_mass"][1]),
+    )
     replaces = ("tip_mass",)
     search_multiples = FAR_MULTIPLES
 

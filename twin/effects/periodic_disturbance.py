@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import ANGLES, TORQUES, Effect, EffectParameter
 from twin.effects.wave import Wave
 from twin.mechanics.hub_law import HubLaw
 
@@ -27,11 +27,11 @@ class PeriodicDisturbance(Effect):
     meaning = "a sinusoidal disturbance of one frequency"
     acts_on = "hub"
     parameters = (
-        EffectParameter("frequency", "Hz", 1.0, (0.05, 60.0), 0.002),
-        EffectParameter("amplitude", "N*m", 0.0, (0.0, 20.0), 1e-3),
-        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
+        EffectParameter("frequency", "Hz", 1.0, (0.05, 60.0), 0.002, possible=(1e-3, 1e3)),
+        EffectParameter("amplitude", "N*m", 0.0, (0.0, 20.0), 1e-3, possible=TORQUES),
+        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, possible=ANGLES),
         EffectParameter("base", "1", 0.0, (0.0, 1.0), 1.0, choice=True),
-        EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1),
+        EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1, possible=ANGLES),
     )
     hub_law = torque
     mjcf_is_exact = False

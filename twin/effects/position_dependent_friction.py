@@ -1,6 +1,6 @@
 """Friction that is periodic in the hub angle: an eccentric bearing."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import ANGLES, ORDERS, TORQUES, Effect, EffectParameter
 from twin.effects.wave import Wave
 
 
@@ -11,9 +11,9 @@ class PositionDependentFriction(Effect):
     meaning = "friction levels that are periodic in the hub angle"
     acts_on = "hub"
     parameters = (
-        EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3),
-        EffectParameter("order", "1", 1.0, (0.9, 80.0), 0.02),
-        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1),
+        EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3, possible=TORQUES),
+        EffectParameter("order", "1", 1.0, (0.9, 80.0), 0.02, possible=ORDERS),
+        EffectParameter("phase", "rad", 0.0, (-20.0, 20.0), 0.1, possible=ANGLES),
     )
     undefined_at_neutral = ("order", "phase")
     wave = Wave("friction", "order")

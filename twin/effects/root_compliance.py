@@ -12,7 +12,11 @@ class RootCompliance(Effect):
     name = "root-compliance"
     meaning = "an elastic clamp between hub and link"
     acts_on = "link"
-    parameters = (EffectParameter("stiffness", "N*m/rad", math.inf, (0.5, math.inf), 1e-3, inverse=True),)
+    parameters = (
+        EffectParameter(
+            "stiffness", "N*m/rad", math.inf, (0.5, math.inf), 1e-3, inverse=True, possible=(1e-3, math.inf)
+        ),
+    )
     search_multiples = FAR_MULTIPLES
 
     def links(self, links, rig, p):

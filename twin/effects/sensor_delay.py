@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from twin.effects.base import TIMING_TOLERANCE, Effect, EffectParameter
+from twin.effects.base import TIMES, TIMING_TOLERANCE, Effect, EffectParameter
 
 
 class SensorDelay(Effect):
@@ -15,7 +15,7 @@ class SensorDelay(Effect):
     meaning = "a delay of sensor readings"
     acts_on = "sensors"
     parameters = (
-        EffectParameter("delay", "s", 0.0, (0.0, 0.05), 1e-3),
+        EffectParameter("delay", "s", 0.0, (0.0, 0.05), 1e-3, possible=TIMES),
         EffectParameter("hub_angle", "1", 1.0, (0.0, 1.0), 1.0, "hub_angle", choice=True),
         EffectParameter("strain", "1", 1.0, (0.0, 1.0), 1.0, choice=True),
         EffectParameter("motor_torque", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),

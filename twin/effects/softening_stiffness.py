@@ -13,8 +13,8 @@ class SofteningStiffness(Effect):
     meaning = "a bending stiffness that decreases with curvature"
     acts_on = "link"
     parameters = (
-        EffectParameter("softening", "1", 0.0, (0.0, 0.95), 0.01),
-        EffectParameter("curvature", "1/m", 1.0, (0.02, 20.0), 0.05),
+        EffectParameter("softening", "1", 0.0, (0.0, 0.95), 0.01, possible=(0.0, 0.99)),
+        EffectParameter("curvature", "1/m", 1.0, (0.02, 20.0), 0.05, possible=(1e-3, 1e3)),
     )
     undefined_at_neutral = ("curvature",)
 

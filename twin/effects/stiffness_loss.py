@@ -1,6 +1,7 @@
 """A bending stiffness of the whole link outside its declared uncertainty."""
 
 from twin.effects.base import FAR_MULTIPLES, Effect, EffectParameter
+from twin.parameters import PARAMETERS
 
 
 class StiffnessLoss(Effect):
@@ -9,7 +10,16 @@ class StiffnessLoss(Effect):
     name = "stiffness-loss"
     meaning = "a bending stiffness of the whole link other than the declared one"
     acts_on = "link"
-    parameters = (EffectParameter("bending_stiffness", "N*m^2", None, (1e-6, 1e6), -2e-3),)
+    parameters = (
+        EffectParameter(
+            "bending_stiffness",
+            "N*m^2",
+            None,
+            (1e-6, 1e6),
+            -2e-3,
+            possible=PARAMETERS["bending_stiffness"][1],
+        ),
+    )
     replaces = ("bending_stiffness",)
     search_multiples = FAR_MULTIPLES
 

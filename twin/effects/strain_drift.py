@@ -15,7 +15,8 @@ class StrainDrift(Effect):
     meaning = "a drift of the strain bridges, linear in time"
     acts_on = "sensors"
     parameters = tuple(
-        EffectParameter(rate, "1/s", 0.0, (-1e-2, 1e-2), 1e-6, ch) for ch, rate in RATES.items()
+        EffectParameter(rate, "1/s", 0.0, (-1e-2, 1e-2), 1e-6, ch, possible=(-1.0, 1.0))
+        for ch, rate in RATES.items()
     )
 
     def reading(self, reading, channel, p):

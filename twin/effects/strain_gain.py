@@ -1,6 +1,6 @@
 """Gain errors of the strain bridges."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import GAIN_ERRORS, Effect, EffectParameter
 
 _GAUGE_FACTOR_TOLERANCE = 5e-3
 """Relative tolerance of gauge factors in data sheets of good foil gauges: a smaller gain error is no fault."""
@@ -14,7 +14,10 @@ class StrainGain(Effect):
     name = "strain-gain"
     meaning = "a gain error of the strain bridges"
     acts_on = "sensors"
-    parameters = tuple(EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch) for ch, gain in GAINS.items())
+    parameters = tuple(
+        EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch, possible=GAIN_ERRORS)
+        for ch, gain in GAINS.items()
+    )
 
     def is_resolved(self, values, period):
         return max(abs(values[gain] - 1) for gain in GAINS.values()) >= _GAUGE_FACTOR_TOLERANCE

@@ -9,7 +9,7 @@ class StribeckFriction(Effect):
     name = "stribeck-friction"
     meaning = "sliding friction that decreases with speed from the static to the Coulomb level"
     acts_on = "hub"
-    parameters = (EffectParameter("stribeck_velocity", "rad/s", 0.0, (0.0, 20.0), 0.1),)
+    parameters = (EffectParameter("stribeck_velocity", "rad/s", 0.0, (0.0, 20.0), 0.1, possible=(0.0, 1e3)),)
 
     def starts(self, rig):
         return tuple({"stribeck_velocity": v} for v in (0.05, 0.3, 1.5))

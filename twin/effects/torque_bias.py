@@ -1,6 +1,6 @@
 """Constant offset of the delivered torque."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import TORQUES, Effect, EffectParameter
 
 
 class TorqueBias(Effect):
@@ -9,7 +9,7 @@ class TorqueBias(Effect):
     name = "torque-bias"
     meaning = "a constant torque on the hub"
     acts_on = "drive"
-    parameters = (EffectParameter("bias", "N*m", 0.0, (-1.0, 1.0), 1e-4),)
+    parameters = (EffectParameter("bias", "N*m", 0.0, (-1.0, 1.0), 1e-4, possible=(-TORQUES[1], TORQUES[1])),)
 
     def drive(self, drive, p):
         return drive.replace(torque=drive.torque + p["bias"], before=drive.before + p["bias"])

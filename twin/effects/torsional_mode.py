@@ -23,11 +23,11 @@ class TorsionalMode(Effect):
     meaning = "a lightly damped extra mode of the link"
     acts_on = "link"
     parameters = (
-        EffectParameter("frequency", "Hz", 28.0, (4.0, 80.0), 0.05),
-        EffectParameter("damping_ratio", "1", 0.02, (5e-4, 0.4), 2e-3),
-        EffectParameter("inertia_share", "1", 0.0, (0.0, 0.85), 0.01),
+        EffectParameter("frequency", "Hz", 28.0, (4.0, 80.0), 0.05, possible=(0.1, 1e4)),
+        EffectParameter("damping_ratio", "1", 0.02, (5e-4, 0.4), 2e-3, possible=(0.0, 1.0)),
+        EffectParameter("inertia_share", "1", 0.0, (0.0, 0.85), 0.01, possible=(0.0, 0.99)),
         *(
-            EffectParameter(name, "1/rad", 0.0, (-1.0, 1.0), 1e-4, ch)
+            EffectParameter(name, "1/rad", 0.0, (-1.0, 1.0), 1e-4, ch, possible=(-1e3, 1e3))
             for ch, name in TWIST_PARAMETERS.items()
         ),
     )

@@ -1,6 +1,6 @@
 """Viscous friction of the hub."""
 
-from twin.effects.base import Effect, EffectParameter
+from twin.effects.base import DRAG, Effect, EffectParameter
 from twin.mechanics.hub_law import HubLaw
 
 
@@ -16,5 +16,5 @@ class ViscousFriction(Effect):
     name = "viscous-friction"
     meaning = "friction proportional to the rate of the hub"
     acts_on = "hub"
-    parameters = (EffectParameter("viscous", "N*m*s/rad", 0.0, (0.0, 10.0), 1e-4),)
+    parameters = (EffectParameter("viscous", "N*m*s/rad", 0.0, (0.0, 10.0), 1e-4, possible=DRAG),)
     hub_law = torque

@@ -187,7 +187,7 @@ def _rough_calibration(
     bench, _ = chain_limit.without_discretisation_error(bench, model, starts, chain_limit.ROUGH)
     x = initial_point(bench, model, starts, unknowns, given.initial_values)
     if any(p.recording.start == "unknown" for p in data.prepared):
-        # The bend of a link that was moving is estimated with its frequencies: those of the declared link may be far off.
+        # The bend of a moving link is estimated with its frequencies: those of the declared link may be far off.
         near = model_at(model, unknowns, x)
         bench = Workbench(DrivenData([first_state.with_bend(p, near) for p in data.prepared], near), pool)
         starts, unknowns = tuple(p.start for p in bench.prepared), _all_unknowns(model, bench, given)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from twin.files.outputs import writing
+from twin.files.whole import write_file
 
 
 def to_text(content: Any) -> str:
@@ -22,8 +22,7 @@ def write_json(path: Path, content: Any) -> None:
     Raises:
       InputError: the path cannot be written.
     """
-    with writing(path):
-        path.write_text(to_text(content), encoding="utf-8")
+    write_file(path, to_text(content))
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,7 @@
-"""Destinations of results, checked before anything is computed, so that no file of the user is overwritten."""
+"""Destinations of results, checked before anything is computed, so that no file of the user is overwritten.
+
+A folder of results is recognised by a marker file, which is written first.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from twin.errors import InputError
+from twin.files.whole import check_file, check_folder, check_place, is_temporary, write_files, writing
+
+MARKER = ".twin-results"
+"""Name of the file that says which kind of results a folder holds."""
+_FORMAT = 1  # of the marker
 
 
 @dataclass(frozen=True)
@@ -19,8 +28,8 @@ class ResultsFolder:
     Attributes:
       kind: kind of the results, say "diagnosis".
       files: description of each file -> its name in the folder.
-      answer: name of the JSON file by which such a folder is recognised.
-      keys: keys that this file has at least.
+      answer: name of the JSON file with all results, which is written last.
+      keys: keys that this file has at least; by them folders without a marker, of earlier versions, are recognised.
     """
 
     kind: str
@@ -37,11 +46,30 @@ class ResultsFolder:
           force: accept a folder that contains other files.
 
         Raises:
-          InputError: the folder contains other files, or is not a folder.
+          InputError: the folder contains other files, is not a folder, or cannot be written to.
         """
         folder = self.named_after(campaign) if out is None else out
         self._check(folder, force)
+        check_folder(folder)
+        for name in (MARKER, *self.files.values()):
+            check_place(folder / name)
         return folder
+
+    def write(self, folder: Path, contents: Mapping[str, str | bytes | None]) -> None:
+        """Writes results: all of them as temporary files, which then replace earlier ones, the answer last.
+
+        Args:
+          folder: where to; created if necessary.
+          contents: name of a file -> content; None for a file of earlier results that is removed.
+
+        Raises:
+          InputError: the folder cannot be written.
+        """
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        marker = json.dumps({"kind": self.kind, "format": _FORMAT}) + "\n"
+        ordered = sorted(contents, key=lambda name: name == self.answer)
+        write_files({folder / MARKER: marker, **{folder / name: contents[name] for name in ordered}})
 
     def named_after(self, campaign: Path) -> Path:
         """Returns the default folder: in the working directory, named after a campaign."""
@@ -67,8 +95,8 @@ class ResultsFolder:
             if not folder.is_dir():
                 raise InputError(f"{folder} is a file; expected a folder for the results, new or empty")
             names = sorted(path.name for path in folder.iterdir())
-        own = self.files.values() if self._wrote(folder) else ()
-        foreign = [name for name in names if name not in own]
+        own = (MARKER, *(self.files.values() if self._wrote(folder) else ()))
+        foreign = [name for name in names if name not in own and not is_temporary(name)]
         if foreign and not force:
             raise InputError(
                 f"{folder} holds {foreign[0]}{' and more' if foreign[1:] else ''}, which no {self.kind} wrote; "
@@ -77,11 +105,18 @@ class ResultsFolder:
 
     def _wrote(self, folder: Path) -> bool:
         """Whether a folder contains results of an earlier run."""
-        try:
-            content = json.loads((folder / self.answer).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return False
-        return isinstance(content, dict) and self.keys <= content.keys()
+        if os.path.lexists(folder / MARKER):
+            return _json_object(folder / MARKER).get("kind") == self.kind
+        return bool(self.keys) and self.keys <= _json_object(folder / self.answer).keys()
+
+
+def _json_object(file: Path) -> dict[str, Any]:
+    """Returns the object in a JSON file; empty if there is none."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 def check_writable(
@@ -99,17 +134,12 @@ def check_writable(
       read: files that it reads; None for one that it does not.
 
     Raises:
-      InputError: a path is a folder, or in a folder that does not exist, or equal to another path.
+      InputError: a path cannot be written, is in a folder that does not exist, or is equal to another path.
     """
     named = [file for file in files if file is not None]
-    for file in named:
-        with _readable(file):
-            if file.is_dir():
-                raise InputError(f"cannot write {file}: it is a folder")
-            there = file.parent.is_dir() or (made is not None and file.parent.resolve() == made.resolve())
-        if not there:
-            raise InputError(f"cannot write {file}: there is no folder {file.parent}")
     _check_apart([*beside, *named], [file for file in read if file is not None])
+    for file in named:
+        check_file(file, made)
 
 
 def _check_apart(written: list[Path], read: list[Path]) -> None:
@@ -138,16 +168,3 @@ def _readable(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f"cannot look at {path}: {error.strerror}") from error
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Context in which a folder or file is written; an OSError becomes an InputError with the path and the reason.
-
-    Raises:
-      InputError: it cannot be written.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error

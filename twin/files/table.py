@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -174,3 +175,10 @@ def _is_number(cell: str) -> bool:
 
 def _short(text: str, width: int = 40) -> str:
     return text if len(text) <= width else f"{text[:width]}..."
+
+
+def csv_text(rows: Iterable[Iterable[str]]) -> str:
+    """Returns rows of fields as the text of a CSV file."""
+    stream = io.StringIO(newline="")
+    csv.writer(stream).writerows(rows)
+    return stream.getvalue()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from twin.files.json import write_json
-from twin.files.outputs import ResultsFolder, writing
+from twin.files.json import to_text
+from twin.files.outputs import ResultsFolder
 from twin.identification import page, rig_file
 from twin.identification.result import Identification
 
@@ -23,11 +23,10 @@ def deliver(result: Identification, folder: Path) -> dict[str, Path]:
     Raises:
       InputError: the folder cannot be written.
     """
-    paths = {what: folder / name for what, name in FILES.items()}
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        # First: by this file the folder is recognised as one of ours.
-        write_json(paths["answer"], result.to_json())
-        paths["report"].write_text(page.render(result), encoding="utf-8")
-        paths["rig"].write_text(rig_file.to_toml(result), encoding="utf-8", errors="replace")
-    return paths
+    contents = {
+        "report": page.render(result),
+        "answer": to_text(result.to_json()),
+        "rig": rig_file.to_toml(result),
+    }
+    FOLDER.write(folder, {FILES[what]: content for what, content in contents.items()})
+    return {what: folder / name for what, name in FILES.items()}

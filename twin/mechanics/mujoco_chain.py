@@ -56,6 +56,9 @@ class MujocoChain:
         Raises:
           ValueError: plant and chain, or plant and torques, do not belong together.
         """
+        if mujoco.get_mju_user_warning() is None:
+            # MuJoCo would write MUJOCO_LOG.TXT into the working directory; a plant that diverges is reported as such.
+            mujoco.set_mju_user_warning(_ignore)
         self._plant, self._size, self._links = plant, len(plant.link.lengths), len(chain.lengths)
         self._largest_step = chain.largest_step()
         self._sliding = ChainModel(rig, chain, plant, torques, locked=False)
@@ -356,6 +359,10 @@ class MujocoChain:
                 which.apply_base_acceleration(data.time)
 
         return force
+
+
+def _ignore(warning: str) -> None:
+    """Takes a warning of MuJoCo."""
 
 
 def _commands_from(

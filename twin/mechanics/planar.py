@@ -32,15 +32,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from twin.files.compiled import cached_njit
 from twin.mechanics import hub_law
 from twin.mechanics.plant import CONTACT_STEP, CONTACT_STIFFNESS, Plant
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
-compiled = njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)
+compiled = cached_njit(error_model="numpy", fastmath=_FAST, nogil=True)
 # Numba passes a `Plant`, some 70 words, by value: functions called at every stage of a step are inlined.
-_inlined = njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
+_inlined = cached_njit(error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
 
 EVENT_TOLERANCE = 1e-7
 """Width of the interval to which the instant of a stick or slip is bisected [s]."""

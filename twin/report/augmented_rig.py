@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.diagnosis.answer import Diagnosis, KnownEffect
+from twin.files.whole import write_file, writing
 from twin.parameters import Parameter
 from twin.recording import Sensor
 from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines
@@ -28,10 +29,14 @@ def write_augmented(diagnosis: Diagnosis, folder: str | PathLike[str]) -> Path:
 
     Returns:
       Path of the file.
+
+    Raises:
+      InputError: the file cannot be written.
     """
-    Path(folder).mkdir(parents=True, exist_ok=True)
     path = Path(folder) / FILE
-    path.write_text(to_toml(diagnosis), encoding="utf-8")
+    with writing(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    write_file(path, to_toml(diagnosis))
     return path
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twin.diagnosis.answer import Diagnosis
-from twin.files.json import write_json
-from twin.files.outputs import ResultsFolder, writing
+from twin.files.json import to_text
+from twin.files.outputs import ResultsFolder
 from twin.recording import Sensor
-from twin.report import augmented_rig, write_report
-from twin.report.diagnosis_rerun import write_rrd
+from twin.report import augmented_rig, html
+from twin.report.diagnosis_rerun import to_rrd
 from twin.rigs.patch import to_csv
 
 ANSWER = "diagnosis.json"
@@ -52,23 +52,20 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     Raises:
       InputError: the folder cannot be written.
     """
+    mjcf = augmented_rig.to_mjcf(diagnosis, sensors)
     paths = {what: folder / name for what, name in FILES.items()}
-    patch = paths["patch"]
     if diagnosis.patched is None:
         del paths["patch"]
-    mjcf = augmented_rig.to_mjcf(diagnosis, sensors)
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        # First: by this file the folder is recognised as one of ours.
-        write_json(paths["answer"], diagnosis.to_json())
-        write_report(diagnosis, paths["report"], _file_descriptions(paths, mjcf.left_out))
-        write_rrd(diagnosis, paths["rerun"], sensors)
-        augmented_rig.write_augmented(diagnosis, folder)
-        paths["MJCF"].write_text(mjcf.xml, encoding="utf-8")
-        if diagnosis.patched is None:
-            patch.unlink(missing_ok=True)  # of an earlier run
-        else:
-            patch.write_text(to_csv(diagnosis.patched.patch), encoding="utf-8")
+    contents: dict[str, str | bytes | None] = {
+        "report": html.render(diagnosis, _file_descriptions(paths, mjcf.left_out)),
+        "rerun": to_rrd(diagnosis, sensors),
+        "answer": to_text(diagnosis.to_json()),
+        "rig": augmented_rig.to_toml(diagnosis),
+        "MJCF": mjcf.xml,
+        # None removes that of an earlier run.
+        "patch": None if diagnosis.patched is None else to_csv(diagnosis.patched.patch),
+    }
+    FOLDER.write(folder, {FILES[what]: content for what, content in contents.items()})
     return Delivery(paths, mjcf.left_out)
 
 

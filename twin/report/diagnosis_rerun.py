@@ -39,25 +39,24 @@ _LEVER = 0.35  # distance of the torque arrow from the hub, over the length of t
 _ARROW = 0.5  # length of the arrow of the largest unmodelled torque, over the length of the link [1]
 
 
-def write_rrd(diagnosis: Diagnosis, path: Path, sensors: Mapping[str, Sensor] | None = None) -> None:
-    """Writes a diagnosis for the rerun viewer (`rerun FILE`), with its layout.
+def to_rrd(diagnosis: Diagnosis, sensors: Mapping[str, Sensor] | None = None) -> bytes:
+    """Returns a diagnosis as the content of a file for the rerun viewer (`rerun FILE`), with its layout.
 
     Args:
       diagnosis: what is shown.
-      path: the file; it is overwritten.
       sensors: channel -> sensor, with the positions of the gauges; without any the links are drawn straight.
     """
     import rerun as rr  # 0.4 s
 
     shown = [_RecordingView(diagnosis, file, root, sensors or {}) for file, root in _entities(diagnosis)]
-    stream = rr.RecordingStream("flexlink-twin")
-    stream.save(path, default_blueprint=_blueprint(diagnosis, shown))
-    stream.send_recording_name(diagnosis.campaign)
-    stream.log("summary", rr.TextDocument(_summary(diagnosis), media_type="text/markdown"), static=True)
-    for entry in shown:
-        _send_recording(stream, entry)
-    stream.flush()
-    stream.disconnect()
+    summary = _summary(diagnosis)
+    content = [summary, *(part for entry in shown for part in entry.content())]
+    with parts.in_memory(diagnosis.campaign, content) as (stream, storage):
+        stream.send_blueprint(_blueprint(diagnosis, shown))
+        stream.log("summary", rr.TextDocument(summary, media_type="text/markdown"), static=True)
+        for entry in shown:
+            _send_recording(stream, entry)
+        return storage.drain_as_bytes()
 
 
 def _entities(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
@@ -99,6 +98,12 @@ class _RecordingView:
         """The three arms by name."""
         p = self.prediction
         return {"measured": p.measured, "before": p.before, "after": p.after}
+
+    def content(self) -> Iterator[str | np.ndarray]:
+        """All that tells this recording from another."""
+        yield self.file
+        for recording in self.models().values():
+            yield from parts.content_of(recording.time, recording.channels)
 
     def channels(self) -> list[str]:
         """Measured channels that the models predict."""

@@ -14,6 +14,7 @@ from twin import labels
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
 from twin.diagnosis.rules import RULES
 from twin.effects import meaning
+from twin.files.whole import write_file
 from twin.recording import CHANNEL_UNITS
 from twin.report import display, figures, pages
 from twin.report.figures import Figure
@@ -29,8 +30,11 @@ def write_report(diagnosis: Diagnosis, path: Path, files: Mapping[str, str] | No
       diagnosis: what is reported.
       path: the file; it is overwritten.
       files: name of each file of the same folder -> what it is.
+
+    Raises:
+      InputError: the file cannot be written.
     """
-    Path(path).write_text(render(diagnosis, files), encoding="utf-8")
+    write_file(Path(path), render(diagnosis, files))
 
 
 def render(diagnosis: Diagnosis, files: Mapping[str, str] | None = None) -> str:

@@ -12,7 +12,6 @@ INK, BLUE, VERMILION, GREY = "#2b2b2b", "#0072b2", "#d55e00", "#9aa3ab"
 """Palette of Okabe and Ito, distinguishable with every common kind of colour vision, and in grey."""
 
 _FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, Arial, sans-serif'
-_PLOTLY = "/*plotly.js*/"  # placeholder in a template for the library
 
 
 def render(template: str, filters: Mapping[str, Callable[..., Any]] | None = None, **content: Any) -> str:
@@ -25,6 +24,7 @@ def render(template: str, filters: Mapping[str, Callable[..., Any]] | None = Non
     """
     # Imported here, because jinja2 and plotly take 0.1 s, which `twin --help` does not need.
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+    from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
     environment = Environment(
@@ -35,10 +35,10 @@ def render(template: str, filters: Mapping[str, Callable[..., Any]] | None = Non
         lstrip_blocks=True,
     )
     environment.filters |= filters or {}
+    environment.globals["plotly_js"] = Markup(get_plotlyjs())
     page = environment.get_template(template).render(content)
     # A lone surrogate, from a file name that is not UTF-8, could not be written.
-    page = page.encode("utf-8", "replace").decode("utf-8")
-    return page.replace(_PLOTLY, get_plotlyjs(), 1)
+    return page.encode("utf-8", "replace").decode("utf-8")
 
 
 def figure_html(figure: Figure, name: str) -> str:

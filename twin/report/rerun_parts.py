@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import os
+import uuid
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +18,8 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
+APPLICATION = "flexlink-twin"
+"""Name under which the viewer lists all recordings."""
 TIMELINE = "sim_time"
 """Name of the time axis in the viewer."""
 FRAME_RATE = 60.0
@@ -22,6 +28,53 @@ Colour = tuple[int, int, int]
 
 _LINE_POINTS = 24  # of the line of a link
 _GREY = (110, 116, 124)
+
+
+@contextmanager
+def in_memory(
+    name: str, content: Iterable[str | np.ndarray]
+) -> Iterator[tuple[rr.RecordingStream, rr.MemoryRecording]]:
+    """Context of a stream and its storage, whose `drain_as_bytes` is the content of a file.
+
+    The viewer takes files with the same identity for one recording: it is a hash of what is shown, so that another
+    run is another recording, and the same run the same one. No time of the wall clock is stored with it.
+
+    Args:
+      name: of the recording.
+      content: all that is shown.
+    """
+    import rerun as rr
+
+    digest = hashlib.sha256(name.encode("utf-8", "replace"))
+    for part in content:
+        digest.update(part.encode("utf-8", "replace") if isinstance(part, str) else part.tobytes())
+    with _enabled():
+        stream = rr.RecordingStream(
+            APPLICATION,
+            recording_id=str(uuid.UUID(bytes=digest.digest()[:16])),
+            send_properties=False,  # the instant of its making
+            # Chunks end where the data do, not after a time that depends on the machine.
+            batcher_config=rr.ChunkBatcherConfig.NEVER(),
+        )
+        storage = stream.memory_recording()
+        stream.send_recording_name(name)
+        yield stream, storage
+
+
+@contextmanager
+def _enabled() -> Iterator[None]:
+    """Hides the environment variable RERUN, by which rerun is switched off and a file would be empty."""
+    switch = os.environ.pop("RERUN", None)
+    try:
+        yield
+    finally:
+        if switch is not None:
+            os.environ["RERUN"] = switch
+
+
+def content_of(time: np.ndarray, channels: Mapping[str, np.ndarray]) -> list[str | np.ndarray]:
+    """Returns instants and channels as a part of the content of a recording."""
+    return [time, *(part for name, values in channels.items() for part in (name, values))]
 
 
 def centre_line(
@@ -194,6 +247,7 @@ def blueprint(contents: rrb.Container) -> rrb.Blueprint:
     """Returns a layout with a time bar and without the viewer's other panels."""
     import rerun.blueprint as rrb
 
+    _identify(contents, "layout")
     return rrb.Blueprint(
         contents,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
@@ -202,3 +256,13 @@ def blueprint(contents: rrb.Container) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _identify(part: rrb.Container | rrb.View, place: str) -> None:
+    """Gives a part of a layout and those inside it identities by their place, where rerun has random ones."""
+    import rerun.blueprint as rrb
+
+    part.id = uuid.uuid5(uuid.NAMESPACE_OID, place)
+    if isinstance(part, rrb.Container):
+        for index, inner in enumerate(part.contents):
+            _identify(inner, f"{place}/{index}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +11,8 @@ import numpy as np
 from twin.campaigns.campaign import campaign_files, read_campaign
 from twin.control.closed_loop import Run
 from twin.errors import InputError
-from twin.files.outputs import writing
-from twin.files.table import read_table
+from twin.files.table import csv_text, read_table
+from twin.files.whole import write_file
 from twin.recording import CHANNEL_UNITS, GAUGES, Recording, Sensor
 from twin.report.run_rerun import Track, of_recording
 from twin.rigs import preset
@@ -35,10 +34,7 @@ def write_csv(run: Run, path: Path) -> None:
       InputError: the path cannot be written.
     """
     table = columns(run)
-    with writing(path), path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(table)
-        writer.writerows(_rows(table))
+    write_file(path, csv_text([table, *_rows(table)]))
 
 
 def _rows(table: Mapping[str, np.ndarray]) -> Iterator[list[str]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ import numpy as np
 from twin import labels
 from twin.control.closed_loop import Run
 from twin.errors import InputError
+from twin.files.whole import write_file
 from twin.recording import Recording, Sensor
 from twin.report import rerun_parts as parts
 
@@ -59,6 +60,12 @@ class Track:
     def length(self) -> float:
         """Length of the link [m], along its line at the first instant."""
         return float(np.linalg.norm(np.diff(self.line[0], axis=0), axis=1).sum())
+
+    def content(self) -> Iterator[str | np.ndarray]:
+        """All that tells this track from another."""
+        yield self.name
+        yield self.line
+        yield from parts.content_of(self.time, {**self.channels, **self.states})
 
 
 def of_run(run: Run, name: str) -> Track:
@@ -186,23 +193,18 @@ def write_rrd(tracks: Sequence[Track], length: float, path: Path, name: str) -> 
       length: of the link [m].
       path: the file; it is overwritten.
       name: of the recording.
+
+    Raises:
+      InputError: the file cannot be written.
     """
-    stream = open_file(path, name)
-    sender = RunStream(stream, tracks, length)
-    for index, track in enumerate(tracks):
-        sender.send(index, track)
-    sender.send_differences(tracks[0], tracks[1:])
-    close(stream)
-
-
-def open_file(path: Path, name: str) -> rr.RecordingStream:
-    """Returns a stream into a file."""
-    import rerun as rr
-
-    stream = rr.RecordingStream("flexlink-twin")
-    stream.save(path)
-    stream.send_recording_name(name)
-    return stream
+    content = [part for track in tracks for part in track.content()]
+    with parts.in_memory(name, content) as (stream, storage):
+        sender = RunStream(stream, tracks, length)
+        for index, track in enumerate(tracks):
+            sender.send(index, track)
+        sender.send_differences(tracks[0], tracks[1:])
+        written = storage.drain_as_bytes()
+    write_file(path, written)
 
 
 def open_viewer(name: str) -> rr.RecordingStream:
@@ -213,7 +215,7 @@ def open_viewer(name: str) -> rr.RecordingStream:
     """
     import rerun as rr
 
-    stream = rr.RecordingStream("flexlink-twin")
+    stream = rr.RecordingStream(parts.APPLICATION)
     # The viewer is installed beside the interpreter, which is not on PATH unless its environment is activated.
     viewer = shutil.which("rerun", path=Path(sys.executable).parent)
     try:

@@ -50,7 +50,7 @@ def print_summary(
     width = max((len(label) for label in paths or ()), default=0)
     for label, path in (paths or {}).items():
         # Not wrapped, so that the path can be copied.
-        line = Text.assemble((f"{label:<{width}}  ", "dim"), _printable(str(path), plain))
+        line = Text.assemble((f"{label:<{width}}  ", "dim"), labels.printable(str(path), plain))
         console.print(line, soft_wrap=True, highlight=False)
 
 
@@ -65,7 +65,7 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     from rich.text import Text
 
     def line(text: str, style: str = "") -> Text:
-        return Text(_printable(text, plain), style=style)
+        return Text(labels.printable(text, plain), style=style)
 
     parts: list[RenderableType] = [line(f"{diagnosis.campaign}: {diagnosis.verdict}", "dim")]
     parts.append(line(display.headline(diagnosis), "bold"))
@@ -145,7 +145,7 @@ def _table(plain: bool, *columns: str) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for column in columns:
         right = column.startswith(">")
-        label = _printable(column.removeprefix(">"), plain)
+        label = labels.printable(column.removeprefix(">"), plain)
         table.add_column(label, justify="right" if right else "left", no_wrap=right, overflow="fold")
     return table
 
@@ -154,14 +154,4 @@ def _add_row(table: Table, plain: bool, *cells: str) -> None:
     from rich.text import Text
 
     # Text, not str: a file name such as "[bold].csv" is no markup.
-    table.add_row(*(Text(_printable(cell, plain)) for cell in cells))
-
-
-def _printable(text: str, plain: bool) -> str:
-    """Returns a text without control characters, and in ASCII where `plain`."""
-    text = "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
-    if not plain:
-        return text
-    for sign, ascii_sign in (("±", "+-"), ("µ", "u"), ("ε", "e"), ("°", " deg"), ("²", "^2"), ("³", "^3")):
-        text = text.replace(sign, ascii_sign)
-    return text.replace("–", "-").replace("∞", "inf").encode("ascii", "replace").decode()
+    table.add_row(*(Text(labels.printable(cell, plain)) for cell in cells))

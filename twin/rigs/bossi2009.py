@@ -8,7 +8,7 @@ spread of Table I for the stiffness, of drawings for the inertias, of repeated t
 from dataclasses import replace
 from functools import cache
 
-from twin.parameters import Parameter, Rig
+from twin.parameters import Rig, rig_parameter
 from twin.rigs.match_modes import Reconciliation, reconcile
 
 _EI = 8.46e9 * 2.95e-11  # E I of Table II [N m^2]
@@ -21,16 +21,16 @@ FREQUENCIES_HZ = (7.27, 18.21)
 def printed() -> Rig:
     """Table II as printed. Its first two free modes are at 5.296 and 23.24 Hz, not at 7.27 and 18.21."""
     rows = (
-        Parameter("bending_stiffness", _EI, "N*m^2", 0.02, (1e-6, 1e6), f"{_TABLE_2}: E I"),
-        Parameter("linear_density", 0.09, "kg/m", 0.01, (1e-6, 1e3), f"{_TABLE_2}: rho"),
-        Parameter("length", 0.42, "m", 0.002, (1e-3, 1e2), f"{_TABLE_2}: l"),
-        Parameter("hub_inertia", 0.0016, "kg*m^2", 0.03, (1e-9, 1e3), f"{_TABLE_2}: J0"),
-        Parameter("tip_mass", 0.155, "kg", 0.01, (0.0, 1e3), f"{_TABLE_2}: mp"),
-        Parameter("tip_inertia", 1.73e-5, "kg*m^2", 0.05, (0.0, 1e3), f"{_TABLE_2}: Jp"),
-        Parameter("damping_ratio", 0.034, "1", 0.1, (0.0, 0.5), f"{_TABLE_2}: zeta"),
-        Parameter("static_friction", 0.065, "N*m", 0.1, (0.0, 1e3), f"{_TABLE_2}: tau_s"),
-        Parameter("coulomb_friction", 0.0055, "N*m", 0.1, (0.0, 1e3), f"{_TABLE_2}: tau_c"),
-        Parameter("torque_limit", 0.214, "N*m", None, (1e-9, float("inf")), f"{_TABLE_2}: tau_max"),
+        rig_parameter("bending_stiffness", _EI, 0.02, f"{_TABLE_2}: E I"),
+        rig_parameter("linear_density", 0.09, 0.01, f"{_TABLE_2}: rho"),
+        rig_parameter("length", 0.42, 0.002, f"{_TABLE_2}: l"),
+        rig_parameter("hub_inertia", 0.0016, 0.03, f"{_TABLE_2}: J0"),
+        rig_parameter("tip_mass", 0.155, 0.01, f"{_TABLE_2}: mp"),
+        rig_parameter("tip_inertia", 1.73e-5, 0.05, f"{_TABLE_2}: Jp"),
+        rig_parameter("damping_ratio", 0.034, 0.1, f"{_TABLE_2}: zeta"),
+        rig_parameter("static_friction", 0.065, 0.1, f"{_TABLE_2}: tau_s"),
+        rig_parameter("coulomb_friction", 0.0055, 0.1, f"{_TABLE_2}: tau_c"),
+        rig_parameter("torque_limit", 0.214, None, f"{_TABLE_2}: tau_max"),
     )
     return Rig("bossi2009-printed", {row.name: row for row in rows})
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from twin import terminal
+from twin.files.whole import write_files
 from twin.mechanics.chain import build
 from twin.mechanics.mjcf import build_spec
 from twin.mechanics.mjcf_visuals import scene_xml
@@ -17,8 +19,7 @@ def write_models(folder: Path) -> tuple[Path, ...]:
     spec = build_spec(rig, build(rig))
     spec.modelname = "bossi2009"
     bare, scene = folder / "bossi2009.xml", folder / "scene.xml"
-    bare.write_text(_tidy(spec.to_xml()), encoding="utf-8")
-    scene.write_text(scene_xml(bare.name), encoding="utf-8")
+    write_files({bare: _tidy(spec.to_xml()), scene: scene_xml(bare.name)})
     return bare, scene
 
 
@@ -39,4 +40,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    terminal.run(main)

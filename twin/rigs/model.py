@@ -15,9 +15,11 @@ from twin.mechanics.hub_law import HubTorque, as_arrays
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.recording import Recording, Sensor
+from twin.rigs.check import check_gauges, check_parameters
 from twin.rigs.drive_law import apply_drive_effects
 from twin.rigs.patch import Patch
 
+_FAR = 1024.0  # N m, a command far beyond any dead zone; a power of two, so that gains stay exact
 Effects = Mapping[str, Mapping[str, float]]
 """Effect name -> parameter name -> value, SI."""
 
@@ -77,7 +79,8 @@ class Model:
 
     def gauge_row(self, links: Chain, x: float) -> np.ndarray:
         """Returns the row (n) from hinge angles of a chain on a rigid clamp to the curvature at x [m] [1/m per rad]."""
-        return chain.curvature_row(links, self.rig, x)
+        # A fit may shorten the link to less than the position of a gauge at its end.
+        return chain.curvature_row(links, self.rig, min(x, self.rig["length"]))
 
     @functools.cached_property
     def curvature_rows(self) -> dict[str, np.ndarray]:
@@ -145,9 +148,10 @@ class Model:
 
     @property
     def torque_gain(self) -> float:
-        """Delivered torque per commanded torque between 0 and 1 N m [1], without bias."""
-        steps = apply_drive_effects(self.effects, Drive(np.arange(2.0), np.arange(2.0)))
-        return float(np.diff(steps.torque)[0])
+        """Delivered torque per commanded torque far beyond any dead zone [1], without bias."""
+        far = np.array([_FAR, 2 * _FAR])
+        steps = apply_drive_effects(self.effects, Drive(np.arange(2.0), far))
+        return float(np.diff(steps.torque)[0]) / _FAR
 
     def read_torque(self, recording: Recording) -> np.ndarray:
         """Delivered torque (m) [N m] at the samples of a recording; a card reads it when it outputs its commands."""
@@ -169,6 +173,13 @@ class Model:
         for name, p in reversed(list(self.effects.items())):
             reading = REGISTRY[name].hub_angle_of(time, reading, p)
         return reading
+
+
+def checked_model(model: Model) -> Model:
+    """Returns the model; raises InputError where its rig, with its effects, cannot be simulated."""
+    check_parameters(model.rig)
+    check_gauges(model.rig, model.sensors.values())
+    return model
 
 
 FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4

@@ -13,15 +13,17 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from twin.errors import InputError, nearest
+from twin.errors import InputError, checked_number, nearest, quoted, shown
 from twin.files.table import Table, read_table
 from twin.mechanics.hub_law import HubLaw, HubTorque
+from twin.parameters import PARAMETERS
 from twin.recording import HUB_TORQUE, MEASURED
 
 _HUB_VARIABLES = {"hub_angle": 1.0, "hub_rate": 2.0, "time": 3.0}
 """Variables of a patch on the hub torque -> their code among the values of `lookup_torque`."""
 _ADDED, _SAMPLES = "added_to_", "samples"
 """Columns of the CSV table: prefix of a channel, and number of samples."""
+_LARGEST = PARAMETERS["static_friction"][1][1]  # N m, torque that a rig can have on its hub
 _BINS = 40  # bins of the variable, at most
 _FEWEST_IN_BIN = 15  # samples; bins with fewer are omitted, as their means are too uncertain
 _FEWEST_POINTS = 6  # points of a curve; with fewer there is none
@@ -129,8 +131,8 @@ def read_patch(path: Path) -> Patch:
     variables = [column for column in table.header if column not in (*added, _SAMPLES)]
     if len(added) != 1 or len(variables) != 1:
         raise InputError(
-            f"{path.name}, line 1: columns are {', '.join(table.header)}; expected a variable, {_ADDED}CHANNEL and, "
-            f"at will, {_SAMPLES}, as in the patch.csv of a diagnosis"
+            f"{path.name}, line 1: columns are {shown(', '.join(table.header))}; expected a variable, "
+            f"{_ADDED}CHANNEL and, at will, {_SAMPLES}, as in the patch.csv of a diagnosis"
         )
     x, y = table.columns[variables[0]], table.columns[added[0]]
     _check_points(path.name, table, x, y)
@@ -138,13 +140,16 @@ def read_patch(path: Path) -> Patch:
     patch = Patch(added[0].removeprefix(_ADDED), variables[0], x, y, count)
     if patch.channel not in (HUB_TORQUE, *MEASURED):
         raise InputError(
-            f"{path.name}, line 1: nothing can be added to '{patch.channel}'; expected one of: "
+            f"{path.name}, line 1: nothing can be added to {quoted(patch.channel)}; expected one of: "
             f"{', '.join((HUB_TORQUE, *MEASURED))}{nearest(patch.channel, (HUB_TORQUE, *MEASURED))}"
         )
+    if not patch.on_sensor:
+        for line, torque in zip(table.lines, y, strict=True):
+            checked_number(f"{path.name}, line {line}: {added[0]}", float(torque), -_LARGEST, _LARGEST, "N*m")
     if not patch.is_simulable:
         raise InputError(
-            f"{path.name}, line 1: no simulation looks up {patch.channel} by '{patch.variable}'; expected one of: "
-            f"{', '.join(patch.allowed_variables)}{nearest(patch.variable, patch.allowed_variables)}"
+            f"{path.name}, line 1: no simulation looks up {patch.channel} by {quoted(patch.variable)}; "
+            f"expected one of: {', '.join(patch.allowed_variables)}{nearest(patch.variable, patch.allowed_variables)}"
         )
     return patch
 

@@ -23,16 +23,16 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from numbers import Real
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from twin import correlations
 from twin.correlations import Correlations
-from twin.errors import InputError, nearest
+from twin.errors import LARGEST, InputError, checked_number, nearest, quoted, shown
 from twin.files.toml import read_toml
-from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
+from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
+from twin.rigs.check import check_parameters
 
 _KEYS = ("format", "name", "parameters", "effects", "standard_errors", "correlations")
 _PARAMETER_KEYS = ("value", "unit", "uncertainty", "standard_error", "source")
@@ -145,11 +145,12 @@ def _read(
     try:
         _check_keys(content, _KEYS, "")
         if content.get("format") != 1:
-            raise InputError(f"format is {_quoted(content.get('format'))}; expected format = 1")
+            raise InputError(f"format is {quoted(content.get('format'))}; expected format = 1")
         name = content.get("name")
         if not isinstance(name, str) or not name:
-            raise InputError(f'name is {_quoted(name)}; expected name = "..." of the rig')
+            raise InputError(f'name is {quoted(name)}; expected name = "..." of the rig')
         rig = Rig(name, _parameters(_table(content, "parameters")))
+        check_parameters(rig)
         effects = checked_effects(_table(content, "effects"), rig)
         errors = _standard_errors(_table(content, "standard_errors"), effects)
         known = [*rig.parameters, *(f"{effect}.{name}" for effect, p in effects.items() for name in p)]
@@ -164,9 +165,7 @@ def _parameters(tables: Mapping[str, Any]) -> dict[str, Parameter]:
     if lacking:
         raise InputError(f"parameters: {', '.join(lacking)} missing; expected a value for each")
     for name, value in DEFAULTS.items():
-        unit, bounds = PARAMETERS[name]
-        default = Parameter(name, value, unit, None, bounds, "default of the recording format")
-        parameters.setdefault(name, default)
+        parameters.setdefault(name, rig_parameter(name, value, None, "default of the recording format"))
     return parameters
 
 
@@ -174,35 +173,36 @@ def _parameter(name: str, given: Any) -> Parameter:
     field = f"parameters.{name}"
     if name not in PARAMETERS:
         hint = nearest(name, PARAMETERS)
-        raise InputError(f"{field} is not a parameter; expected one of: {', '.join(PARAMETERS)}{hint}")
+        raise InputError(
+            f"parameters.{shown(name)} is not a parameter; expected one of: {', '.join(PARAMETERS)}{hint}"
+        )
     table = given if isinstance(given, dict) else {"value": given}
     _check_keys(table, _PARAMETER_KEYS, f"{field}.")
-    unit, bounds = PARAMETERS[name]
-    value = _value(f"{field}.value", table.get("value"))
+    unit, _ = PARAMETERS[name]
+    value = checked_number(f"{field}.value", table.get("value"), -math.inf, math.inf)
     if table.get("unit", unit) != unit:
-        raise InputError(f"{field}.unit is {_quoted(table['unit'])}; expected '{unit}'")
+        raise InputError(f"{field}.unit is {quoted(table['unit'])}; expected '{unit}'")
+    uncertainty, source = _uncertainty(field, table, value), _source(field, table)
     try:
-        return Parameter(name, value, unit, _uncertainty(field, table, value), bounds, _source(field, table))
-    except ValueError as error:
+        return rig_parameter(name, value, uncertainty, source)
+    except InputError as error:
         raise InputError(f"{field}: {error}") from None
 
 
 def _uncertainty(field: str, table: Mapping[str, Any], value: float) -> float | None:
     """Returns the relative standard deviation, given as `uncertainty` or `standard_error`; None where neither is."""
     if "standard_error" in table:
-        error = _value(f"{field}.standard_error", table["standard_error"])
-        if not 0 <= error < math.inf:
-            raise InputError(f"{field}.standard_error is {error:g}; expected a number >= 0")
-        return error / abs(value) if value else None
+        error = checked_number(f"{field}.standard_error", table["standard_error"], 0.0)
+        return min(error / abs(value), LARGEST) if value else None
     if "uncertainty" in table:
-        return _value(f"{field}.uncertainty", table["uncertainty"])
+        return checked_number(f"{field}.uncertainty", table["uncertainty"], 0.0)
     return None
 
 
 def _source(field: str, table: Mapping[str, Any]) -> str:
     source = table.get("source", "parameter file")
     if not isinstance(source, str):
-        raise InputError(f"{field}.source is {_quoted(source)}; expected a text in quotes")
+        raise InputError(f"{field}.source is {quoted(source)}; expected a text in quotes")
     return source
 
 
@@ -210,8 +210,10 @@ def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, 
     """Returns effects, name -> parameter -> value (SI), with the neutral value of each parameter that is not given.
 
     Raises:
-      InputError: an effect or a parameter is unknown, or a value is no finite number.
+      InputError: an effect or a parameter is unknown, or no rig can have a value.
     """
+    if not isinstance(tables, Mapping):
+        raise InputError(f"effects is {quoted(tables)}; expected a table")
     if not tables:
         return {}
     from twin.effects import REGISTRY  # compiles equations of motion: only where it is needed
@@ -221,19 +223,12 @@ def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, 
         if name not in REGISTRY:
             known = ", ".join(REGISTRY)
             raise InputError(
-                f"effects.{name} is not an effect; expected one of: {known}{nearest(name, REGISTRY)}"
+                f"effects.{shown(name)} is not an effect; expected one of: {known}{nearest(name, REGISTRY)}"
             )
-        if not isinstance(given, dict):
-            raise InputError(f"effects.{name} is {_quoted(given)}; expected a table")
-        neutral = REGISTRY[name].neutral(rig)
-        _check_keys(given, tuple(neutral), f"effects.{name}.")
-        values = {key: _value(f"effects.{name}.{key}", value) for key, value in given.items()}
-        infinite = [key for key, value in values.items() if not math.isfinite(value)]
-        if infinite:
-            raise InputError(
-                f"effects.{name}.{infinite[0]} is {values[infinite[0]]}; expected a finite number"
-            )
-        effects[name] = {**neutral, **values}
+        if not isinstance(given, Mapping):
+            raise InputError(f"effects.{name} is {quoted(given)}; expected a table")
+        _check_keys(given, tuple(p.name for p in REGISTRY[name].parameters), f"effects.{name}.")
+        effects[name] = REGISTRY[name].checked(given, rig)
     return effects
 
 
@@ -245,22 +240,20 @@ def _standard_errors(
         field = f"standard_errors.{name}"
         if name not in effects:
             raise InputError(
-                f"{field} is of no effect of the rig; its effects are: {', '.join(effects) or 'none'}"
+                f"standard_errors.{shown(name)} is of no effect of the rig; its effects are: "
+                f"{', '.join(effects) or 'none'}"
             )
         if not isinstance(given, dict):
-            raise InputError(f"{field} is {_quoted(given)}; expected a table")
+            raise InputError(f"{field} is {quoted(given)}; expected a table")
         _check_keys(given, tuple(effects[name]), f"{field}.")
-        errors[name] = {key: _value(f"{field}.{key}", value) for key, value in given.items()}
-        for key, error in errors[name].items():
-            if not 0 <= error < math.inf:
-                raise InputError(f"{field}.{key} is {error:g}; expected a number >= 0")
+        errors[name] = {key: checked_number(f"{field}.{key}", value, 0.0) for key, value in given.items()}
     return errors
 
 
 def _table(content: Mapping[str, Any], key: str) -> dict[str, Any]:
     table = content.get(key, {})
     if not isinstance(table, dict):
-        raise InputError(f"{key} is {_quoted(table)}; expected a table")
+        raise InputError(f"{key} is {quoted(table)}; expected a table")
     return table
 
 
@@ -268,20 +261,5 @@ def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], prefix: str) -
     for key in table:
         if key not in known:
             raise InputError(
-                f"unknown key {prefix}{key}; expected one of: {', '.join(known)}{nearest(key, known)}"
+                f"unknown key {prefix}{shown(key)}; expected one of: {', '.join(known)}{nearest(key, known)}"
             )
-
-
-def _value(field: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
-        raise InputError(f"{field} is {_quoted(value)}; expected a number")
-    return float(value)
-
-
-def _quoted(value: Any) -> str:
-    """Returns a value from a TOML file as an error message has it."""
-    if value is None:
-        return "missing"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f"'{value}'" if isinstance(value, str) else "a table" if isinstance(value, dict) else str(value)

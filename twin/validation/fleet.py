@@ -7,7 +7,10 @@ synthesises it again, since not every controller can be pickled.
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -23,6 +26,7 @@ from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
 from twin.parameters import Rig
+from twin.rigs.check import check_parameters
 from twin.validation.linear_form import LinearForm, NoLinearFormError, linear_form_of
 from twin.validation.linear_rig import sampled_chain, sampled_modes
 from twin.validation.margins import Margins, margins
@@ -128,6 +132,7 @@ class Evaluator:
           InputError: the controller fails.
         """
         model = self._nominal.replace(declared=drawn.rig, effects=drawn.effects)
+        check_parameters(model.rig)
         plant = _CachedPlant(model, self._period)
         try:
             sensors = Sensors(effects=SensorEffects(model, plant))
@@ -187,11 +192,18 @@ def _outcomes(job: Job, rigs: Sequence[DrawnRig], processes: int) -> Iterator[Ou
         return
     # "spawn": a forked process may deadlock, because numerical libraries have started threads.
     fresh = multiprocessing.get_context("spawn")
+    others = multiprocessing.active_children()
     pool = ProcessPoolExecutor(processes, fresh, _start_process, (job,))
     try:
-        with _script_hidden():
+        with _script_hidden(), _interrupts_ignored():
             results = pool.map(_evaluate_in_process, rigs, chunksize=_CHUNK_SIZE)
         yield from results
+    except BaseException:
+        # What they compute is not wanted any more: do not wait for it.
+        for process in multiprocessing.active_children():
+            if process not in others:
+                process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -211,6 +223,19 @@ def _script_hidden() -> Iterator[None]:
         vars(main).update(hidden)
 
 
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Ignores Ctrl-C while processes are started, which they inherit: this one ends them, without their tracebacks."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Python delivers signals to the main thread only
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 _bench: Evaluator
 
 
@@ -218,8 +243,17 @@ def _start_process(job: Job) -> None:
     global _bench
     from threadpoolctl import threadpool_limits
 
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     threadpool_limits(1)  # the processes share the cores; matrices are small
     _bench = Evaluator(job)
+
+
+def _end_with_parent() -> None:
+    """Ends this process when the one that started it has ended, even by a signal that it could not pass on."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _evaluate_in_process(drawn: DrawnRig) -> Outcome:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from twin.files.outputs import writing
+from twin.files.whole import write_file
 from twin.report import pages
 from twin.validation import pictures, text
 from twin.validation.validation import Validation
@@ -18,8 +18,7 @@ def write_page(result: Validation, path: Path) -> None:
     Raises:
       InputError: the file cannot be written.
     """
-    with writing(path):
-        path.write_text(render(result), encoding="utf-8")
+    write_file(path, render(result))
 
 
 def render(result: Validation) -> str:

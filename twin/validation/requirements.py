@@ -7,14 +7,12 @@ textbook values of the margins.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
-from twin.errors import InputError, nearest
+from twin.errors import LARGEST, InputError, checked_number, nearest, quoted
 from twin.files.toml import read_toml
 
 
@@ -28,6 +26,7 @@ class Requirement:
       unit: of metric and limit.
       limit: the limit.
       at_least: whether the limit is a lower one; otherwise it is an upper one.
+      least: smallest value that the metric can have.
     """
 
     name: str
@@ -35,6 +34,7 @@ class Requirement:
     unit: str
     limit: float
     at_least: bool = False
+    least: float = 0.0
 
     def met(self, value: float) -> bool:
         """Whether a value of the metric meets the limit; NaN does not."""
@@ -53,15 +53,21 @@ DEFAULTS = (
     Requirement("peak_deflection", "largest deflection of the tip, of the length", "%", 25.0),
     Requirement("peak_torque", "largest torque of the motor", "N m", 0.3),
     Requirement("saturated_share", "share of the time at the amplifier's limit", "%", 25.0),
-    Requirement("growth_rate", "growth rate of the linear loop, negative if stable", "1/s", 0.0),
-    Requirement("gain_margin", "gain margin of the linear loop", "dB", 6.0, at_least=True),
-    Requirement("phase_margin", "phase margin of the linear loop", "deg", 30.0, at_least=True),
+    Requirement(
+        "growth_rate", "growth rate of the linear loop, negative if stable", "1/s", 0.0, least=-LARGEST
+    ),
+    Requirement("gain_margin", "gain margin of the linear loop", "dB", 6.0, at_least=True, least=-LARGEST),
+    Requirement(
+        "phase_margin", "phase margin of the linear loop", "deg", 30.0, at_least=True, least=-LARGEST
+    ),
     Requirement("disk_margin", "disk margin of the linear loop", "1", 0.4, at_least=True),
 )
 
 LINEAR_METRICS = ("growth_rate", "gain_margin", "phase_margin", "disk_margin")
 """Metrics that need a linear form of the controller."""
 
+_LEAST_SHARE = 1e-6
+"""Least share of the rigs that can be demanded [1]: no fleet is large enough to tell less from none."""
 SETTLING_BAND = 0.02
 """Half width of the band in which the hub has settled, over the step [1]."""
 
@@ -86,6 +92,7 @@ def defaults() -> Requirements:
 
 def read_requirements(path: Path) -> Requirements:
     """Reads limits from a TOML file: `metric = limit`, `metric = false` for none, and `share`; the rest is default.
+
     Raises:
       InputError: the file cannot be used; the message names file and key.
     """
@@ -94,25 +101,25 @@ def read_requirements(path: Path) -> Requirements:
     limits, share = dict(known.limits), known.share
     for key, value in content.items():
         if key == "share":
-            share = _number(path, key, value)
-            if not 0 < share <= 1:
-                raise InputError(f"{path.name}: share is {share:g}; expected a number above 0, at most 1")
+            share = checked_number(f"{path.name}: share", value, _LEAST_SHARE, 1.0)
         elif key not in limits:
             expected = ("share", *known.limits)
             raise InputError(
-                f"{path.name}: '{key}' is not a requirement; expected one of: {', '.join(expected)}"
+                f"{path.name}: {quoted(key)} is not a requirement; expected one of: {', '.join(expected)}"
                 f"{nearest(key, expected)}"
             )
         elif value is False:
             del limits[key]
         else:
-            limits[key] = replace(limits[key], limit=_number(path, key, value))
+            limits[key] = replace(limits[key], limit=_limit(f"{path.name}: {key}", value, limits[key]))
     if not limits:
         raise InputError(f"{path.name}: no requirement is left; expected at least one")
     return Requirements(MappingProxyType(limits), share)
 
 
-def _number(path: Path, key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{path.name}: {key} is {value!r}; expected a number, or false for no limit")
-    return float(value)
+def _limit(field: str, value: Any, known: Requirement) -> float:
+    """A limit that the metric can reach; raises InputError where it is none."""
+    try:
+        return checked_number(field, value, known.least, unit=known.unit)
+    except InputError as error:
+        raise InputError(f"{error}, or false for no limit") from None

@@ -135,7 +135,7 @@ def _effect_parameter(effect: str, name: str, value: float, error: float) -> Unc
     from twin.effects import REGISTRY
 
     parameter = next(p for p in REGISTRY[effect].parameters if p.name == name)
-    return UncertainParameter(f"{effect}.{name}", value, error, parameter.bounds, parameter.unit)
+    return UncertainParameter(f"{effect}.{name}", value, error, parameter.possible_range, parameter.unit)
 
 
 def _truncated_normal(unknown: UncertainParameter, normal: float) -> float:

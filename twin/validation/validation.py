@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 
 from twin.control import scenarios
+from twin.control.experiment import LARGEST_SEED
 from twin.correlations import Correlations
-from twin.errors import InputError
+from twin.errors import InputError, checked_count
 from twin.validation.fleet import Evaluator, Job, Outcome, run_fleet
 from twin.validation.margins import Margins
 from twin.validation.requirements import LINEAR_METRICS, Requirement, Requirements
 from twin.validation.rigs import INDEPENDENT, Effects, UncertainParameter, draw_rigs, uncertain_parameters
 
+_MOST_RIGS = 100_000
+"""Most rigs of a fleet: they take hours, and tell the share that fails within 0.3 %."""
 CONFIDENCE = 0.95
 """Confidence of the interval of the share of rigs that keep every limit."""
 _MAX_DRIVERS = 3  # parameters that are named for a metric
@@ -150,8 +153,10 @@ def validate(
       correlations: of the errors of all parameters.
 
     Raises:
-      InputError: scenario or controller cannot be used, or no parameter is uncertain.
+      InputError: scenario, controller, count or seed cannot be used, or no parameter is uncertain.
     """
+    checked_count("rigs", count, 1, _MOST_RIGS)
+    checked_count("seed", seed, 0, LARGEST_SEED)
     _check_scenario(job.scenario)
     uncertain = uncertain_parameters(job.rig, effects, errors)
     if not uncertain:

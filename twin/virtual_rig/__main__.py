@@ -1,10 +1,10 @@
 """`python -m twin.virtual_rig OUT`: generates a campaign of the virtual rig."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from twin.errors import InputError
+from twin.terminal import BAD_INPUT, report_error, run
 from twin.virtual_rig.campaign_writer import make_campaign
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 from twin.virtual_rig.sensors import DIRT
@@ -69,11 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             force=options.force,
         )
     except InputError as error:
-        print(f"Error: {error}", file=sys.stderr)
-        return 2
+        report_error(str(error))
+        return BAD_INPUT
     print(f"{options.out}: campaign '{truth.name}', effects: {', '.join(truth.effects) or 'none'}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

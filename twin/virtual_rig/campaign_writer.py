@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.errors import InputError
+from twin.files.whole import check_file, check_folder, is_temporary, write_files, writing
 from twin.virtual_rig.beam import Array, build_link
 from twin.virtual_rig.effects import switch_on
 from twin.virtual_rig.experiments import HUB_RANGE, Experiment, planned_campaign, run_experiment
@@ -38,9 +39,9 @@ class Truth:
     true: dict[str, float]  # true values of the same parameters, without the effects
     defects: dict[str, dict[str, list[float]]]  # file -> kind -> times [s]
 
-    def write(self, path: Path | str) -> None:
-        """Writes the truth as JSON."""
-        Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
+    def to_text(self) -> str:
+        """Returns the truth as JSON."""
+        return json.dumps(asdict(self), indent=2) + "\n"
 
 
 def make_campaign(
@@ -75,7 +76,8 @@ def make_campaign(
         force: Whether to write into a folder that is not empty.
 
     Raises:
-        InputError: for unknown effects or defects, a folder that is not empty, or a truth file inside it.
+        InputError: for unknown effects or defects, a folder that is not empty, a truth file inside it, or files that
+            cannot be written.
     """
     folder = Path(folder)
     kinds = checked_dirt(dirty)
@@ -86,19 +88,17 @@ def make_campaign(
     true_rig = switch_on(actual, effects)
     plans = experiments or planned_campaign(declared_rig, card, np.random.default_rng([seed, 2]))
 
-    folder.mkdir(parents=True, exist_ok=True)
+    files: dict[Path, str] = {}
     defects = {}
     for number, plan in enumerate(plans):
         table = _record(true_rig, card, plan, kinds, np.random.default_rng([seed, 3, number]))
         table, found = soiled(table, card, kinds, np.random.default_rng([seed, 4, number]))
         if not motor_torque:
             table.pop("motor_torque", None)
-        _write_csv(folder / f"{plan.name}.csv", table)
+        files[folder / f"{plan.name}.csv"] = _to_csv(table)
         if found:
             defects[f"{plan.name}.csv"] = found
     title = name or folder.resolve().name
-    text = _campaign_toml(title, declared_rig, card, plans, motor_torque)
-    (folder / "campaign.toml").write_text(text, encoding="utf-8")
 
     truth = Truth(
         name=title,
@@ -109,7 +109,12 @@ def make_campaign(
         defects=defects,
     )
     if truth_file is not None:
-        truth.write(truth_file)
+        files[Path(truth_file)] = truth.to_text()
+    # Last: without it the folder is no campaign.
+    files[folder / "campaign.toml"] = _campaign_toml(title, declared_rig, card, plans, motor_torque)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    write_files(files)
     return truth
 
 
@@ -117,12 +122,15 @@ def _check_places(folder: Path, truth_file: Path | str | None, force: bool) -> N
     """Raises InputError if a campaign would be overwritten, or the truth written inside one."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; expected a folder to write a campaign into.")
-    if folder.is_dir() and any(folder.iterdir()) and not force:
+    check_folder(folder)
+    if folder.is_dir() and any(not is_temporary(path.name) for path in folder.iterdir()) and not force:
         raise InputError(f"{folder} is not empty; give another folder, or --force to write into this one.")
     if truth_file is not None and folder.resolve() in Path(truth_file).resolve().parents:
         raise InputError(
             f"truth file is {truth_file}, inside the campaign; expected a place outside {folder}."
         )
+    if truth_file is not None:
+        check_file(Path(truth_file))
 
 
 def _perturbed(rig: Rig, share: float, generator: np.random.Generator) -> Rig:
@@ -163,14 +171,14 @@ def _within_range(angle: Array) -> int:
     return int(np.argmax(outside)) if outside.any() else len(angle)
 
 
-def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
-    """Writes the columns with fixed decimals; a missing sample is an empty field."""
+def _to_csv(table: Mapping[str, Array]) -> str:
+    """Returns the columns as CSV with fixed decimals; a missing sample is an empty field."""
     formats = [f"%.{DECIMALS[name]}f" for name in table]
     rows = (
         ",".join("" if value != value else form % value for form, value in zip(formats, row, strict=True))
         for row in zip(*(column.tolist() for column in table.values()), strict=True)
     )
-    path.write_text("\n".join([",".join(table), *rows]) + "\n", encoding="utf-8")
+    return "\n".join([",".join(table), *rows]) + "\n"
 
 
 def _campaign_toml(
@@ -180,7 +188,7 @@ def _campaign_toml(
     lines = [
         "# A campaign on the virtual rig (python -m twin.virtual_rig).",
         "format = 1",
-        f'name = "{name}"',
+        f"name = {json.dumps(name, ensure_ascii=False)}",
         'rig = "bossi2009"',
         "",
         "[parameters]",

@@ -30,6 +30,7 @@ EFFECTS: dict[str, dict[str, str]] = {
     "cogging": {"amplitude": "cogging_amplitude", "order": "cogging_order", "phase": "cogging_phase"},
     "torque-gain": {"gain": "torque_gain"},
     "torque-bias": {"bias": "torque_bias"},
+    "dead-zone": {"half_width": "dead_zone"},
     "actuator-lag": {"time_constant": "actuator_lag"},
     "actuator-delay": {"delay": "actuator_delay"},
     "backlash": {"gap": "backlash_gap", "motor_inertia_share": "backlash_motor_share"},
@@ -65,7 +66,7 @@ EFFECTS: dict[str, dict[str, str]] = {
 
 OUTSIDE_EFFECTS: dict[str, dict[str, str]] = {
     "strain-amplifier-clips": {"level": "clip_base", "level_mid": "clip_mid"},
-    "dead-zone": {"width": "dead_zone"},
+    "dead-band": {"width": "dead_band"},
     "hard-stop": {"angle": "stop_angle", "stiffness": "stop_stiffness", "damping": "stop_damping"},
     "warming-friction": {"rise": "warming_rise", "time_constant": "warming_time"},
     "shaking-base": {

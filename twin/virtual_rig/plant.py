@@ -27,9 +27,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.files.compiled import cached_njit
 from twin.virtual_rig.beam import Array, Link
 from twin.virtual_rig.rig import Rig
 
@@ -46,7 +46,7 @@ KNOCK_LENGTH = 0.01  # s, duration of a half-sine pulse
 
 
 # Contraction to fused multiply-add is the only permitted change of floating-point operations.
-compiled = njit(cache=True, fastmath={"contract"})
+compiled = cached_njit(fastmath={"contract"})
 
 
 class Drive(NamedTuple):
@@ -116,10 +116,11 @@ class Motion(NamedTuple):
 
 @compiled
 def saturated(rig, command):
-    """Returns the torque of a command by the drive's static characteristic: dead zone, limit, loss, gain [N m]."""
-    if abs(command) <= rig.dead_zone:
+    """Returns the torque of a command by the drive's static characteristic: dead band and zone, limit, loss, gain [N m]."""
+    if abs(command) <= rig.dead_band:
         return 0.0
     torque = min(max(command, -rig.torque_limit), rig.torque_limit)
+    torque -= min(max(torque, -rig.dead_zone), rig.dead_zone)
     if rig.torque_loss != 0.0:
         torque *= 1.0 - rig.torque_loss * (torque / rig.torque_limit) ** 2
     return rig.torque_gain * torque

@@ -42,7 +42,10 @@ class Rig(NamedTuple):
     torque_bias: float = 0.0  # N m
     actuator_lag: float = 0.0  # s
     actuator_delay: float = 0.0  # s
-    dead_zone: float = 0.0  # N m, half width: smaller commands deliver nothing
+    dead_zone: float = 0.0  # N m, half width: the drive delivers the excess beyond it
+    dead_band: float = (
+        0.0  # N m, half width: smaller commands deliver nothing, larger ones their whole torque
+    )
     torque_loss: float = (
         0.0  # share of the limit torque that iron saturation loses; grows as the square of the torque
     )

@@ -7,11 +7,24 @@ from typing import Protocol
 
 import numpy as np
 
+from twin.errors import checked_number
+
 READINGS = ("hub_angle", "tip_deflection", "strain_base", "strain_mid", "motor_torque")
 """Channels of the recording format whose true values every plant provides."""
 
 Reference = Callable[[float], float]
 """Reference of the hub angle [rad] as a function of time [s]."""
+
+_LARGEST_REFERENCE = 1e6
+"""Largest reference of the hub angle [rad]: beyond it, a double has no more digits than an angle sensor."""
+
+
+def wanted_angle(reference: Reference, time: float) -> float:
+    """Returns the reference [rad] at a time [s]; raises InputError where it is no number, or beyond any rig."""
+    return checked_number(
+        f"the reference at {time:g} s", reference(time), -_LARGEST_REFERENCE, _LARGEST_REFERENCE, "rad"
+    )
+
 
 PERIOD = 2e-3
 """Sample period of the card [s], assumed: Bossi et al. 2009 name the card but not its sampling rate."""

@@ -1,0 +1,27 @@
+"""Dead zone of the drive."""
+
+import numpy as np
+
+from twin.effects.base import TORQUES, Effect, EffectParameter
+
+
+class DeadZone(Effect):
+    """Delivered torque = sign(tau) max(|tau| - w, 0) of the commanded torque tau, with the half width w.
+
+    Above the zone it differs from Coulomb friction of the same level wherever torque and motion differ in sign.
+    """
+
+    name = "dead-zone"
+    meaning = "a drive that gives nothing for small commands, and the excess of larger ones"
+    acts_on = "drive"
+    parameters = (EffectParameter("half_width", "N*m", 0.0, (0.0, 10.0), 1e-3, possible=TORQUES),)
+
+    def drive(self, drive, p):
+        return drive.replace(
+            torque=excess(drive.torque, p["half_width"]), before=float(excess(drive.before, p["half_width"]))
+        )
+
+
+def excess(torque, half_width):
+    """The part of a torque (any shape) [N m] beyond a dead zone."""
+    return np.sign(torque) * np.maximum(np.abs(torque) - half_width, 0.0)
