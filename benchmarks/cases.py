@@ -141,7 +141,7 @@ FAR: Effects = {
 
 OUTSIDE: Mapping[str, Mapping[str, Size]] = {
     "strain-amplifier-clips": {"level": Size(8e-5, 2e-4), "level_mid": Size(5e-5, 1.2e-4)},
-    "dead-zone": {"width": Size(8e-3, 3e-2)},
+    "dead-band": {"width": Size(8e-3, 3e-2)},
     "hard-stop": {"angle": Size(0.3, 0.7), "stiffness": Size(2.0, 20.0), "damping": Size(0.01, 0.1)},
     "warming-friction": {"rise": Size(5e-3, 2e-2), "time_constant": Size(1.5, 5.0)},
     "saturating-motor": {"loss": Size(0.1, 0.4)},
@@ -156,7 +156,7 @@ OUTSIDE: Mapping[str, Mapping[str, Size]] = {
 
 DEPENDS: Mapping[str, Sequence[str]] = {
     "strain-amplifier-clips": ("strain_base", "strain_mid"),
-    "dead-zone": ("torque_command",),
+    "dead-band": ("torque_command",),
     "hard-stop": ("hub_angle",),
     "warming-friction": ("time", "hub_rate", "direction"),
     "saturating-motor": ("torque_command",),

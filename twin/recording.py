@@ -26,6 +26,9 @@ CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
 MEASURED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "tip_acceleration", "motor_torque")
 """Channels that a simulation predicts, in the order of all tables."""
 
+ON_LINK = ("strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
+"""Channels of sensors on the link."""
+
 HUB_TORQUE = "hub_torque"
 """Name under which residuals of the hub's torque balance are listed beside those of the channels."""
 
@@ -39,12 +42,20 @@ class Sensor:
       noise: standard deviation of the sensor noise, SI; None where not declared.
       position: distance of a strain gauge from the hub axis along the link [m].
       half_thickness: distance of a strain gauge from the neutral axis [m]; strain = half_thickness * w''.
+      zero_is_certain: whether its reading without load is 0 for certain. If not, that of a sensor on the link is a
+        nuisance parameter of each recording.
     """
 
     channel: str
     noise: float | None = None
     position: float = 0.0
     half_thickness: float = 0.0
+    zero_is_certain: bool = False
+
+    @property
+    def has_unknown_zero(self) -> bool:
+        """Whether the zero is a nuisance parameter: of sensors on the link, unless it is certain."""
+        return not self.zero_is_certain and self.channel in ON_LINK
 
 
 GAUGES = (

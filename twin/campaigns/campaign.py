@@ -14,10 +14,12 @@ import numpy as np
 
 from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
+from twin.campaigns.derived_channels import derive, derived_sensors
+from twin.campaigns.drive import check_drive, known_effects, torque_per_command
 from twin.errors import InputError, nearest
 from twin.files.table import Table, read_table, read_text
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
-from twin.recording import CHANNEL_UNITS, MEASURED, Recording, Sensor
+from twin.recording import MEASURED, Recording, Sensor
 from twin.rigs.check import check_parameters
 
 STATIC_FILE = "static.csv"
@@ -103,21 +105,24 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     content = schema.parse(read_text(root / schema.FILE, schema.FILE))
     rig = _declared_rig(content)
     check_parameters(rig)
+    check_drive(content)
     _check_channels(content, rig)
     _check_recordings(content, rig)
-    read = [_read_recording(root, entry, content.channels) for entry in content.recordings]
+    read = [_read_recording(root, entry, content, rig) for entry in content.recordings]
     _check_columns(content, [table for _, table, _ in read])
-    recordings, stuck = check_rig.without_stuck_channels([r for r, _, _ in read], _sensors(content), rig)
-    check_channels.check_signs_and_units(recordings, _sensors(content), rig)
-    check_rig.check_torque(recordings, _sensors(content), rig)
+    sensors = derived_sensors(_sensors(content), content.drive.gear_ratio, rig["length"])
+    recordings, stuck = check_rig.without_stuck_channels([r for r, _, _ in read], sensors, rig)
+    check_channels.check_signs_and_units(recordings, sensors, rig)
+    check_rig.check_torque(recordings, sensors, rig)
     check_rig.check_distinct(recordings)
     fit, held_out = _by_role(content, recordings)
-    check_rig.check_motion(fit, _sensors(content))
-    idle = check_rig.immobile_hub_notes(recordings, _sensors(content), rig)
+    check_rig.check_motion(fit, sensors)
+    idle = check_rig.immobile_hub_notes(recordings, sensors, rig)
+    effects, errors = known_effects(content.drive)
     return Campaign(
         name=content.name,
         rig=rig,
-        sensors=_sensors(content),
+        sensors=sensors,
         fit=fit,
         static=_read_static(root, content.static.second_moment),
         warnings=(
@@ -128,6 +133,8 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
             *idle,
         ),
         _held_out=held_out,
+        effects=effects,
+        effect_errors=errors,
     )
 
 
@@ -175,7 +182,10 @@ def _declared_rig(content: schema.CampaignFile) -> Rig:
         base = {name: replace(parameter, uncertainty=None) for name, parameter in start.items()}
     else:
         base = _default_parameters(content)
-    declared = {name: _declared_parameter(name, value) for name, value in content.parameters.items()}
+    given = dict(content.parameters)
+    if content.drive.limit is not None:
+        given.setdefault("torque_limit", content.drive.limit * torque_per_command(content.drive))
+    declared = {name: _declared_parameter(name, value) for name, value in given.items()}
     parameters = {**base, **declared}
     return Rig(content.rig, {name: _with_uncertainty(p, content) for name, p in parameters.items()})
 
@@ -215,7 +225,7 @@ def _with_uncertainty(parameter: Parameter, content: schema.CampaignFile) -> Par
 
 def _check_channels(content: schema.CampaignFile, rig: Rig) -> None:
     for name, channel in content.channels.items():
-        _check_channel(f"{schema.FILE}: channels.{name}", name, channel, rig)
+        _check_channel(f"{schema.FILE}: channels.{name}", name, channel, content, rig)
     if _COMMAND not in content.channels:
         raise InputError(
             f"{schema.FILE}: channels.{_COMMAND} is missing; expected the torque that drives the rig"
@@ -231,14 +241,17 @@ def _check_channels(content: schema.CampaignFile, rig: Rig) -> None:
         )
 
 
-def _check_channel(where: str, name: str, channel: schema.Channel, rig: Rig) -> None:
+def _check_channel(
+    where: str, name: str, channel: schema.Channel, content: schema.CampaignFile, rig: Rig
+) -> None:
     _check_unit(where, name, channel)
     if name == units.TIME:
         _check_time(where, channel)
     if channel.gain == 0.0:
         raise InputError(f"{where}.gain is 0; expected the physical value of one {channel.unit}")
-    if channel.unit in units.RAW_UNITS and channel.gain is None:
-        si = CHANNEL_UNITS[name]
+    is_raw_command = name == _COMMAND and content.drive.kind != "torque"
+    if channel.unit in units.RAW_UNITS and channel.gain is None and not is_raw_command:
+        si = units.allowed(name)[0]
         raise InputError(
             f"{where}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * (raw - offset)"
         )
@@ -278,7 +291,8 @@ def _sensor(name: str, channel: schema.Channel) -> Sensor:
     # The noise is declared in the channel's unit: where that is V or A, the gain converts it.
     raw = abs(channel.gain or 1.0) if channel.unit in units.RAW_UNITS else 1.0
     noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
-    return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0)
+    certain = channel.offset_uncertainty == 0
+    return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0, certain)
 
 
 def _zero_noise_warnings(content: schema.CampaignFile) -> Iterator[str]:
@@ -309,7 +323,9 @@ def _check_recordings(content: schema.CampaignFile, rig: Rig) -> None:
     if uses > 1:
         raise InputError(f"{schema.FILE}: recordings: {file} is listed {uses} times; expected each file once")
     for i, entry in enumerate(content.recordings, start=1):
-        if "hub_angle" not in content.channels and not _may_be_absent("hub_angle", entry):
+        if not {"hub_angle", "motor_angle"} & content.channels.keys() and not _may_be_absent(
+            "hub_angle", entry
+        ):
             raise InputError(
                 f"{schema.FILE}: channels.hub_angle is missing; expected it for {entry.file}: "
                 "only a recording with clamped = true may lack it"
@@ -327,19 +343,23 @@ def check_deflection(where: str, deflection: float | None, rig: Rig) -> None:
 
 
 def _read_recording(
-    root: Path, entry: schema.RecordingEntry, channels: Mapping[str, schema.Channel]
+    root: Path, entry: schema.RecordingEntry, content: schema.CampaignFile, rig: Rig
 ) -> tuple[Recording, Table, list[str]]:
     """Returns the recording, the table from which it was read, and notes on its oddities."""
+    channels = content.channels
     columns = {name: channel.column or name for name, channel in channels.items()}
     columns.setdefault(units.TIME, units.TIME)
     table = read_table(root / entry.file, entry.file, set(columns.values()))
     time = _time(table, columns[units.TIME])
     present = {n: c for n, c in columns.items() if n != units.TIME and not _is_absent(n, c, table, entry)}
     values = {n: _si_values(n, channels[n], table.columns[c]) for n, c in present.items()}
+    values, unused = derive(values, content.drive.gear_ratio, rig["length"])
     if not any(name in values for name in MEASURED):
         expected = [columns[name] for name in MEASURED if name in columns]
         raise InputError(f"{entry.file} has no measurement; expected a column: {', '.join(expected)}")
     values[_COMMAND], notes = _hold_command(values.get(_COMMAND), time, entry.file)
+    values[_COMMAND] = values[_COMMAND] * torque_per_command(content.drive)
+    notes += [f"{entry.file}: {name} is read and not used" for name in unused]
     recording = Recording(
         name=entry.file,
         time=time,

@@ -31,7 +31,8 @@ def with_rig(campaign: Campaign, rig: Rig, effects: Effects, errors: Effects | N
         _check(campaign, rig)
     except InputError as error:
         raise InputError(f"the rig '{rig.name}' cannot be that of {campaign.name}: {error}") from None
-    return replace(campaign, rig=rig, effects=effects, effect_errors=errors or {})
+    known, known_errors = {**campaign.effects, **effects}, {**campaign.effect_errors, **(errors or {})}
+    return replace(campaign, rig=rig, effects=known, effect_errors=known_errors)
 
 
 def _check(campaign: Campaign, rig: Rig) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from twin.campaigns.units import TIME
+from twin.campaigns.units import DERIVED_UNITS, TIME
 from twin.errors import InputError, nearest
 from twin.parameters import PARAMETERS
 from twin.recording import CHANNEL_UNITS
@@ -28,6 +28,9 @@ def _number(value: Any) -> Any:
 Number = Annotated[float, BeforeValidator(_number)]
 Finite = Annotated[Number, Field(allow_inf_nan=False)]
 
+Positive = Annotated[Finite, Field(gt=0.0)]
+Uncertainty = Annotated[Finite, Field(ge=0.0, le=1.0)]
+
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -44,6 +47,11 @@ class Channel(_Table):
       offset: raw value at physical zero.
       position: distance of a strain gauge from the hub axis along the link [m].
       half_thickness: distance of a strain gauge from the neutral axis [m].
+      offset_uncertainty: standard deviation of `offset`, in `unit`; 0 for a zero that is certain.
+      offset_per: whether the offset is that of the whole campaign or differs between recordings.
+      gain_uncertainty: relative standard deviation of the gain.
+      delay_uncertainty: standard deviation of the delay of the readings [s].
+      sees_gain: of `motor_torque`, whether it sees an error of the drive's gain.
     """
 
     unit: str
@@ -53,6 +61,40 @@ class Channel(_Table):
     offset: Finite = 0.0
     position: Annotated[Finite, Field(ge=0.0)] | None = None
     half_thickness: Annotated[Finite, Field(gt=0.0)] | None = None
+    offset_uncertainty: Annotated[Finite, Field(ge=0.0)] | None = None
+    offset_per: Literal["campaign", "recording"] = "recording"
+    gain_uncertainty: Annotated[Finite, Field(ge=0.0)] | None = None
+    delay_uncertainty: Annotated[Finite, Field(ge=0.0)] | None = None
+    sees_gain: bool | None = None
+
+
+class DriveEntry(_Table):
+    """The `[drive]` table: what a command is, and the constants of motor and gear.
+
+    Attributes:
+      kind: what the command asks for: a torque at the hub, a current or a voltage of the motor.
+      resistance: of the winding [ohm].
+      torque_constant: [N m/A].
+      back_emf_constant: [V s/rad]; None for that of an ideal motor, which is the torque constant.
+      gear_ratio: turns of the motor per turn of the hub.
+      efficiency: share of the motor's torque that reaches the hub.
+      limit: largest magnitude of the command, in its unit.
+      *_uncertainty: relative standard deviation of each.
+    """
+
+    kind: Literal["torque", "current", "voltage"] = "torque"
+    resistance: Positive | None = None
+    resistance_uncertainty: Uncertainty | None = None
+    torque_constant: Positive | None = None
+    torque_constant_uncertainty: Uncertainty | None = None
+    back_emf_constant: Annotated[Finite, Field(ge=0.0)] | None = None
+    back_emf_constant_uncertainty: Uncertainty | None = None
+    gear_ratio: Positive = 1.0
+    gear_ratio_uncertainty: Uncertainty | None = None
+    efficiency: Annotated[Finite, Field(gt=0.0, le=1.0)] = 1.0
+    efficiency_uncertainty: Uncertainty | None = None
+    limit: Positive | None = None
+    limit_uncertainty: Uncertainty | None = None
 
 
 class RecordingEntry(_Table):
@@ -91,17 +133,19 @@ class CampaignFile(_Table):
     channels: Annotated[dict[str, Channel], Field(min_length=1)]
     recordings: Annotated[list[RecordingEntry], Field(min_length=1)]
     static: StaticEntry = StaticEntry()
+    drive: DriveEntry = DriveEntry()
 
 
 _NAMES = {
     "parameters": ("parameter", tuple(PARAMETERS)),
     "uncertainty": ("parameter", tuple(PARAMETERS)),
-    "channels": ("channel", (TIME, *CHANNEL_UNITS)),
+    "channels": ("channel", (TIME, *CHANNEL_UNITS, *DERIVED_UNITS)),
 }
 _TABLES: Mapping[str, type[_Table]] = {
     "channels": Channel,
     "recordings": RecordingEntry,
     "static": StaticEntry,
+    "drive": DriveEntry,
 }
 
 
@@ -174,6 +218,7 @@ _EXPECTED = {
     "finite_number": "a finite number",
     "greater_than": "a number > {gt:g}",
     "greater_than_equal": "a number >= {ge:g}",
+    "less_than_equal": "a number <= {le:g}",
     "bool_type": "true or false",
     "string_type": "a text in quotes",
     "string_too_short": "a text that is not empty",

@@ -13,6 +13,12 @@ UNITS = ("rad", "deg", "N*m", "m", "mm", "1", "microstrain", "V", "A", "s", "1/m
 RAW_UNITS = ("V", "A")
 """Units of a raw sensor signal: the channel's `gain` turns them into the SI unit of the channel."""
 
+DERIVED_UNITS = {"motor_angle": "rad", "tip_angle": "rad", "hub_rate": "rad/s"}
+"""Channels that are turned into those of a recording when a campaign is read -> SI unit."""
+
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
+"""Units of the time column -> seconds."""
+
 TIME = "time"
 """Name of the time column, which is declared like a channel."""
 
@@ -69,11 +75,15 @@ def allowed(channel: str) -> tuple[str, ...]:
     A strain gauge may be calibrated in curvature w'', "1/m": strain = half_thickness * w''.
     """
     if channel == TIME:
-        return ("s",)
-    si = CHANNEL_UNITS[channel]
+        return tuple(TIMES)
+    si = _si_unit(channel)
     same = tuple(unit for unit in UNITS if unit != si and _convertible(unit, si))
     curvature = ("1/m",) if is_strain(channel) else ()
     return (si, *same, *curvature, *RAW_UNITS)
+
+
+def _si_unit(channel: str) -> str:
+    return {**CHANNEL_UNITS, **DERIVED_UNITS}[channel]
 
 
 def is_strain(channel: str) -> bool:
@@ -94,10 +104,12 @@ def scale(channel: str, unit: str, half_thickness: float = 0.0) -> float:
     Raises:
       InputError: the channel cannot be recorded in this unit.
     """
-    if unit == (si := "s" if channel == TIME else CHANNEL_UNITS[channel]):
-        return 1.0
     if unit not in allowed(channel):
         raise InputError(_refusal(channel, unit))
+    if channel == TIME:
+        return TIMES[unit]
+    if unit == (si := _si_unit(channel)):
+        return 1.0
     if unit in RAW_UNITS:
         return 1.0
     return half_thickness if unit == "1/m" else factor(unit, si)
@@ -158,7 +170,6 @@ _SPELLINGS = {
     "sec": "s",
     "second": "s",
     "seconds": "s",
-    "ms": "s",
     "m/s2": "m/s^2",
     "m/s**2": "m/s^2",
     "m/s/s": "m/s^2",

@@ -169,9 +169,9 @@ def first_round(
 
 
 def on_output_errors(state: SearchState, more: bool, progress: Progress) -> tuple[SearchState, bool]:
-    """The state with its last fit repeated on output errors, and whether to go on; unchanged where these are chaotic.
+    """The state with its last fit repeated on output errors if these are not chaotic, and whether to go on.
 
-    Free runs are used where a model explains them, or where no stick or slip within the scatter of friction decides them.
+    Free runs are used where a model explains them, or where no scatter of friction decides a stick or slip in them.
     """
     if state.on_output_errors or not output_error.is_repeatable(state.bench, state.best):
         return state, more

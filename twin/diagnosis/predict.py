@@ -16,6 +16,7 @@ from twin.estimation.calibrate import noise_levels, prepare_clean
 from twin.estimation.static_friction import FinalModels
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
+from twin.residuals.residual import has_unknown_zero
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
@@ -39,7 +40,10 @@ def predict(
             prepared, left_out = prepare_clean(recording, campaign.sensors, state.start.clock, noise)
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
-            errors = {c: _error(prepared, c, runs, nearby) for c in prepared.channels}
+            errors = {
+                c: _error(prepared, c, runs, nearby, has_unknown_zero(augmented, c))
+                for c in prepared.channels
+            }
             predictions[recording.name] = Prediction(
                 role, recording, before, calibrated, after, errors, left_out
             )
@@ -62,14 +66,15 @@ def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecu
 
 
 def _error(
-    prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording]
+    prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording], has_zero: bool
 ) -> ChannelError:
     measured = prepared.recording[channel]
     known = np.isfinite(measured)
 
     def rms(a: np.ndarray, b: np.ndarray) -> float:
         off = (a - b)[known]
-        if channel not in ("hub_angle", "motor_torque"):
+        if has_zero:
+            # The zero of the sensor is that of the recording.
             off = off - off.mean()
         return float(np.sqrt(np.mean(off**2)))
 

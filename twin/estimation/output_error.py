@@ -24,7 +24,7 @@ from twin.mechanics.state import Start
 from twin.residuals.data import BLOCK_SPAN, DrivenData
 from twin.residuals.groups import Group, split_into_blocks
 from twin.residuals.prepared import Prepared, sensor_corrected_start
-from twin.residuals.residual import without_zero
+from twin.residuals.residual import has_unknown_zero, without_zero
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
@@ -71,7 +71,9 @@ class OutputErrorData(GuidedData):
         residuals = {}
         for c in prepared.channels:
             known = np.isfinite(measured[c])
-            off = without_zero(c, (measured[c] - predicted[c]) / prepared.noise[c], known)
+            off = (measured[c] - predicted[c]) / prepared.noise[c]
+            if has_unknown_zero(model, c):
+                off = without_zero(off, known)
             residuals[c] = np.where(known, off, 0.0)
         return residuals
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twin.mechanics.state import Motion, Start
-from twin.recording import Recording
+from twin.recording import Recording, Sensor
 from twin.residuals import creep
 from twin.residuals.filters import GRID, low_passed
 from twin.residuals.hub_balance import (
@@ -114,16 +114,20 @@ def channel_residual(
                     signals, channel, simulated[channel], prepared.hub is not None
                 )
         off = values - predicted
-        off = without_zero(channel, off, signals.known[channel])
+        if has_unknown_zero(model, channel):
+            off = without_zero(off, signals.known[channel])
         residuals[channel] = np.where(signals.known[channel], off, 0.0)
     return residuals
 
 
-def without_zero(channel: str, off: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The residual (m) of a channel less the unknown zero of its sensor: the median, of sensors on the link."""
-    if channel in ("hub_angle", "motor_torque") or not known.any():
-        return off
-    return off - np.median(off[known])
+def has_unknown_zero(model: Model, channel: str) -> bool:
+    """Whether the zero of a channel's sensor is a nuisance parameter."""
+    return model.sensors.get(channel, Sensor(channel)).has_unknown_zero
+
+
+def without_zero(off: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """A residual (m) less the zero of its sensor, estimated as the median where there are readings."""
+    return off - np.median(off[known]) if known.any() else off
 
 
 def _gap_correction(signals: Signals, channel: str, simulated: np.ndarray, free: bool) -> np.ndarray:

@@ -116,7 +116,7 @@ class Motion(NamedTuple):
 
 @compiled
 def saturated(rig, command):
-    """Returns the torque of a command by the drive's static characteristic: dead band and zone, limit, loss, gain [N m]."""
+    """Returns the torque of a command by the drive: dead band, limit, dead zone, loss, gain [N m]."""
     if abs(command) <= rig.dead_band:
         return 0.0
     torque = min(max(command, -rig.torque_limit), rig.torque_limit)
