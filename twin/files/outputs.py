@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twin.errors import InputError
+from twin.files.text import read_text
+
+_LARGEST_ANSWER = 10_000_000  # bytes; that of a long diagnosis has some hundred thousand
 
 
 @dataclass(frozen=True)
@@ -78,8 +81,8 @@ class ResultsFolder:
     def _wrote(self, folder: Path) -> bool:
         """Whether a folder contains results of an earlier run."""
         try:
-            content = json.loads((folder / self.answer).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            content = json.loads(read_text(folder / self.answer, self.answer, _LARGEST_ANSWER))
+        except (ValueError, RecursionError):
             return False
         return isinstance(content, dict) and self.keys <= content.keys()
 

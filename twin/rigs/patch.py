@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from twin.errors import InputError, nearest
+from twin.errors import InputError, exact, listed, nearest, shown
 from twin.files.table import Table, read_table
 from twin.mechanics.hub_law import HubLaw, HubTorque
 from twin.recording import HUB_TORQUE, MEASURED
@@ -129,7 +129,7 @@ def read_patch(path: Path) -> Patch:
     variables = [column for column in table.header if column not in (*added, _SAMPLES)]
     if len(added) != 1 or len(variables) != 1:
         raise InputError(
-            f"{path.name}, line 1: columns are {', '.join(table.header)}; expected a variable, {_ADDED}CHANNEL and, "
+            f"{path.name}, line 1: columns are {listed(table.header)}; expected a variable, {_ADDED}CHANNEL and, "
             f"at will, {_SAMPLES}, as in the patch.csv of a diagnosis"
         )
     x, y = table.columns[variables[0]], table.columns[added[0]]
@@ -138,12 +138,12 @@ def read_patch(path: Path) -> Patch:
     patch = Patch(added[0].removeprefix(_ADDED), variables[0], x, y, count)
     if patch.channel not in (HUB_TORQUE, *MEASURED):
         raise InputError(
-            f"{path.name}, line 1: nothing can be added to '{patch.channel}'; expected one of: "
+            f"{path.name}, line 1: nothing can be added to '{shown(patch.channel)}'; expected one of: "
             f"{', '.join((HUB_TORQUE, *MEASURED))}{nearest(patch.channel, (HUB_TORQUE, *MEASURED))}"
         )
     if not patch.is_simulable:
         raise InputError(
-            f"{path.name}, line 1: no simulation looks up {patch.channel} by '{patch.variable}'; expected one of: "
+            f"{path.name}, line 1: no simulation looks up {patch.channel} by '{shown(patch.variable)}'; expected one of: "
             f"{', '.join(patch.allowed_variables)}{nearest(patch.variable, patch.allowed_variables)}"
         )
     return patch
@@ -162,7 +162,7 @@ def _check_points(name: str, table: Table, x: np.ndarray, y: np.ndarray) -> None
     if back.size:
         before, after = x[back[0]], x[back[0] + 1]
         raise InputError(
-            f"{name}, line {table.lines[back[0] + 1]}: {after:g} follows {before:g}; expected the variable to increase"
+            f"{name}, line {table.lines[back[0] + 1]}: {exact(after)} follows {exact(before)}; expected the variable to increase"
         )
 
 

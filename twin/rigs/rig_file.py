@@ -30,7 +30,7 @@ from typing import Any
 
 from twin import correlations
 from twin.correlations import Correlations
-from twin.errors import InputError, nearest
+from twin.errors import InputError, nearest, shown
 from twin.files.toml import read_toml
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig
 
@@ -174,7 +174,9 @@ def _parameter(name: str, given: Any) -> Parameter:
     field = f"parameters.{name}"
     if name not in PARAMETERS:
         hint = nearest(name, PARAMETERS)
-        raise InputError(f"{field} is not a parameter; expected one of: {', '.join(PARAMETERS)}{hint}")
+        raise InputError(
+            f"parameters.{shown(name)} is not a parameter; expected one of: {', '.join(PARAMETERS)}{hint}"
+        )
     table = given if isinstance(given, dict) else {"value": given}
     _check_keys(table, _PARAMETER_KEYS, f"{field}.")
     unit, bounds = PARAMETERS[name]
@@ -221,7 +223,7 @@ def checked_effects(tables: Mapping[str, Any], rig: Rig) -> dict[str, dict[str, 
         if name not in REGISTRY:
             known = ", ".join(REGISTRY)
             raise InputError(
-                f"effects.{name} is not an effect; expected one of: {known}{nearest(name, REGISTRY)}"
+                f"effects.{shown(name)} is not an effect; expected one of: {known}{nearest(name, REGISTRY)}"
             )
         if not isinstance(given, dict):
             raise InputError(f"effects.{name} is {_quoted(given)}; expected a table")
@@ -245,7 +247,7 @@ def _standard_errors(
         field = f"standard_errors.{name}"
         if name not in effects:
             raise InputError(
-                f"{field} is of no effect of the rig; its effects are: {', '.join(effects) or 'none'}"
+                f"standard_errors.{shown(name)} is of no effect of the rig; its effects are: {', '.join(effects) or 'none'}"
             )
         if not isinstance(given, dict):
             raise InputError(f"{field} is {_quoted(given)}; expected a table")
@@ -268,7 +270,7 @@ def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], prefix: str) -
     for key in table:
         if key not in known:
             raise InputError(
-                f"unknown key {prefix}{key}; expected one of: {', '.join(known)}{nearest(key, known)}"
+                f"unknown key {prefix}{shown(key)}; expected one of: {', '.join(known)}{nearest(key, known)}"
             )
 
 
@@ -284,4 +286,10 @@ def _quoted(value: Any) -> str:
         return "missing"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"'{value}'" if isinstance(value, str) else "a table" if isinstance(value, dict) else str(value)
+    return (
+        f"'{shown(value)}'"
+        if isinstance(value, str)
+        else "a table"
+        if isinstance(value, dict)
+        else str(value)
+    )

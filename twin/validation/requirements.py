@@ -14,7 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from twin.errors import InputError, nearest
+from twin.errors import InputError, nearest, shown
 from twin.files.toml import read_toml
 
 
@@ -100,7 +100,7 @@ def read_requirements(path: Path) -> Requirements:
         elif key not in limits:
             expected = ("share", *known.limits)
             raise InputError(
-                f"{path.name}: '{key}' is not a requirement; expected one of: {', '.join(expected)}"
+                f"{path.name}: '{shown(key)}' is not a requirement; expected one of: {', '.join(expected)}"
                 f"{nearest(key, expected)}"
             )
         elif value is False:
@@ -114,5 +114,7 @@ def read_requirements(path: Path) -> Requirements:
 
 def _number(path: Path, key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{path.name}: {key} is {value!r}; expected a number, or false for no limit")
+        raise InputError(
+            f"{path.name}: {key} is {shown(repr(value))}; expected a number, or false for no limit"
+        )
     return float(value)
