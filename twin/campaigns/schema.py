@@ -25,6 +25,7 @@ def _number(value: Any) -> Any:
 
 Number = Annotated[float, BeforeValidator(_number)]
 Finite = Annotated[Number, Field(allow_inf_nan=False)]
+Text = Annotated[str, Field(min_length=1, max_length=1000)]  # no system has longer names of files
 
 
 class _Table(BaseModel):
@@ -45,7 +46,7 @@ class Channel(_Table):
     """
 
     unit: str
-    column: Annotated[str, Field(min_length=1)] | None = None
+    column: Text | None = None
     noise: Annotated[Finite, Field(ge=0.0)] | None = None
     gain: Finite | None = None
     offset: Finite = 0.0
@@ -63,7 +64,7 @@ class RecordingEntry(_Table):
       clamped, loop, start, initial_tip_deflection: see `Recording`.
     """
 
-    file: Annotated[str, Field(min_length=1)]
+    file: Text
     role: Literal["fit", "holdout"]
     experiment: str = ""
     clamped: bool = False
@@ -82,8 +83,8 @@ class CampaignFile(_Table):
     """The whole of `campaign.toml`."""
 
     format: Literal[1]
-    name: Annotated[str, Field(min_length=1)]
-    rig: Annotated[str, Field(min_length=1)]
+    name: Text
+    rig: Text
     parameters: dict[str, Number] = {}
     uncertainty: dict[str, Annotated[Finite, Field(ge=0.0)]] = {}
     channels: Annotated[dict[str, Channel], Field(min_length=1)]
@@ -163,6 +164,7 @@ _EXPECTED = {
     "bool_type": "true or false",
     "string_type": "a text in quotes",
     "string_too_short": "a text that is not empty",
+    "string_too_long": "a text of at most {max_length} characters",
     "dict_type": "a table",
     "model_type": "a table",
     "model_attributes_type": "a table",

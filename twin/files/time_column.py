@@ -9,11 +9,14 @@ import numpy as np
 from twin.errors import InputError, exact, nearest, shown
 from twin.files.table import Table
 
-_SHORTEST_PERIOD = 1e-6
-"""Shortest accepted median sample period [s]: no card samples such a rig faster than 1 MHz, a hundred thousand samples
-in a period of its second mode; a shorter one is a time in days or hours."""
+_SHORTEST_PERIOD = 1e-5
+"""Shortest accepted median sample period [s]: 100 kHz, a thousand samples in a period at 100 Hz, above which the link
+has no mode that matters; a shorter one suggests a time in minutes, hours or days."""
+_SHORTEST_SPAN = 0.1
+"""Shortest accepted span [s]: one period at 10 Hz; a shorter one suggests a time in minutes or hours."""
 _LONGEST_PERIOD = 0.1
 """Longest accepted median sample period [s]: five samples per period at 2 Hz; a longer one suggests a time in ms."""
+_ROUNDING = 1e-4  # of a period that is the difference of rounded instants [1]
 _LONGEST_GAP = 86400.0
 """Longest accepted time between two samples [s], a day: an experiment takes minutes, a clock is set by years."""
 _SPARSEST = 20.0
@@ -32,6 +35,7 @@ _EPOCHS = (
     (1e18, 3e18, "nanoseconds since 1970"),
 )
 _UNITS = {
+    "seconds": 1.0,
     "milliseconds": 1e-3,
     "microseconds": 1e-6,
     "nanoseconds": 1e-9,
@@ -46,7 +50,7 @@ def checked_time(table: Table, column: str) -> np.ndarray:
     """Returns the instants of a table as measured, jitter and gaps included (n) [s].
 
     Raises:
-      InputError: there are fewer than 2, one is missing, they do not increase, or cannot be the seconds of one recording.
+      InputError: there are fewer than 2, one is missing, they do not increase, or they are no seconds of one recording.
     """
     if column not in table.header:
         hint = nearest(column, table.header)
@@ -80,24 +84,25 @@ def _check_increase(table: Table, column: str, time: np.ndarray) -> None:
 
 def _check_period(table: Table, column: str, time: np.ndarray) -> None:
     period = float(np.median(np.diff(time)))
-    if period > _LONGEST_PERIOD:
-        bound = f"at most {_LONGEST_PERIOD:g} s"
+    span = float(time[-1] - time[0])
+    if period > _LONGEST_PERIOD * (1 + _ROUNDING):
+        found, bound = f"the samples are {period:.4g} s apart", f"at most {_LONGEST_PERIOD:g} s"
     elif period < _SHORTEST_PERIOD:
-        bound = f"at least {_SHORTEST_PERIOD:g} s"
+        found, bound = f"the samples are {period:.4g} s apart", f"at least {_SHORTEST_PERIOD:g} s"
+    elif span < _SHORTEST_SPAN:
+        found, bound = f"the recording lasts {span:.4g} s", f"at least {_SHORTEST_SPAN:g} s"
     else:
         return
-    raise InputError(
-        f"{table.name}: the samples are {period:.4g} s apart by {shown(column)}; expected {bound}: "
-        f"{_suspicion(float(time[0]), period)}"
-    )
+    suspicion = _suspicion(float(time[0]), period)
+    raise InputError(f"{table.name}: {found} by {shown(column)}; expected {bound}: {suspicion}")
 
 
 def _suspicion(first: float, period: float) -> str:
-    """A question about the unit of a time with an impossible period."""
+    """A question about the unit of a time with an impossible period or span."""
     unit = next((name for low, high, name in _EPOCHS if low <= first <= high), None)
     if unit is None:
         unit = min(_UNITS, key=lambda name: abs(math.log(_UNITS[name] * period / _USUAL_PERIOD)))
-        if not _SHORTEST_PERIOD <= _UNITS[unit] * period <= _LONGEST_PERIOD:
+        if unit == "seconds" or not _SHORTEST_PERIOD <= _UNITS[unit] * period <= _LONGEST_PERIOD:
             return "is it in s?"
     return f"is it in {unit}? Convert it to s"
 

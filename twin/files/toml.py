@@ -12,7 +12,7 @@ from twin.errors import InputError, shown
 from twin.files.text import check_lines, read_text
 
 _LARGEST = 10_000_000  # bytes; a campaign of thousands of recordings has less than one million
-_LONGEST_LINE = 100_000  # characters; a matrix of 60 x 60 numbers on one line has fewer
+_LONGEST_LINE = 10_000  # characters; the parser's time for a key of many parts grows with its square
 _DEEPEST = 32  # tables and lists in one another; the formats need 4
 
 

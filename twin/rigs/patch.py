@@ -143,8 +143,8 @@ def read_patch(path: Path) -> Patch:
         )
     if not patch.is_simulable:
         raise InputError(
-            f"{path.name}, line 1: no simulation looks up {patch.channel} by '{shown(patch.variable)}'; expected one of: "
-            f"{', '.join(patch.allowed_variables)}{nearest(patch.variable, patch.allowed_variables)}"
+            f"{path.name}, line 1: no simulation looks up {patch.channel} by '{shown(patch.variable)}'; "
+            f"expected one of: {', '.join(patch.allowed_variables)}{nearest(patch.variable, patch.allowed_variables)}"
         )
     return patch
 
@@ -162,7 +162,8 @@ def _check_points(name: str, table: Table, x: np.ndarray, y: np.ndarray) -> None
     if back.size:
         before, after = x[back[0]], x[back[0] + 1]
         raise InputError(
-            f"{name}, line {table.lines[back[0] + 1]}: {exact(after)} follows {exact(before)}; expected the variable to increase"
+            f"{name}, line {table.lines[back[0] + 1]}: {exact(after)} follows {exact(before)}; "
+            "expected the variable to increase"
         )
 
 

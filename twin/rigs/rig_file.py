@@ -247,7 +247,8 @@ def _standard_errors(
         field = f"standard_errors.{name}"
         if name not in effects:
             raise InputError(
-                f"standard_errors.{shown(name)} is of no effect of the rig; its effects are: {', '.join(effects) or 'none'}"
+                f"standard_errors.{shown(name)} is of no effect of the rig; "
+                f"its effects are: {', '.join(effects) or 'none'}"
             )
         if not isinstance(given, dict):
             raise InputError(f"{field} is {_quoted(given)}; expected a table")
