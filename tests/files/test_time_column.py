@@ -69,7 +69,7 @@ def test_a_long_recording_may_not_pause_for_a_day():
     assert "was a clock set" in refusal(paused)
 
 
-def test_gaps_are_accepted_as_long_as_most_memory_would_hold_samples():
+def test_gaps_are_accepted_up_to_the_span_that_the_samples_could_fill():
     checked_time(table(jumped(70.0)), "time")
     assert "was a clock set" in refusal(jumped(100.0))
     bursts = (10.0 * np.arange(500)[:, None] + SECONDS[:50]).ravel()

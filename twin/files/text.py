@@ -22,6 +22,7 @@ def read_text(path: Path, name: str, largest: int, expected: str = "a file") -> 
     Raises:
       InputError: there is no such file, it is a folder, pipe, socket or device, too large, or not UTF-8.
     """
+    name = name or str(path)  # "." has no name
     try:
         raw = _read(path, name, largest, expected)
     except FileNotFoundError:

@@ -22,8 +22,8 @@ _LONGEST_GAP = 86400.0
 _SPARSEST = 20.0
 """Largest accepted span over number of samples and median period [1]: nineteen of twenty samples lost. Uniform grids
 are laid over the span of a recording, so that this bounds their memory by the number of its samples."""
-_FEW = 2000
-"""Number of samples up to which `_SPARSEST` allows the span of so many: a short recording may have one long gap."""
+_SHORT = 4.0
+"""Time [s] that any recording counts as for `_SPARSEST`: a short one may have a long gap, in all 80 s."""
 
 # Range of the first sample -> what counts so.
 _EPOCHS = (
@@ -110,8 +110,8 @@ def _suspicion(first: float, period: float) -> str:
 def _check_gaps(table: Table, column: str, time: np.ndarray) -> None:
     gaps = np.diff(time)
     widest = int(np.argmax(gaps))
-    ticks = float(time[-1] - time[0]) / float(np.median(gaps))
-    if gaps[widest] <= _LONGEST_GAP and ticks <= _SPARSEST * max(len(time), _FEW):
+    sampled = max(len(time) * float(np.median(gaps)), _SHORT)
+    if gaps[widest] <= _LONGEST_GAP and time[-1] - time[0] <= _SPARSEST * sampled:
         return
     raise InputError(
         f"{table.name}, line {table.lines[widest + 1]}: {shown(column)} is {exact(time[widest + 1])} after "
