@@ -524,3 +524,12 @@ def test_a_hub_that_rests_under_a_strong_torque_is_told(tmp_path, torque, said):
         w for w in warnings if w.startswith("pull.csv: the hub rests throughout though 0.2 N*m are commanded")
     ]
     assert len(told) == said
+
+
+def test_a_link_in_the_folder_may_lead_to_a_recording_elsewhere(tmp_path):
+    (tmp_path / "here").mkdir()
+    write(tmp_path / "here")
+    (tmp_path / "here" / "push.csv").rename(tmp_path / "there.csv")
+    (tmp_path / "here" / "push.csv").symlink_to(tmp_path / "there.csv")
+    [fit] = read_campaign(tmp_path / "here").fit
+    assert fit.name == "push.csv"
