@@ -342,7 +342,8 @@ def test_a_file_changes_some_limits_and_drops_others(tmp_path):
         ("overshoot = true", "overshoot is True"),
         ("share = 0", "share is 0; expected 1e-06 to 1"),
         ("share = 95", "share is 95"),
-        ("overshoot = ", "limits.toml is not TOML"),
+        ("overshoot = ", "limits.toml, at its end: Invalid value; expected requirements as TOML"),
+        (f"overshoot = {10**400}", "limits.toml: overshoot is beyond the largest number"),
         ("\n".join(f"{r.name} = false" for r in DEFAULTS), "no requirement is left"),
     ],
 )
