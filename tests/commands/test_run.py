@@ -231,7 +231,7 @@ def test_runs_are_drawn_with_length_and_limit_of_their_rig(twin, tmp_path, chain
         write_csv(chain_run, tmp_path / name)
     assert twin("compare", "a.csv", "b.csv", "--rig", "long.toml", "--rrd", "run.rrd")[0] == 0
     found = read(tmp_path / "run.rrd")
-    tip = found["/run/arms/0_a_csv/payload"]["positions"][0][0]
+    tip = found["/run/arms/0_a.csv/payload"]["positions"][0][0]
     assert np.hypot(tip[0], tip[1]) == pytest.approx(0.84, rel=1e-3)
     assert found["/run/torque/limit_upper"]["scalars"][0][0] == 0.5
 
