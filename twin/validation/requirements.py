@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from twin.errors import LARGEST, InputError, checked_number, nearest, quoted
 from twin.files.toml import read_toml
