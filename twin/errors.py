@@ -30,7 +30,7 @@ class InputError(ValueError):
 def nearest(word: str, known: Iterable[str]) -> str:
     """Returns "; did you mean 'x'?" for the known word most similar to `word`, or "" if none is similar."""
     words = [other for other in known if len(other) <= _LONGEST_WORD]
-    match = difflib.get_close_matches(word[:_LONGEST_WORD], words, n=1, cutoff=0.6)
+    match = difflib.get_close_matches(str(word)[:_LONGEST_WORD], words, n=1, cutoff=0.6)
     return f"; did you mean '{match[0]}'?" if match else ""
 
 

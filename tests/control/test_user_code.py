@@ -34,7 +34,7 @@ def loaded(folder, text):
 
 
 def short_run(law):
-    return run(plants.make_plant("modal"), law, lambda time: 0.1, 0.02)
+    return run(plants.make_plant("modal"), law, lambda time: 0.1, 0.12)
 
 
 def reporting(folder, states):
@@ -331,7 +331,7 @@ def test_states_of_every_name_come_back_from_the_file(tmp_path):
         name: k for k, name in enumerate(NAMES)
     }
     assert track.modes is not None
-    assert track.time[-1] == pytest.approx(0.02)
+    assert track.time[-1] == pytest.approx(0.12)
 
 
 def test_states_of_every_name_have_a_place_of_their_own_in_the_viewer(tmp_path):

@@ -306,6 +306,15 @@ def test_drawn_rigs_repeat_and_follow_their_uncertainty():
     assert many[7].deviations["viscous-friction.viscous"] == pytest.approx((viscous[7] - 1e-3) / 1e-3)
 
 
+def test_rigs_are_drawn_about_a_value_beyond_what_a_search_tries():
+    effects = {"actuator-lag": {"time_constant": 1.0}}  # a search ends at 0.5 s
+    uncertain = uncertain_parameters(RIG, effects, {"actuator-lag": {"time_constant": 0.01}})
+    drawn = draw_rigs(RIG, effects, uncertain, 50, 0)[1:]
+    values = [rig.effects["actuator-lag"]["time_constant"] for rig in drawn]
+    assert abs(np.mean(values) - 1.0) < 0.01
+    assert 0.005 < np.std(values) < 0.02
+
+
 def test_rigs_are_drawn_as_a_fit_correlates_their_parameters():
     together = Correlations(("length", "bending_stiffness"), np.array([[1.0, 0.9], [0.9, 1.0]]))
     rigs = draw_rigs(RIG, {}, uncertain_parameters(RIG, {}), 400, 0, together)[1:]
@@ -383,7 +392,10 @@ def test_a_file_changes_some_limits_and_drops_others(tmp_path):
         ("overshot = 1", "limits.toml: 'overshot' is not a requirement.*did you mean 'overshoot'"),
         ("overshoot = 'x'", "limits.toml: overshoot is 'x'; expected a number"),
         ("overshoot = nan", "overshoot is nan"),
-        ("overshoot = true", "overshoot is True"),
+        ("overshoot = inf", "overshoot is inf; expected a finite number >= 0, or false for no limit"),
+        ("overshoot = 1" + 400 * "0", "overshoot is a whole number of 401 digits"),
+        ("settling_time = -1", "settling_time is -1 s; expected a number >= 0 s"),
+        ("overshoot = true", "overshoot is true; expected a number, or false for no limit"),
         ("share = 0", "share is 0; expected 1e-06 to 1"),
         ("share = 95", "share is 95"),
         ("overshoot = ", "limits.toml, at its end: Invalid value; expected requirements as TOML"),
