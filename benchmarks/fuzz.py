@@ -31,6 +31,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
+from typing import IO
 from unittest import mock
 
 from fuzz_mutations import Kind
@@ -42,7 +43,7 @@ from twin import cli
 from twin.errors import InputError
 
 PROCESSOR = 10  # s, processor time of one input
-_WALL = 60  # s, time until an input that waits counts as hanging
+_WAIT = 5  # s, time that a process may sleep, for a file that never comes
 MEMORY = 2**30  # bytes beyond those of the process that is forked
 _LONGEST = 2000  # characters of a message
 _SHOWN = 300  # characters of a message that are kept
@@ -101,11 +102,9 @@ def _nothing(content: bytes, rng: Random) -> bytes:
 
 def kinds_of(target: Target) -> list[tuple[Kind, Callable[[Path], None] | None]]:
     """Returns all kinds of a target, with what they put in the file's place if that is no content."""
-    # Without a static.csv there is none.
-    absent = ("static",)
-    places = [
-        (Kind(name, _nothing, True, absent if name == "file missing" else ()), put) for name, put in PLACES
-    ]
+    # A campaign without static.csv is one without that test.
+    apart = {"file missing": ("static",), "link to itself": ("static",)}
+    places = [(Kind(name, _nothing, True, apart.get(name, ())), put) for name, put in PLACES]
     others = [t for t in targets() if t.file.rpartition(".")[2] != target.file.rpartition(".")[2]]
     swapped = [
         (Kind(f"{t.name} in its place", lambda c, r, t=t: t.files[t.file], True), None) for t in others
@@ -227,7 +226,7 @@ def _judged_by_child(inputs: Sequence[Broken], work: Path) -> list[Outcome]:
     os.close(writer)
     found = []
     with os.fdopen(reader, "rb", buffering=0) as answers:
-        while select.select([answers], [], [], _WALL)[0] and (line := answers.readline()):
+        while line := _answer(answers, child):
             what, said = json.loads(line)
             found.append(Outcome(inputs[len(found)], what, " ".join(said.split())))
     os.kill(child, signal.SIGKILL)  # one that waits; nothing happens to one that has ended
@@ -237,6 +236,18 @@ def _judged_by_child(inputs: Sequence[Broken], work: Path) -> list[Outcome]:
         what, said = ("hang", "time is over") if slow else ("traceback", f"the process ended with {ended}")
         found.append(Outcome(inputs[len(found)], what, said))
     return found
+
+
+def _answer(answers: IO[bytes], child: int) -> bytes:
+    """The next line that a process writes; empty where it has ended, or waits for what never comes."""
+    waited = 0
+    while waited < _WAIT:
+        if select.select([answers], [], [], 1.0)[0]:
+            return answers.readline()
+        # After the name, which may hold anything, in brackets: S for one that sleeps.
+        sleeps = Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0] == "S"
+        waited = waited + 1 if sleeps else 0
+    return b""
 
 
 def _in_child(inputs: Sequence[Broken], work: Path, writer: int) -> None:

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import math
 import subprocess
 import sys
 
@@ -10,10 +11,14 @@ import pytest
 from paths import ROOT
 
 import twin
+from twin.api.inputs import RigFile
+from twin.parameters import Rig
 from twin.table import Table
 
 EXAMPLES = ROOT / "docs" / "examples"
 DEMO = ROOT / "twin" / "data" / "demo-rig"
+LAGGING = RigFile(twin.rig(), {"actuator-lag": {"time_constant": -5}})
+"""A rig with a lag that no drive can have."""
 
 
 def test_import_loads_nothing_heavy():
@@ -75,6 +80,44 @@ def test_a_released_tip_swings_back():
         (lambda: twin.model().simulate([0.0, 1.0], [0.0, 0.0], channels=["hub"]), "'hub' is not simulated"),
         (lambda: twin.run("lq-step-12"), "lq-step-12"),
         (lambda: twin.read_campaign(ROOT / "nowhere"), "nowhere"),
+        (lambda: twin.model(effects={"backlash": {"gap": -5}}), "effects.backlash.gap is -5 rad"),
+        (lambda: twin.run(effects={"backlash": {"gap": -5}}), "effects.backlash.gap is -5 rad"),
+        (lambda: twin.run(effects=["backlash"]), "effects is a list; expected a table"),
+        (lambda: twin.run(rig=LAGGING), "effects.actuator-lag.time_constant is -5 s"),
+        (lambda: twin.validate("lqi", rig=LAGGING), "effects.actuator-lag.time_constant is -5 s"),
+        (lambda: twin.diagnose(DEMO, rig=LAGGING), "effects.actuator-lag.time_constant is -5 s"),
+        (lambda: twin.identify(DEMO, rig=twin.rig().replace(length=0.2)), "strain_mid is 0.21 m"),
+        (lambda: twin.run(rig={"length": 1.0}), "rig is a table; expected a name"),
+        (lambda: twin.run(rig=Rig("bare", {})), "the rig has no bending_stiffness, "),
+        (lambda: twin.run(noise=-1), "noise is -1; expected 0 to"),
+        (lambda: twin.run(noise=1.5), "noise is 1.5; expected a whole number"),
+        (lambda: twin.run(controller=5), "controller is 5"),
+        (lambda: twin.run(plant=5), "'5' is not a plant"),
+        (lambda: twin.model(segments=1), "segments is 1; expected 2 to 48"),
+        (lambda: twin.model(segments=10**9), "segments is 1000000000; expected 2 to 48"),
+        (lambda: twin.model(segments=8.0), "segments is 8.0; expected a whole number"),
+        (lambda: twin.state_space(modes=0), "modes is 0; expected 1 to 50"),
+        (lambda: twin.state_space(modes=10**9), "modes is 1000000000; expected 1 to 50"),
+        (lambda: twin.validate("lqi", rigs=0), "rigs is 0; expected 1 to 100000"),
+        (lambda: twin.validate("lqi", rigs=10**9), "rigs is 1000000000; expected 1 to 100000"),
+        (lambda: twin.validate("lqi", rigs=2.5), "rigs is 2.5; expected a whole number"),
+        (lambda: twin.validate("lqi", seed=-1), "seed is -1; expected 0 to"),
+        (lambda: twin.diagnose(DEMO, workers=-1), "workers is -1; expected 1 to 1024"),
+        (lambda: twin.diagnose(DEMO, workers="2"), "workers is '2'; expected a whole number"),
+        (
+            lambda: twin.diagnose(DEMO, false_alarm_rate=math.nan),
+            "false-alarm rate is nan; expected a number",
+        ),
+        (lambda: twin.diagnose(DEMO, false_alarm_rate="1 %"), "false-alarm rate is '1 %'; expected a number"),
+        (lambda: twin.model().simulate([0.0, math.nan], [0.0, 0.0]), "time has a value that is not finite"),
+        (lambda: twin.model().simulate([0.0, 0.1], [0.0, math.inf]), "torque has a value that is not finite"),
+        (lambda: twin.model().simulate([0.0, "x"], [0.0, 0.0]), "time is no array of numbers"),
+        (
+            lambda: twin.model().simulate([0.0, 1e9], [0.0, 0.0]),
+            "the duration is 1e\\+09 s; expected 0 to 100000",
+        ),
+        (lambda: twin.model().simulate([0.0, 0.1], [0.0, 0.0], hub_angle=math.nan), "hub_angle is nan"),
+        (lambda: twin.model().simulate([0.0, 0.1], [0.0, 0.0], tip_deflection=5.0), "tip_deflection is 5 m"),
     ],
 )
 def test_what_cannot_be_used_is_named(call, message):

@@ -10,6 +10,7 @@ PACKAGE = ROOT / "twin"
 
 LAYERS = (
     {"errors"},
+    {"foreign"},
     {"recording", "parameters", "correlations", "progress"},
     {"labels", "table"},
     {"terminal"},

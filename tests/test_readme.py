@@ -102,7 +102,7 @@ def test_demo_shown_has_an_answer_and_the_files():
 @pytest.mark.parametrize("text", [README, FORMAT], ids=["README", "format"])
 def test_campaign_files_shown_are_valid(text):
     for block in blocks(text, "toml"):
-        said = schema.parse(block)
+        said = schema.parse(tomllib.loads(block))
         assert {entry.role for entry in said.recordings} == {"fit", "holdout"}
 
 

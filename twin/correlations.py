@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.errors import InputError
+from twin.errors import InputError, shown
 
 _DIGITS = 4  # significant, of a written matrix
 _ROUNDING = 1e-3  # error that rounding to a few digits may cause
@@ -89,7 +89,7 @@ def read(table: Mapping[str, Any], known: Collection[str]) -> Correlations:
         raise InputError("correlations: expected of = [names] and matrix = [rows]")
     unknown = [name for name in names if name not in known]
     if unknown or len(set(names)) < len(names):
-        what = f"'{unknown[0]}' is no number of the rig" if unknown else "a name stands twice"
+        what = f"'{shown(str(unknown[0]))}' is no number of the rig" if unknown else "a name stands twice"
         raise InputError(f"correlations.of: {what}; expected each once, of: {', '.join(known)}")
     return Correlations(tuple(names), _matrix(rows, len(names)))
 

@@ -79,7 +79,11 @@ TOML = {
         channel("hub_angle", 'unit = "mm"'),
         "channels.hub_angle.unit: 'mm' does not measure hub_angle; expected one of: rad, deg, V, A",
     ),
-    "time in ms": (channel("time", 'unit = "ms"'), "channels.time.unit: 'ms'", "did you mean 's'?"),
+    "time in seconds": (channel("time", 'unit = "sec"'), "channels.time.unit: 'sec'", "did you mean 's'?"),
+    "a voltage drive without its motor": (
+        '[drive]\nkind = "voltage"\n',
+        'drive.torque_constant is missing; kind = "voltage" needs it',
+    ),
     "time with a gain": (
         channel("time", 'unit = "s"\ngain = 0.001'),
         "channels.time.gain has no meaning for the time",
@@ -193,7 +197,33 @@ TOML = {
     ),
     "file is a folder": (
         toml_text(recordings=(FIT.replace("push.csv", "."),)),
-        ". is a folder; expected a file",
+        ". is a folder; expected a CSV file",
+    ),
+    "file of another folder": (
+        toml_text(recordings=(FIT, HELD_OUT.replace("pull.csv", "sub/../../pull.csv"))),
+        "campaign.toml: recordings[2].file is 'sub/../../pull.csv'; expected a file in the folder of the campaign: "
+        "put it there, or a link to it",
+    ),
+    "absolute file": (
+        toml_text(recordings=(FIT.replace("push.csv", "/push.csv"), HELD_OUT)),
+        "campaign.toml: recordings[1].file is '/push.csv'; expected a file in the folder of the campaign",
+    ),
+    "file of a name without end": (
+        toml_text(recordings=(FIT.replace("push", "p" * 2000), HELD_OUT)),
+        "file is 'pppppppppp",
+        "...'; expected a text of at most 1000 characters",
+    ),
+    "control characters in a key": (
+        f'"\\u001b[2J\\u202e" = 3\n{toml_text()}',
+        "unknown key \\x1b[2J\\u202e; expected one of: ",
+    ),
+    "integer of 5000 digits": (
+        toml_text(rig=f"{RIG}\ntip_mass = {'9' * 5000}"),
+        "campaign.toml: a whole number has more than 4300 digits; expected a campaign as TOML",
+    ),
+    "integer beyond a float": (
+        toml_text(rig=f"{RIG}\ntip_mass = {'9' * 400}"),
+        "campaign.toml: parameters.tip_mass is beyond the largest number, 1.8e308; expected a smaller one",
     ),
     "required parameters": (
         toml_text(rig='rig = "bosi2009"\n[parameters]\nlength = 0.4'),
@@ -315,8 +345,23 @@ CSV: dict[str, tuple[str | bytes | dict[str, np.ndarray], str]] = {
     ),
     "time in ms": (
         motion() | {"time": 1000 * motion()["time"]},
-        "push.csv: the samples are 4 s apart by time; expected at most 0.1 s: is it in s?",
+        "push.csv: the samples are 4 s apart by time; expected at most 0.1 s: is it in milliseconds?",
     ),
+    "clock set": (
+        motion() | {"time": motion()["time"] + np.where(np.arange(500) < 300, 0.0, 1.7e5)},
+        "push.csv, line 302: time is 170001.2 after 1.196; expected one recording without such gaps",
+    ),
+    "terminal escapes": (
+        with_line(5, "0.012,\x1b]0;owned\x07\x1b[2J,0,0"),
+        "push.csv, line 5: torque_command is '\\x1b]0;owned\\x07\\x1b[2J'; expected a number",
+    ),
+    "long field": (with_line(5, f"0.012,0,{'x' * 1000},0"), "push.csv, line 5: hub_angle is 'xxxxxxxxxx"),
+    "long line": ("x" * 1_000_001, "push.csv, line 1 has more than 1000000 characters; expected fewer"),
+    "many columns": (
+        ",".join(f"c{k}" for k in range(10_001)),
+        "line 1 has 10001 columns; expected at most 10000",
+    ),
+    "NUL": (with_line(5, "0.012,0,\0,0"), "push.csv, line 5: byte 0x00 is no text"),
     "strain missing everywhere": (
         motion() | {"strain_base": np.full(500, np.nan)},
         "push.csv: strain_base is missing in all 500 samples; expected numbers",
@@ -483,3 +528,12 @@ def test_a_hub_that_rests_under_a_strong_torque_is_told(tmp_path, torque, said):
         w for w in warnings if w.startswith("pull.csv: the hub rests throughout though 0.2 N*m are commanded")
     ]
     assert len(told) == said
+
+
+def test_a_link_in_the_folder_may_lead_to_a_recording_elsewhere(tmp_path):
+    (tmp_path / "here").mkdir()
+    write(tmp_path / "here")
+    (tmp_path / "here" / "push.csv").rename(tmp_path / "there.csv")
+    (tmp_path / "here" / "push.csv").symlink_to(tmp_path / "there.csv")
+    [fit] = read_campaign(tmp_path / "here").fit
+    assert fit.name == "push.csv"

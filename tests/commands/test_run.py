@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from itertools import chain
 from pathlib import Path
@@ -18,7 +19,7 @@ from twin.report import run_rerun
 from twin.report.compare import compare, read_tracks
 from twin.report.mujoco_viewer import watch
 from twin.report.run_csv import read_track, write_csv
-from twin.report.show_run import run_and_show
+from twin.report.show_run import ghost_track, run_and_show
 from twin.rigs import preset
 from twin.rigs.rig_file import header_lines, parameter_lines
 
@@ -230,7 +231,7 @@ def test_runs_are_drawn_with_length_and_limit_of_their_rig(twin, tmp_path, chain
         write_csv(chain_run, tmp_path / name)
     assert twin("compare", "a.csv", "b.csv", "--rig", "long.toml", "--rrd", "run.rrd")[0] == 0
     found = read(tmp_path / "run.rrd")
-    tip = found["/run/arms/0_a_csv/payload"]["positions"][0][0]
+    tip = found["/run/arms/0_a.csv/payload"]["positions"][0][0]
     assert np.hypot(tip[0], tip[1]) == pytest.approx(0.84, rel=1e-3)
     assert found["/run/torque/limit_upper"]["scalars"][0][0] == 0.5
 
@@ -257,6 +258,32 @@ def test_one_file_is_nothing_to_compare(tmp_path):
         read_tracks([tmp_path / "a.csv"])
 
 
+def written(rows) -> str:
+    return "\n".join(["\ufefftime,hub_angle", *(f"{t},{y}" for t, y in rows)])
+
+
+SMOOTH = [(round(0.01 * k, 2), round(0.001 * k, 3)) for k in range(300)]
+TIMES = {
+    "a ring buffer": (SMOOTH[150:] + SMOOTH[:150], "bad.csv, line 152: time is 0 after 2.99;"),
+    "no samples": ([], "bad.csv has no samples after its header; expected at least 2"),
+    "one sample": (SMOOTH[:1], "bad.csv has one sample after its header; expected at least 2"),
+    "a missing instant": ([("nan", 0), *SMOOTH[1:]], "bad.csv, line 2: time is missing; expected a number"),
+    "milliseconds": ([(1000 * t, y) for t, y in SMOOTH], "is it in milliseconds? Convert it to s"),
+    "a clock that was set": ([*SMOOTH, (1.7e9, 0)], "bad.csv, line 302: time is 1700000000 after 2.99;"),
+}
+
+
+@pytest.mark.parametrize(("rows", "message"), TIMES.values(), ids=TIMES)
+def test_the_time_of_a_run_is_checked_as_that_of_a_campaign(tmp_path, rows, message):
+    (tmp_path / "good.csv").write_text(written(SMOOTH), encoding="utf-8")
+    (tmp_path / "bad.csv").write_text(written(rows), encoding="utf-8")
+    for names in (("good.csv", "bad.csv"), ("bad.csv", "good.csv")):
+        with pytest.raises(InputError, match=re.escape(message)):
+            read_tracks([tmp_path / name for name in names])
+    with pytest.raises(InputError, match=re.escape(message)):
+        ghost_track(experiment(), str(tmp_path / "bad.csv"))
+
+
 def test_what_is_no_table_is_refused_as_such(twin, tmp_path):
     (tmp_path / "a.json").write_text("{}")
     (tmp_path / "b.csv").write_text("time,hub_angle\n0,1\n1,2\n")
@@ -265,7 +292,7 @@ def test_what_is_no_table_is_refused_as_such(twin, tmp_path):
         (("compare", "a.json", "b.csv"), "a.json is not a CSV file; expected a run"),
         (("run", "lq-step-120", "--rig", "."), ". is a folder; expected a rig as a TOML file"),
         (("run", "lq-step-120", "--rig", "b.csv"), "expected a rig as TOML"),
-        (("run", "lq-step-120", "--rig", "law.bin"), "law.bin is not UTF-8 text; expected a rig as TOML"),
+        (("run", "lq-step-120", "--rig", "law.bin"), "law.bin, line 1: byte 0xff is not UTF-8"),
     ):
         code, out, error = twin(*arguments)
         assert (code, out) == (2, "")

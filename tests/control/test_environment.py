@@ -10,6 +10,7 @@ from dm_env import test_utils
 from twin.control import plants
 from twin.control.environment import FollowReference, make_environment, rig_environment
 from twin.control.plants.sensors import BOSSI2009, Sensors
+from twin.errors import InputError
 
 
 class ChainConformance(test_utils.EnvironmentTestMixin, absltest.TestCase):
@@ -53,3 +54,37 @@ def test_noise_is_repeated_by_its_seed_and_reset():
     assert first["hub_angle"] / (2 * math.pi / 2**16) == pytest.approx(
         round(first["hub_angle"] * 2**15 / math.pi)
     )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"duration": 0.0}, "duration is 0 s; expected 0.002 to"),
+        ({"duration": -1.0}, "duration is -1 s"),
+        ({"duration": math.nan}, "duration is nan"),
+        ({"period": 0.0}, "period is 0 s; expected 1e-05 to 0.1 s"),
+        ({"period": -1.0}, "period is -1 s"),
+        ({"period": 1e-300}, "period is 1e-300 s"),
+        ({"period": 1e9}, "period is 1e\\+09 s"),
+        ({"reference": 5}, "reference is 5; expected a function of the time"),
+    ],
+)
+def test_options_that_cannot_be_are_named(options, message):
+    with pytest.raises(InputError, match=message):
+        rig_environment(**options)
+
+
+@pytest.mark.parametrize(
+    ("angle", "found"), [(math.nan, "nan"), (1e300, "1e\\+300 rad"), ("a", "'a'"), (None, "missing")]
+)
+def test_a_reference_that_is_no_angle_is_named(angle, found):
+    environment = rig_environment(reference=lambda time: angle)
+    with pytest.raises(InputError, match=f"the reference at 0 s is {found}; expected"):
+        environment.reset()
+
+
+def test_a_torque_that_is_not_finite_is_named():
+    environment = rig_environment()
+    environment.reset()
+    with pytest.raises(InputError, match="the torque is nan"):
+        environment.step(math.nan)

@@ -1,5 +1,7 @@
 """An effect of another package: found, fitted, written and explained without a line of this package."""
 
+import sys
+
 import mujoco
 import numpy as np
 import pytest
@@ -137,7 +139,7 @@ def test_an_effect_that_says_too_little_is_refused(change, message):
 
 def test_an_entry_point_registers_an_effect(monkeypatch):
     other = type("OtherCable", (HardeningCable,), {"name": "other-cable"})
-    point = type("Point", (), {"name": "x", "value": "y:Z", "load": lambda self: other})()
+    point = type("Point", (), {"name": "x", "value": "y:Z", "dist": None, "load": lambda self: other})()
     monkeypatch.setattr(effects, "entry_points", lambda group: [point] if group == "twin.effects" else [])
     monkeypatch.setattr(effects, "_BUILT_IN", ())
     effects._register_all()
@@ -145,12 +147,35 @@ def test_an_entry_point_registers_an_effect(monkeypatch):
     effects.unregister("other-cable")
 
 
-def test_a_faulty_entry_point_is_named_and_stops_nothing(monkeypatch):
-    def fail(self):
-        raise ImportError("no module named z")
-
-    point = type("Point", (), {"name": "broken", "value": "z:Z", "load": fail})()
-    monkeypatch.setattr(effects, "entry_points", lambda group: [point])
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("raise ImportError('no z')", "ImportError: no z"),
+        ("raise SystemExit(0)", "it ends the program, with exit code 0"),
+        ("raise KeyboardInterrupt", "KeyboardInterrupt"),
+        ("E = 3", "ValueError: 3 is no effect; expected an object of a subclass of twin.effects.Effect"),
+        ("def E(): pass", "ValueError: <function E .*> is no effect"),
+        (
+            "class E:\n    def __init__(self):\n        raise BaseException('two\\nlines')",
+            "BaseException: two lines",
+        ),
+        ("", "AttributeError: module 'broken_effect' has no attribute 'E'"),
+    ],
+)
+def test_a_faulty_entry_point_is_named_with_its_package_and_stops_nothing(
+    monkeypatch, tmp_path, code, message
+):
+    (tmp_path / "broken_effect.py").write_text(code)
+    folder = tmp_path / "broken_effects-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Name: broken-effects\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text("[twin.effects]\nbroken = broken_effect:E\n")
+    monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(effects, "_BUILT_IN", ())
-    with pytest.warns(UserWarning, match="effect 'broken' of z:Z was not registered: no module named z"):
-        effects._register_all()
+    where = r"effect 'broken' of the package broken-effects \(broken_effect:E\) was not registered: "
+    try:
+        with pytest.warns(UserWarning, match=f"^{where}{message}"):
+            effects._register_all()
+    finally:
+        sys.modules.pop("broken_effect", None)
+    assert "broken" not in effects.REGISTRY

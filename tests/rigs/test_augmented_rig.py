@@ -104,7 +104,7 @@ def test_parameters_left_out_of_an_effect_are_neutral(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("format = ", "rig.toml is not TOML"),
+        ("format = ", "rig.toml, at its end: Invalid value; expected a rig as TOML"),
         (MINIMAL.replace("format = 1", "format = 2"), "format is 2; expected format = 1"),
         (MINIMAL.replace('name = "mine"', ""), "name is missing"),
         (MINIMAL.replace("length = 0.4\n", ""), "length missing"),
@@ -164,5 +164,5 @@ def test_missing_and_binary_files_are_named(tmp_path):
     with pytest.raises(InputError, match="is a folder; expected a rig as a TOML file"):
         read_rig_file(tmp_path)
     (tmp_path / "rig.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="rig.toml is not UTF-8 text; expected a rig as TOML$"):
+    with pytest.raises(InputError, match="rig.toml, line 1: byte 0xff is not UTF-8; save the file as UTF-8$"):
         read_rig_file(tmp_path / "rig.toml")

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from concurrent.futures.process import BrokenProcessPool
 
 import control
 import numpy as np
@@ -21,6 +22,7 @@ from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.mechanics.modal import state_space, zero_order_hold_response
 from twin.rigs import preset
+from twin.validation import fleet
 from twin.validation.fleet import Evaluator, Job
 from twin.validation.linear_form import NoLinearFormError, linear_form_of
 from twin.validation.linear_rig import sampled_chain, sampled_modes
@@ -231,6 +233,48 @@ def test_a_hub_sensor_with_another_gain_turns_the_hub_too_little():
     assert outcome.metrics["overshoot"] == 0.0
 
 
+WITHOUT_RESET = """
+import gains
+class Pid:
+    total, before = 0.0, None
+    def torque(self, y, r):
+        error = r - y["hub_angle"]
+        rate = 0.0 if self.before is None else (error - self.before) / 0.002
+        self.before = error
+        self.total += 0.002 * error
+        return gains.K * error + 0.03 * self.total + 0.06 * rate
+"""
+
+
+def test_every_rig_has_a_controller_of_its_own(tmp_path):
+    (tmp_path / "pid.py").write_text(WITHOUT_RESET)
+    (tmp_path / "gains.py").write_text("K = 0.12")
+    [drawn] = draw_rigs(RIG, {}, (), 0, 0)
+    bench = Evaluator(Job(f"{tmp_path}/pid.py:Pid", RIG, "lq-step-120"))
+    first, second = (bench.outcome(drawn).metrics for _ in range(2))
+    assert first == second
+    assert bench.no_form == ""  # with an integral left from the pulse before, it would not be linear
+
+
+def test_a_process_that_dies_is_told_in_a_sentence(monkeypatch):
+    class Dying:
+        def __init__(self, *_):
+            pass
+
+        def map(self, *_, **__):
+            raise BrokenProcessPool("a child process terminated abruptly")
+
+        def shutdown(self, **_):
+            pass
+
+    monkeypatch.setattr(fleet, "ProcessPoolExecutor", Dying)
+    rigs = draw_rigs(RIG, {}, (), 6, 0)
+    with pytest.raises(
+        InputError, match="mine.py:law: a process ended while it ran this controller; expected"
+    ):
+        fleet.run_fleet(Job("mine.py:law", RIG, "lq-step-120"), rigs, print)
+
+
 def test_a_late_reading_is_what_was_true_then():
     effects = {"sensor-delay": {"delay": 0.006, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}}
     model = plants.make_model(RIG, effects)
@@ -260,6 +304,15 @@ def test_drawn_rigs_repeat_and_follow_their_uncertainty():
     viscous = np.array([r.effects["viscous-friction"]["viscous"] for r in many])
     assert viscous.min() >= 0  # one standard error from its bound
     assert many[7].deviations["viscous-friction.viscous"] == pytest.approx((viscous[7] - 1e-3) / 1e-3)
+
+
+def test_rigs_are_drawn_about_a_value_beyond_what_a_search_tries():
+    effects = {"actuator-lag": {"time_constant": 1.0}}  # a search ends at 0.5 s
+    uncertain = uncertain_parameters(RIG, effects, {"actuator-lag": {"time_constant": 0.01}})
+    drawn = draw_rigs(RIG, effects, uncertain, 50, 0)[1:]
+    values = [rig.effects["actuator-lag"]["time_constant"] for rig in drawn]
+    assert abs(np.mean(values) - 1.0) < 0.01
+    assert 0.005 < np.std(values) < 0.02
 
 
 def test_rigs_are_drawn_as_a_fit_correlates_their_parameters():
@@ -339,10 +392,14 @@ def test_a_file_changes_some_limits_and_drops_others(tmp_path):
         ("overshot = 1", "limits.toml: 'overshot' is not a requirement.*did you mean 'overshoot'"),
         ("overshoot = 'x'", "limits.toml: overshoot is 'x'; expected a number"),
         ("overshoot = nan", "overshoot is nan"),
-        ("overshoot = true", "overshoot is True"),
+        ("overshoot = inf", "overshoot is inf; expected a finite number >= 0, or false for no limit"),
+        ("overshoot = 1" + 400 * "0", "overshoot is a whole number of 401 digits"),
+        ("settling_time = -1", "settling_time is -1 s; expected a number >= 0 s"),
+        ("overshoot = true", "overshoot is true; expected a number, or false for no limit"),
         ("share = 0", "share is 0; expected 1e-06 to 1"),
         ("share = 95", "share is 95"),
-        ("overshoot = ", "limits.toml is not TOML"),
+        ("overshoot = ", "limits.toml, at its end: Invalid value; expected requirements as TOML"),
+        (f"overshoot = {10**400}", "limits.toml: overshoot is beyond the largest number"),
         ("\n".join(f"{r.name} = false" for r in DEFAULTS), "no requirement is left"),
     ],
 )
@@ -379,8 +436,10 @@ def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
 
 @pytest.mark.slow
 def test_a_users_relay_fails_in_two_processes_and_gets_no_margins(twin, tmp_path):
+    (tmp_path / "level.py").write_text("LEVEL = 0.2\n")
     (tmp_path / "relay.py").write_text(
-        "def relay(measured, reference):\n    return 0.2 if reference > measured['hub_angle'] else -0.2\n"
+        "from level import LEVEL\n"
+        "def relay(measured, reference):\n    return LEVEL if reference > measured['hub_angle'] else -LEVEL\n"
     )
     code, out, _ = twin("validate", "relay.py:relay", "--rigs", 6, "--json", "v.json")
     assert code == 1

@@ -115,7 +115,7 @@ def run(
     Args:
       scenario: name of the experiment.
       plant: "chain", "modal" or "paper".
-      controller: name, or FILE.py:NAME; None for the scenario's own.
+      controller: name, or FILE.py:NAME, a file that is executed; None for the scenario's own.
       rig: name, parameter file, rig, or rig with effects.
       effects: in the place of those that the file has.
       noise: seed of the sensors' noise; None for noiseless sensors.
@@ -144,7 +144,7 @@ def validate(
     """Tries a controller on rigs drawn from the uncertainty of the parameters, against requirements.
 
     Args:
-      controller: name, or FILE.py:NAME.
+      controller: name, or FILE.py:NAME, a file that is executed anew for every rig.
       rig: as believed: the controller is synthesised for it.
       scenario: the experiment.
       rigs: number of rigs to draw.

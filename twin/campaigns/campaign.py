@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import MappingProxyType
 
 import numpy as np
@@ -16,8 +16,10 @@ from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.derived_channels import derive, derived_sensors
 from twin.campaigns.drive import check_drive, known_effects, torque_per_command
-from twin.errors import InputError, nearest
-from twin.files.table import Table, read_table, read_text
+from twin.errors import InputError, listed, nearest, shown
+from twin.files.table import Table, read_table
+from twin.files.time_column import checked_time
+from twin.files.toml import read_toml
 from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
 from twin.recording import MEASURED, Recording, Sensor
 from twin.rigs.check import check_parameters
@@ -25,8 +27,6 @@ from twin.rigs.check import check_parameters
 STATIC_FILE = "static.csv"
 """File name of the static load test."""
 _COMMAND = "torque_command"
-_LONGEST_PERIOD = 0.1
-"""Longest accepted sample period [s]: five samples per period at 2 Hz; a longer one suggests a time in ms."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
       InputError: the campaign cannot be used; the message names file and line or field.
     """
     root = _folder(Path(folder))
-    content = schema.parse(read_text(root / schema.FILE, schema.FILE))
+    content = _content(root)
     rig = _declared_rig(content)
     check_parameters(rig)
     check_drive(content)
@@ -145,7 +145,7 @@ def campaign_files(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
       InputError: its `campaign.toml` cannot be used.
     """
     root = _folder(Path(folder))
-    content = schema.parse(read_text(root / schema.FILE, schema.FILE))
+    content = _content(root)
     return (root / schema.FILE, root / STATIC_FILE, *(root / entry.file for entry in content.recordings))
 
 
@@ -159,6 +159,10 @@ def _folder(path: Path) -> Path:
     if not (path / schema.FILE).exists():
         raise InputError(f"{path} has no {schema.FILE}; expected a campaign folder")
     return path
+
+
+def _content(root: Path) -> schema.CampaignFile:
+    return schema.parse(read_toml(root / schema.FILE, "a campaign"))
 
 
 def _by_role(
@@ -323,6 +327,7 @@ def _check_recordings(content: schema.CampaignFile, rig: Rig) -> None:
     if uses > 1:
         raise InputError(f"{schema.FILE}: recordings: {file} is listed {uses} times; expected each file once")
     for i, entry in enumerate(content.recordings, start=1):
+        _check_file(f"{schema.FILE}: recordings[{i}].file", entry.file)
         if not {"hub_angle", "motor_angle"} & content.channels.keys() and not _may_be_absent(
             "hub_angle", entry
         ):
@@ -342,6 +347,15 @@ def check_deflection(where: str, deflection: float | None, rig: Rig) -> None:
         )
 
 
+def _check_file(where: str, file: str) -> None:
+    """Raises InputError where a path leads out of the campaign's folder; links in the folder may."""
+    path = PurePath(file)
+    if path.anchor or ".." in path.parts:
+        raise InputError(
+            f"{where} is '{shown(file)}'; expected a file in the folder of the campaign: put it there, or a link to it"
+        )
+
+
 def _read_recording(
     root: Path, entry: schema.RecordingEntry, content: schema.CampaignFile, rig: Rig
 ) -> tuple[Recording, Table, list[str]]:
@@ -350,7 +364,7 @@ def _read_recording(
     columns = {name: channel.column or name for name, channel in channels.items()}
     columns.setdefault(units.TIME, units.TIME)
     table = read_table(root / entry.file, entry.file, set(columns.values()))
-    time = _time(table, columns[units.TIME])
+    time = checked_time(table, columns[units.TIME], _time_unit(channels))
     present = {n: c for n, c in columns.items() if n != units.TIME and not _is_absent(n, c, table, entry)}
     values = {n: _si_values(n, channels[n], table.columns[c]) for n, c in present.items()}
     values, unused = derive(values, content.drive.gear_ratio, rig["length"])
@@ -372,33 +386,9 @@ def _read_recording(
     return recording, table, notes + _similar_column_notes(columns, table)
 
 
-def _time(table: Table, column: str) -> np.ndarray:
-    """Returns the instants as measured, jitter and gaps included (n) [s]."""
-    if column not in table.header:
-        hint = nearest(column, table.header)
-        raise InputError(f"{table.name}, line 1: column '{column}' is missing; expected the time in s{hint}")
-    time = table.columns[column]
-    if len(time) < 2:
-        count = "one sample" if len(time) else "no samples"
-        raise InputError(f"{table.name} has {count} after its header; expected at least 2")
-    missing = np.flatnonzero(np.isnan(time))
-    if missing.size:
-        line = table.lines[missing[0]]
-        raise InputError(f"{table.name}, line {line}: {column} is missing; expected a number")
-    back = np.flatnonzero(np.diff(time) <= 0)
-    if back.size:
-        before, after = time[back[0]], time[back[0] + 1]
-        raise InputError(
-            f"{table.name}, line {table.lines[back[0] + 1]}: {column} is {after:g} after {before:g}; "
-            "expected it to increase strictly"
-        )
-    period = float(np.median(np.diff(time)))
-    if period > _LONGEST_PERIOD:
-        raise InputError(
-            f"{table.name}: the samples are {period:g} s apart by {column}; expected at most {_LONGEST_PERIOD:g} s: "
-            "is it in s?"
-        )
-    return time
+def _time_unit(channels: Mapping[str, schema.Channel]) -> float:
+    """Unit of the time column [s]."""
+    return units.TIMES[channels[units.TIME].unit] if units.TIME in channels else 1.0
 
 
 def _is_absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) -> bool:
@@ -474,7 +464,7 @@ def _check_columns(content: schema.CampaignFile, tables: list[Table]) -> None:
         if (column := channel.column or name) not in present:
             raise InputError(
                 f"{schema.FILE}: channels.{name}: no recording has a column '{column}'; "
-                f"the columns are: {', '.join(sorted(present))}{nearest(column, present)}"
+                f"the columns are: {listed(sorted(present))}{nearest(column, present)}"
             )
 
 

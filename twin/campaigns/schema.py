@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from twin.campaigns.units import DERIVED_UNITS, TIME
-from twin.errors import InputError, nearest
+from twin.errors import InputError, nearest, shown
 from twin.parameters import PARAMETERS
 from twin.recording import CHANNEL_UNITS
 
@@ -27,6 +25,7 @@ def _number(value: Any) -> Any:
 
 Number = Annotated[float, BeforeValidator(_number)]
 Finite = Annotated[Number, Field(allow_inf_nan=False)]
+Text = Annotated[str, Field(min_length=1, max_length=1000)]  # no system has longer names of files
 
 Positive = Annotated[Finite, Field(gt=0.0)]
 Uncertainty = Annotated[Finite, Field(ge=0.0, le=1.0)]
@@ -55,7 +54,7 @@ class Channel(_Table):
     """
 
     unit: str
-    column: Annotated[str, Field(min_length=1)] | None = None
+    column: Text | None = None
     noise: Annotated[Finite, Field(ge=0.0)] | None = None
     gain: Finite | None = None
     offset: Finite = 0.0
@@ -107,7 +106,7 @@ class RecordingEntry(_Table):
       clamped, loop, start, initial_tip_deflection: see `Recording`.
     """
 
-    file: Annotated[str, Field(min_length=1)]
+    file: Text
     role: Literal["fit", "holdout"]
     experiment: str = ""
     clamped: bool = False
@@ -126,8 +125,8 @@ class CampaignFile(_Table):
     """The whole of `campaign.toml`."""
 
     format: Literal[1]
-    name: Annotated[str, Field(min_length=1)]
-    rig: Annotated[str, Field(min_length=1)]
+    name: Text
+    rig: Text
     parameters: dict[str, Number] = {}
     uncertainty: dict[str, Annotated[Finite, Field(ge=0.0)]] = {}
     channels: Annotated[dict[str, Channel], Field(min_length=1)]
@@ -149,16 +148,12 @@ _TABLES: Mapping[str, type[_Table]] = {
 }
 
 
-def parse(text: str) -> CampaignFile:
-    """Returns the content of a `campaign.toml`.
+def parse(content: Mapping[str, Any]) -> CampaignFile:
+    """Returns the content of a `campaign.toml`, checked.
 
     Raises:
-      InputError: it is not TOML, or not in the format; one line per error.
+      InputError: it is not in the format; one line per error.
     """
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(_syntax(str(error))) from None
     unknown = list(_unknown_names(content))
     if unknown:
         raise InputError("\n".join(unknown))
@@ -168,21 +163,13 @@ def parse(text: str) -> CampaignFile:
         raise InputError("\n".join(_error_lines(error, content))) from None
 
 
-def _syntax(message: str) -> str:
-    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
-    if place is None:
-        return f"{FILE} is not TOML: {message}"
-    line = f", line {place[1]}, column {place[2]}" if place[1] else ", at its end"
-    return f"{FILE}{line}: {message[: place.start()]}; expected TOML"
-
-
 def _unknown_names(content: Mapping[str, Any]) -> Iterator[str]:
     for table, (kind, known) in _NAMES.items():
         names = content.get(table, {})
         for name in names if isinstance(names, dict) else ():
             if name not in known:
                 expected = f"expected one of: {', '.join(known)}{nearest(name, known)}"
-                yield f"{FILE}: {table}.{name} is not a {kind}; {expected}"
+                yield f"{FILE}: {table}.{shown(name)} is not a {kind}; {expected}"
 
 
 def _error_lines(error: ValidationError, content: Mapping[str, Any]) -> Iterator[str]:
@@ -222,6 +209,7 @@ _EXPECTED = {
     "bool_type": "true or false",
     "string_type": "a text in quotes",
     "string_too_short": "a text that is not empty",
+    "string_too_long": "a text of at most {max_length} characters",
     "dict_type": "a table",
     "model_type": "a table",
     "model_attributes_type": "a table",
@@ -256,14 +244,14 @@ def _field(loc: tuple[int | str, ...], content: Mapping[str, Any]) -> str:
         if isinstance(key, int) and words:
             words[-1] += f"[{key + 1}]{_file_of(content, key)}"
         else:
-            words.append(str(key))
+            words.append(shown(str(key)))
     return ".".join(words)
 
 
 def _file_of(content: Mapping[str, Any], index: int) -> str:
     entry = content["recordings"][index]
     file = entry.get("file") if isinstance(entry, dict) else None
-    return f" ({file})" if isinstance(file, str) else ""
+    return f" ({shown(file)})" if isinstance(file, str) else ""
 
 
 def _toml(value: Any) -> str:
@@ -274,4 +262,4 @@ def _toml(value: Any) -> str:
         return "a table"
     if isinstance(value, list):
         return "a list"
-    return f"'{value}'" if isinstance(value, str) else str(value)
+    return f"'{shown(value)}'" if isinstance(value, str) else str(value)

@@ -25,7 +25,9 @@ def _out_folder(kind: str) -> Any:
     )
 
 
-CONTROLLERS = "siso, lqi, lqi-zv, lqi-ei, siso-friction, or your own: FILE.py:NAME."
+CONTROLLERS = (
+    "siso, lqi, lqi-zv, lqi-ei, siso-friction, or your own: FILE.py:NAME, which runs with your rights."
+)
 """Help text; written out, so that `--help` does not import the library of controllers."""
 
 COMPILING = "loading the equations of motion; the first time they are compiled, which takes minutes"

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class Run:
       true: channel -> (m) true values, SI.
       measured: channel -> (m) sensor readings, SI.
       modes: (m) 0 while the hub sticks, else the direction +1 or -1 in which it slides.
-      states: name -> (m) states that the controller reports.
+      states: name -> (m) states that the controller reports; NaN at samples without a report of one.
       outline: (m, k, 2) centre line of the link [m].
       torque_limit: of the amplifier [N m].
       wall: wall-clock time of the loop [s].
@@ -86,7 +87,7 @@ class _Log:
             {name: _column(true, name) for name in READINGS},
             {name: _column(values, name) for name in READINGS},
             np.array(modes),
-            {name: _column(states, name) for name in states[-1]},
+            {name: _column(states, name) for name in dict.fromkeys(chain.from_iterable(states))},
             plant.outline(np.array(configurations)),
             plant.torque_limit,
             wall,

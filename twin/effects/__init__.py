@@ -9,7 +9,7 @@ or object:
 
 import re
 import warnings
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 
 from twin.effects.actuator_delay import ActuatorDelay
 from twin.effects.actuator_lag import ActuatorLag
@@ -38,6 +38,8 @@ from twin.effects.torque_bias import TorqueBias
 from twin.effects.torque_gain import TorqueGain
 from twin.effects.torsional_mode import TorsionalMode
 from twin.effects.viscous_friction import ViscousFriction
+from twin.errors import InputError
+from twin.foreign import described, guarded
 from twin.mechanics.hub_law import HubLaw
 
 _BUILT_IN: tuple[Effect, ...] = (
@@ -122,11 +124,23 @@ def _register_all() -> None:
         register(effect)
     for point in entry_points(group=ENTRY_POINTS):
         try:
-            loaded = point.load()
-            register(loaded() if isinstance(loaded, type) else loaded)
-        except Exception as error:
+            _register_point(point)
+        except InputError as error:
             # A faulty effect of another package must not stop this one.
-            warnings.warn(f"effect '{point.name}' of {point.value} was not registered: {error}", stacklevel=2)
+            warnings.warn(str(error), stacklevel=2)
+
+
+def _register_point(point: EntryPoint) -> None:
+    """Registers the effect of another package.
+
+    Raises:
+      InputError: its code fails, or it is no effect.
+    """
+    package = f" of the package {point.dist.name}" if point.dist is not None else ""
+    where = f"effect '{point.name}'{package} ({point.value}) was not registered"
+    with guarded(lambda error: InputError(f"{where}: {described(error)}")):
+        loaded = point.load()
+        register(loaded() if isinstance(loaded, type) else loaded)
 
 
 _register_all()

@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import InputError
+from twin.files.text import read_text
 from twin.files.whole import check_file, check_folder, check_place, is_temporary, write_files, writing
 
 MARKER = ".twin-results"
 """Name of the file that says which kind of results a folder holds."""
 _FORMAT = 1  # of the marker
+_LARGEST_ANSWER = 10_000_000  # bytes; that of a long diagnosis has some hundred thousand
 
 
 @dataclass(frozen=True)
@@ -113,8 +115,8 @@ class ResultsFolder:
 def _json_object(file: Path) -> dict[str, Any]:
     """Returns the object in a JSON file; empty if there is none."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        content = json.loads(read_text(file, file.name, _LARGEST_ANSWER))
+    except (InputError, ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}
 

@@ -6,16 +6,21 @@ import csv
 import io
 import math
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from twin.errors import InputError, nearest
+from twin.errors import InputError, shown
+from twin.files.text import check_lines, read_text
 
 _MISSING = ("", "nan")  # fields of a missing sample, lower case
 _HUGE = 1e100  # largest accepted number: squares of larger ones, and of infinity, overflow
+_LARGEST = 1_000_000_000  # bytes: three hours at 1 kHz with ten columns of ten characters
+_LONGEST_LINE = 1_000_000  # characters
+_MOST_COLUMNS = 10_000  # a card has some hundreds of channels
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,21 @@ def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> 
     Raises:
       InputError: the file cannot be read as such a table.
     """
-    lines = read_text(path, name).split("\n")
+    try:
+        return _parsed(_text(path, name), name, wanted)
+    except MemoryError:
+        raise InputError(f"{name} does not fit into the memory; expected a shorter file") from None
+
+
+def _text(path: Path, name: str) -> str:
+    text = read_text(path, name, _LARGEST, "a CSV file")
+    check_lines(text, name, _LONGEST_LINE)
+    return text
+
+
+def _parsed(text: str, name: str, wanted: Collection[str] | None) -> Table:
+    """Returns the table in a text; see `read_table`."""
+    lines = text.split("\n")
     header = _header(lines[0], name)
     used = [i for i, column in enumerate(header) if wanted is None or column in wanted]
     rows = np.array([i + 2 for i, line in enumerate(lines[1:]) if line.strip()], dtype=int)
@@ -59,34 +78,6 @@ def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> 
         values = np.array(list(_slow(body, rows, header, used, name))).reshape(len(body), len(used))
     columns = {header[i]: values[:, j] for j, i in enumerate(used)}
     return Table(name, header, columns, rows)
-
-
-def read_text(path: Path, name: str) -> str:
-    """Returns the text of a UTF-8 file with line ends as newlines, without byte-order mark.
-
-    Raises:
-      InputError: there is no such file, or it is not UTF-8.
-    """
-    try:
-        raw = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{name}: there is no such file in {path.parent}{_sibling(path)}") from None
-    except IsADirectoryError:
-        raise InputError(f"{name} is a folder; expected a file") from None
-    except OSError as error:
-        raise InputError(f"{name} cannot be read: {error.strerror}") from None
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        byte = f"byte 0x{raw[error.start]:02x}"
-        raise InputError(f"{name}, line {line}: {byte} is not UTF-8; save the file as UTF-8") from None
-    return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _sibling(path: Path) -> str:
-    """Hint to a file of a similar name in the same folder, or ""."""
-    return nearest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else ""
 
 
 def _header(line: str, name: str) -> tuple[str, ...]:
@@ -101,11 +92,13 @@ def _header(line: str, name: str) -> tuple[str, ...]:
     header = tuple(cell.strip() for cell in _cells(line, f"{name}, line 1"))
     if all(_is_number(cell) for cell in header):
         raise InputError(
-            f"{name}, line 1 is '{_short(line)}'; expected a header line with the names of the columns"
+            f"{name}, line 1 is '{shown(line)}'; expected a header line with the names of the columns"
         )
-    twice = [column for i, column in enumerate(header) if column and column in header[:i]]
+    if len(header) > _MOST_COLUMNS:
+        raise InputError(f"{name}, line 1 has {len(header)} columns; expected at most {_MOST_COLUMNS}")
+    twice = [column for column, count in Counter(header).items() if column and count > 1]
     if twice:
-        raise InputError(f"{name}, line 1: column '{twice[0]}' occurs twice; expected each name once")
+        raise InputError(f"{name}, line 1: column '{shown(twice[0])}' occurs twice; expected each name once")
     return header
 
 
@@ -162,7 +155,7 @@ def _number(cell: str, column: str, where: str) -> float:
     if _is_number(text):
         return float(text)
     hint = " (decimal point, not comma)" if re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", text, re.I) else ""
-    actual = f"{column} is '{_short(cell)}'"
+    actual = f"{shown(column)} is '{shown(cell)}'"
     raise InputError(f"{where}: {actual}; expected a number{hint}, an empty field or nan")
 
 
@@ -171,10 +164,6 @@ def _is_number(cell: str) -> bool:
         return abs(float(cell)) <= _HUGE and "_" not in cell
     except ValueError:
         return False
-
-
-def _short(text: str, width: int = 40) -> str:
-    return text if len(text) <= width else f"{text[:width]}..."
 
 
 def csv_text(rows: Iterable[Iterable[str]]) -> str:

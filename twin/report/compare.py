@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.errors import InputError
+from twin.errors import InputError, exact
 from twin.report.run_csv import read_track
 from twin.report.run_rerun import Track, differences
 
@@ -73,7 +73,7 @@ def compare(tracks: Sequence[Track]) -> list[Difference]:
         if not shared:
             raise InputError(
                 f"{other.name} and {first.name} have nothing in common: "
-                f"{other.time[0]:g} to {other.time[-1]:g} s against {first.time[0]:g} to {first.time[-1]:g} s, "
+                f"{_span(other)} against {_span(first)}, "
                 f"{', '.join(other.channels)} against {', '.join(first.channels)}"
             )
         for channel, (time, values) in shared.items():
@@ -91,6 +91,10 @@ def compare(tracks: Sequence[Track]) -> list[Difference]:
                 )
             )
     return rows
+
+
+def _span(track: Track) -> str:
+    return f"{exact(track.time[0])} to {exact(track.time[-1])} s"
 
 
 def remarks(tracks: Sequence[Track]) -> Iterator[str]:

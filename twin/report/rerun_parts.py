@@ -146,8 +146,11 @@ def raised(line: np.ndarray, level: int, length: float) -> np.ndarray:
 
 
 def entity_name(name: str) -> str:
-    """Returns a name made safe for the path of an entity."""
-    return "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in name)
+    """Returns a name as a part of the path of an entity; names that differ have parts that differ."""
+    import rerun as rr
+
+    # Names of files may have bytes that are no text, which rerun does not take.
+    return rr.escape_entity_path_part(name.encode("utf-8", "backslashreplace").decode())
 
 
 def send_scenery(stream: rr.RecordingStream, root: str, length: float) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 
 from twin.campaigns.campaign import campaign_files, read_campaign
 from twin.control.closed_loop import Run
-from twin.errors import InputError
+from twin.errors import InputError, listed
 from twin.files.table import csv_text, read_table
+from twin.files.time_column import checked_time
 from twin.files.whole import write_file
 from twin.recording import CHANNEL_UNITS, GAUGES, Recording, Sensor
 from twin.report.run_rerun import Track, of_recording
@@ -58,7 +59,7 @@ def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
         campaign = read_campaign(path.parent)
         recordings = {r.name: r for r in (*campaign.fit, *campaign.holdout())}
         if path.name not in recordings:
-            raise InputError(f"{path}: its campaign has no such recording; it has {', '.join(recordings)}")
+            raise InputError(f"{path}: its campaign has no such recording; it has {listed(recordings)}")
         return _track_of_recording(recordings[path.name], campaign.rig, campaign.sensors)
     return _track_of_run(path, preset("bossi2009") if rig is None else rig)
 
@@ -87,11 +88,11 @@ def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:
     table = read_table(path, path.name)
     if "time" not in table.columns or "hub_angle" not in table.columns:
         raise InputError(
-            f"{path}: has the columns {', '.join(table.header)}; expected time and hub_angle, as `twin run --csv` "
+            f"{path}: has the columns {listed(table.header)}; expected time and hub_angle, as `twin run --csv` "
             "writes them, or a campaign.toml beside it that says what its columns are"
         )
     channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
-    recording = Recording(path.name, table.columns["time"], channels)
+    recording = Recording(path.name, checked_time(table, "time"), channels)
     track = _track_of_recording(recording, rig, {g.channel: g for g in GAUGES})
     states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
     return replace(track, modes=table.columns.get("mode"), states=states)

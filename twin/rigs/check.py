@@ -17,6 +17,10 @@ _STABLE = 2.6
 """Radius of the stability region of the Runge-Kutta method [1], see `Chain.largest_step`."""
 
 
+_SHORTENED = 0.01
+"""Share by which a fit may have shortened a link [1], five times what a ruler leaves open: a gauge at its end stays."""
+
+
 def check_parameters(rig: Mapping[str, float]) -> None:
     """Makes sure that a rig has every parameter, and a link that is slow enough to be simulated.
 
@@ -43,7 +47,7 @@ def check_gauges(rig: Mapping[str, float], sensors: Iterable[Sensor]) -> None:
       InputError: one is not.
     """
     for sensor in sensors:
-        if sensor.position > rig["length"]:
+        if sensor.position > rig["length"] * (1 + _SHORTENED):
             raise InputError(
                 f"{sensor.channel} is {sensor.position:g} m from the hub axis; expected 0 to {rig['length']:g} m, "
                 "the length of the link"

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from twin.errors import InputError, checked_number, nearest, quoted, shown
+from twin.errors import InputError, checked_number, exact, listed, nearest, quoted
 from twin.files.table import Table, read_table
 from twin.mechanics.hub_law import HubLaw, HubTorque
 from twin.parameters import PARAMETERS
@@ -131,8 +131,8 @@ def read_patch(path: Path) -> Patch:
     variables = [column for column in table.header if column not in (*added, _SAMPLES)]
     if len(added) != 1 or len(variables) != 1:
         raise InputError(
-            f"{path.name}, line 1: columns are {shown(', '.join(table.header))}; expected a variable, "
-            f"{_ADDED}CHANNEL and, at will, {_SAMPLES}, as in the patch.csv of a diagnosis"
+            f"{path.name}, line 1: columns are {listed(table.header)}; expected a variable, {_ADDED}CHANNEL and, "
+            f"at will, {_SAMPLES}, as in the patch.csv of a diagnosis"
         )
     x, y = table.columns[variables[0]], table.columns[added[0]]
     _check_points(path.name, table, x, y)
@@ -167,7 +167,8 @@ def _check_points(name: str, table: Table, x: np.ndarray, y: np.ndarray) -> None
     if back.size:
         before, after = x[back[0]], x[back[0] + 1]
         raise InputError(
-            f"{name}, line {table.lines[back[0] + 1]}: {after:g} follows {before:g}; expected the variable to increase"
+            f"{name}, line {table.lines[back[0] + 1]}: {exact(after)} follows {exact(before)}; "
+            "expected the variable to increase"
         )
 
 

@@ -55,9 +55,9 @@ def parameter_lines(parameter: Parameter, standard_error: float | None = None) -
     yield f"value = {toml_number(parameter.value)}"
     yield f"unit = {_text(parameter.unit)}"
     if standard_error is None:
-        if parameter.uncertainty is not None:
+        if parameter.uncertainty is not None and parameter.uncertainty <= LARGEST:
             yield f"uncertainty = {toml_number(parameter.uncertainty)}  # relative, as declared"
-    elif math.isfinite(standard_error):
+    elif standard_error <= LARGEST:
         yield f"standard_error = {toml_number(standard_error)}"
     yield f"source = {_text(parameter.source)}"
 
@@ -85,7 +85,7 @@ def effect_lines(
         notes = [units.get(key, "")] if units.get(key, "1") != "1" else []
         notes += [f"standard error {error:.2g}"] if math.isfinite(error) else []
         yield f"{key} = {toml_number(value)}" + (f"  # {', '.join(notes)}" if notes else "")
-    known = {key: error for key, error in errors.items() if math.isfinite(error)}
+    known = {key: error for key, error in errors.items() if error <= LARGEST}
     if known:
         yield from ("", f"[standard_errors.{name}]")
         yield from (f"{key} = {toml_number(error)}" for key, error in known.items())

@@ -1,7 +1,7 @@
 """One controller on many rigs, in parallel processes.
 
-The controller is synthesised once, for the nominal rig, because that one goes to the hardware. Every process
-synthesises it again, since not every controller can be pickled.
+The controller is synthesised for the nominal rig, because that one goes to the hardware. It is reset before each rig;
+one from a user's file is then made anew. Every process makes its own, since not every controller can be pickled.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -100,7 +101,7 @@ class _CachedPlant(CompiledPlant):
 
 
 class Evaluator:
-    """Evaluates one controller on one rig after another.
+    """Evaluates one controller on one rig after another; an outcome does not depend on those before it.
 
     Attributes:
       form: linear form of the controller; None where it has none.
@@ -108,7 +109,7 @@ class Evaluator:
     """
 
     def __init__(self, job: Job, period: float = plants.PERIOD) -> None:
-        """Synthesises the controller and identifies its linear form.
+        """Makes the controller and identifies its linear form.
 
         Raises:
           InputError: there is no such scenario or controller, or it fails.
@@ -198,6 +199,11 @@ def _outcomes(job: Job, rigs: Sequence[DrawnRig], processes: int) -> Iterator[Ou
         with _script_hidden(), _interrupts_ignored():
             results = pool.map(_evaluate_in_process, rigs, chunksize=_CHUNK_SIZE)
         yield from results
+    except BrokenProcessPool:
+        raise InputError(
+            f"{job.controller}: a process ended while it ran this controller; expected one that neither ends its "
+            "process nor makes compiled code crash, and enough memory"
+        ) from None
     except BaseException:
         # What they compute is not wanted any more: do not wait for it.
         for process in multiprocessing.active_children():
@@ -236,16 +242,17 @@ def _interrupts_ignored() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-_bench: Evaluator
+_job: Job
+_bench: Evaluator | None = None
 
 
 def _start_process(job: Job) -> None:
-    global _bench
+    global _job
     from threadpoolctl import threadpool_limits
 
     threading.Thread(target=_end_with_parent, daemon=True).start()
     threadpool_limits(1)  # the processes share the cores; matrices are small
-    _bench = Evaluator(job)
+    _job = job
 
 
 def _end_with_parent() -> None:
@@ -257,4 +264,7 @@ def _end_with_parent() -> None:
 
 
 def _evaluate_in_process(drawn: DrawnRig) -> Outcome:
+    global _bench
+    if _bench is None:  # at the start of the process, its errors would not reach the caller
+        _bench = Evaluator(_job)
     return _bench.outcome(drawn)

@@ -11,6 +11,7 @@ from twin.control.laws.lqi import least_damped_mode, lqi
 from twin.control.laws.shaper import ShapedReference, extra_insensitive, zero_vibration
 from twin.control.laws.siso import siso
 from twin.errors import InputError, nearest
+from twin.foreign import shown
 
 Factory = Callable[[Mapping[str, float], float], Controller]
 """Makes a controller for a rig's parameters and a sample period [s]."""
@@ -52,6 +53,10 @@ def controller(name: str, rig: Mapping[str, float], period: float) -> Controller
     Raises:
       InputError: there is no such controller, or its file cannot be used.
     """
+    if not isinstance(name, str):
+        raise InputError(
+            f"the controller is {shown(name)}; expected a name or FILE.py:NAME, since every run makes one of its own"
+        )
     if name in CONTROLLERS:
         return CONTROLLERS[name](rig, period)
     file, colon, attribute = name.rpartition(":")

@@ -1,0 +1,87 @@
+"""Text files that the user names: read as a whole, once they are known to be files of a reasonable size."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from twin.errors import InputError, nearest
+
+_MEGABYTE = 1_000_000  # bytes
+
+
+def read_text(path: Path, name: str, largest: int, expected: str = "a file") -> str:
+    """Returns the text of a UTF-8 file with line ends as newlines, without byte-order mark.
+
+    Args:
+      path: the file; a link to one will do.
+      name: name of the file in messages.
+      largest: accepted size [bytes].
+      expected: what should be there, for messages.
+
+    Raises:
+      InputError: there is no such file, it is a folder, pipe, socket or device, too large, or not UTF-8.
+    """
+    name = name or str(path)  # "." has no name
+    try:
+        raw = _read(path, name, largest, expected)
+    except FileNotFoundError:
+        raise InputError(f"{name}: there is no such file in {path.parent}{_sibling(path)}") from None
+    except OSError as error:
+        raise InputError(f"{name} cannot be read: {error.strerror}") from None
+    except ValueError as error:  # a NUL in the path
+        raise error if isinstance(error, InputError) else InputError(f"{name} is no name of a file") from None
+    text = _decoded(raw, name)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def check_lines(text: str, name: str, longest: int) -> None:
+    """Raises InputError where a line of a text is longer than so many characters."""
+    start = 0
+    while len(text) - start > longest:
+        end = text.rfind("\n", start, start + longest + 1)
+        if end < 0:
+            line = text.count("\n", 0, start) + 1
+            raise InputError(f"{name}, line {line} has more than {longest} characters; expected fewer")
+        start = end + 1
+
+
+def _read(path: Path, name: str, largest: int, expected: str) -> bytes:
+    """Returns the bytes of a file; a pipe would make the program wait, a device never end."""
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{name} is {_kind(found.st_mode)}; expected {expected}")
+    with path.open("rb") as file:
+        # A file may grow, and those of /proc do not tell their size.
+        raw = file.read(largest + 1) if found.st_size <= largest else b""
+    if max(found.st_size, len(raw)) > largest:
+        raise InputError(
+            f"{name} has more than {largest // _MEGABYTE} MB; expected {expected} of at most that"
+        )
+    return raw
+
+
+def _kind(mode: int) -> str:
+    kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
+    return next((kind for is_one, kind in kinds if is_one(mode)), "a device")
+
+
+def _decoded(raw: bytes, name: str) -> str:
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        byte = f"byte 0x{raw[error.start]:02x}"
+        raise InputError(f"{name}, line {line}: {byte} is not UTF-8; save the file as UTF-8") from None
+    if (at := text.find("\0")) >= 0:
+        line = text.count("\n", 0, at) + 1
+        raise InputError(f"{name}, line {line}: byte 0x00 is no text; expected a text file in UTF-8")
+    return text
+
+
+def _sibling(path: Path) -> str:
+    """Hint to a file of a similar name in the same folder, or ""."""
+    try:
+        return nearest(path.name, [p.name for p in path.parent.iterdir()])
+    except OSError:
+        return ""
