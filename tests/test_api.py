@@ -12,8 +12,8 @@ from paths import ROOT
 
 import twin
 from twin.api.inputs import RigFile
+from twin.api.table import Table
 from twin.parameters import Rig
-from twin.table import Table
 
 EXAMPLES = ROOT / "docs" / "examples"
 DEMO = ROOT / "twin" / "data" / "demo-rig"

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from twin.api.functions import diagnose, identify, load, plan_experiment, run, state_space, validate
     from twin.api.inputs import RigFile, read_campaign, read_rig, rig
     from twin.api.simulation import RigModel, model
+    from twin.api.table import Table
     from twin.campaigns.campaign import Campaign
     from twin.errors import InputError
     from twin.parameters import Rig
     from twin.recording import Recording
-    from twin.table import Table
 
     __version__: str
 
@@ -46,7 +46,7 @@ _HOMES = {
     "twin.errors": ("InputError",),
     "twin.parameters": ("Rig",),
     "twin.recording": ("Recording",),
-    "twin.table": ("Table",),
+    "twin.api.table": ("Table",),
 }
 """Module -> the public names that it has."""
 

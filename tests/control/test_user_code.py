@@ -33,8 +33,8 @@ def loaded(folder, text):
     return controller(write(folder, text), RIG, PERIOD)
 
 
-def short_run(law):
-    return run(plants.make_plant("modal"), law, lambda time: 0.1, 0.12)
+def short_run(law, duration=0.02):
+    return run(plants.make_plant("modal"), law, lambda time: 0.1, duration)
 
 
 def reporting(folder, states):
@@ -325,7 +325,7 @@ NAMES += ["time", "hub_angle", "mode", "state_x"]
 
 def test_states_of_every_name_come_back_from_the_file(tmp_path):
     law = reporting(tmp_path, "{name: place for place, name in enumerate(" + repr(NAMES) + ")}")
-    write_csv(short_run(law), tmp_path / "run.csv")
+    write_csv(short_run(law, 0.12), tmp_path / "run.csv")
     track = read_track(tmp_path / "run.csv")
     assert {name: values[0] for name, values in track.states.items()} == {
         name: k for k, name in enumerate(NAMES)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.api.inputs import FilePath, RigFile
+from twin.api.table import Table
 from twin.campaigns.campaign import Campaign
 from twin.control.closed_loop import Run as _Run
 from twin.control.experiment import Experiment
@@ -14,7 +15,6 @@ from twin.diagnosis.answer import AdoptedEffect
 from twin.diagnosis.answer import Diagnosis as _Diagnosis
 from twin.errors import InputError
 from twin.recording import CHANNEL_UNITS, Recording
-from twin.table import Table
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
