@@ -81,7 +81,7 @@ TOML = {
     ),
     "time in seconds": (channel("time", 'unit = "sec"'), "channels.time.unit: 'sec'", "did you mean 's'?"),
     "a voltage drive without its motor": (
-        '[drive]\nkind = "voltage"\n',
+        toml_text() + '[drive]\nkind = "voltage"\n',
         'drive.torque_constant is missing; kind = "voltage" needs it',
     ),
     "time with a gain": (
