@@ -147,8 +147,11 @@ def _large_sizes(
 ) -> dict[str, dict[str, float]]:
     """Name -> parameters of effects that gain much at a size far from neutral, if the fitted candidates gain little.
 
-    The score test fails for an effect that changes the frequencies of the link much: it is linear in the effect.
+    The score test fails for an effect that changes the frequencies of the link much: it is linear in the effect. Output
+    errors come after a round on driven data, which has tried these.
     """
+    if not isinstance(bench.data, DrivenData):
+        return {}
     best, misfit = max((c.score for c in fitted), default=0.0), bench.misfit(base.residual)
     if best > _WELL_EXPLAINED * misfit or misfit < _LARGE_MISFIT * bench.count.sum():
         return {}
