@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.errors import InputError
+from twin.errors import InputError, checked_count, checked_number
 from twin.virtual_rig.beam import Array, build_link
 from twin.virtual_rig.effects import switch_on
 from twin.virtual_rig.experiments import HUB_RANGE, Experiment, planned_campaign, run_experiment
@@ -43,6 +43,11 @@ class Truth:
         Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
 
 
+_LARGEST_SEED = 2**128 - 1  # of numpy's generators
+_LARGEST_SHARE = 4.0
+"""Largest factor on the declared uncertainty of at most 10 %: two standard deviations leave parameters positive."""
+
+
 def make_campaign(
     folder: Path | str,
     effects: Mapping[str, Mapping[str, float]],
@@ -75,9 +80,12 @@ def make_campaign(
         force: Whether to write into a folder that is not empty.
 
     Raises:
-        InputError: for unknown effects or defects, a folder that is not empty, or a truth file inside it.
+        InputError: for unknown effects or defects, numbers that cannot be, a folder that is not empty, or a truth file
+            inside it.
     """
     folder = Path(folder)
+    checked_count("seed", seed, 0, _LARGEST_SEED)
+    checked_number("perturb", perturb, 0.0, _LARGEST_SHARE)
     kinds = checked_dirt(dirty)
     _check_places(folder, truth_file, force)
     declared_rig = rig or Rig()
