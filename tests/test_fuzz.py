@@ -11,6 +11,7 @@ if not sys.platform.startswith("linux"):
 
 import fuzz
 
+
 def test_no_broken_input_is_a_fault():
     found = fuzz.outcomes(0, range(300))
     faults = [(o.broken.target.name, o.broken.kind.name, o.what) for o in found if o.what in fuzz.FAULTS]
