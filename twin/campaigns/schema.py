@@ -83,7 +83,7 @@ class StaticEntry(_Table):
 class CampaignFile(_Table):
     """The whole of `campaign.toml`."""
 
-    format: Literal[1]
+    format: Annotated[Literal[1], BeforeValidator(_number)]
     name: Annotated[str, Field(min_length=1)]
     rig: Annotated[str, Field(min_length=1)]
     parameters: dict[str, Number] = {}
