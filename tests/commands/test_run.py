@@ -211,7 +211,7 @@ IMPOSSIBLE = {
     ),
     "gap": (
         "[effects.backlash]\ngap = 1" + 400 * "0",
-        "effects.backlash.gap is a whole number of 401 digits",
+        "effects.backlash.gap is beyond the largest number",
     ),
 }
 
