@@ -126,11 +126,11 @@ def _finite(key: str) -> bool:
     return key not in _UNBOUNDED
 
 
-def _required(lines: list[str], k: int, rng: Random) -> list[str]:
+def _without(lines: list[str], k: int, rng: Random) -> list[str]:
     return []
 
 
-_REQUIRED = r"^(format|name|role|file|length|linear_density|bending_stiffness|hub_inertia|value|unit) = "
+_REQUIRED = r"^(format|name|role|file|length|linear_density|bending_stiffness|hub_inertia|value) = "
 _DEEP = 3000
 
 TOML = (
@@ -170,7 +170,8 @@ TOML = (
     Kind("long text", texted(f'"{"x" * 20_000}"')),
     Kind("unicode in a text", texted('"\u202eabc\u0000\u2028 \U0001f600 \u0301"'.replace("\x00", ""))),
     Kind("line ends in a text", texted(r'"a\nb\r\nError: c"')),
-    Kind("required key deleted", _with_line(_required, _REQUIRED), True, ("requirements",)),
+    Kind("required key deleted", _with_line(_without, _REQUIRED), True, ("requirements",)),
+    Kind("unit deleted", _with_line(_without, r"^unit = "), True, ("rig",)),
     Kind("any line deleted", _with_line(lambda lines, k, rng: [], r".")),
     Kind("key twice", _with_line(lambda lines, k, rng: [lines[k], lines[k]]), True),
     Kind("table twice", _table_twice, True),

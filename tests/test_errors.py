@@ -34,33 +34,37 @@ ANYTHING = st.one_of(
 )
 
 
-@given(ANYTHING, st.sampled_from([(-LARGEST, LARGEST), (0.0, 10.0), (1e-9, math.inf), (-math.inf, math.inf)]))
-def test_a_number_is_in_its_range_or_refused_in_a_line(value, limits):
+LIMITS = [(-LARGEST, LARGEST), (0.0, 10.0), (1e-9, math.inf), (-math.inf, math.inf)]
+
+
+def said(check, *arguments):
+    """What a check says of a value that it refuses; its number where it accepts it."""
     try:
-        found = checked_number("gap", value, *limits, "rad")
+        return check(*arguments)
     except InputError as error:
-        message = str(error)
-    else:
-        assert isinstance(found, float)
+        return str(error)
+
+
+@given(ANYTHING, st.sampled_from(LIMITS))
+def test_a_number_is_in_its_range_or_refused_in_a_line(value, limits):
+    found = said(checked_number, "gap", value, *limits, "rad")
+    if isinstance(found, float):
         assert limits[0] <= found <= limits[1]
-        return
-    assert message.startswith("gap is ")
-    assert "; expected " in message
-    assert len(message) < 200
-    assert message.isprintable()
+    else:
+        assert found.startswith("gap is ")
+        assert "; expected " in found
+        assert len(found) < 200
+        assert found.isprintable()
 
 
 @given(ANYTHING)
 def test_a_count_is_in_its_range_or_refused_in_a_line(value):
-    try:
-        found = checked_count("rigs", value, 1, 100)
-    except InputError as error:
-        message = str(error)
-        found = 1
+    found = said(checked_count, "rigs", value, 1, 100)
+    if isinstance(found, int):
+        assert 1 <= found <= 100
     else:
-        message = ""
-    assert len(message) < 200
-    assert 1 <= found <= 100
+        assert len(found) < 200
+        assert found.isprintable()
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,10 @@ HUB_TORQUE = "hub_torque"
 """Name under which residuals of the hub's torque balance are listed beside those of the channels."""
 
 
+SPARSEST = 20.0
+"""Largest span of a recording over that of as many samples at its median period [1]."""
+
+
 @dataclass(frozen=True)
 class Sensor:
     """How a channel was measured.
@@ -108,8 +112,8 @@ class Recording:
 
     @property
     def period(self) -> float:
-        """Median time between two samples [s]."""
-        return float(np.median(np.diff(self.time)))
+        """Usual time between two samples [s], see `sample_period`."""
+        return sample_period(self.time)
 
     @property
     def commanded_at(self) -> np.ndarray:
@@ -147,6 +151,15 @@ class Recording:
     def __reduce__(self):
         fields = (self.name, self.time, dict(self.channels), self.clamped, self.loop)
         return (type(self), (*fields, self.initial_tip_deflection, self.start, self.command_time))
+
+
+def sample_period(time: np.ndarray) -> float:
+    """Returns the median time between two of n instants [s], but at least a share of the mean one.
+
+    A grid of this period thus has at most `SPARSEST` n instants, however close together most of them are.
+    """
+    median = float(np.median(np.diff(time)))
+    return max(median, float(time[-1] - time[0]) / (SPARSEST * len(time)))
 
 
 def _frozen(values: np.ndarray) -> np.ndarray:

@@ -37,6 +37,7 @@ def with_line(number: int, line: str) -> str:
 
 TOML = {
     "format 2": (toml_text().replace("format = 1", "format = 2"), "format is 2; expected one of: 1"),
+    "format true": (toml_text().replace("format = 1", "format = true"), "format is true; expected a number"),
     "no format": (toml_text().replace("format = 1\n", ""), "format is missing; expected format = 1"),
     "no name": (toml_text().replace('name = "small"\n', ""), "name is missing"),
     "no rig": (toml_text(rig=RIG.replace('rig = "my-rig"', "")), "rig is missing; expected rig ="),

@@ -61,3 +61,9 @@ def test_a_recording_shorter_than_a_rest_tells_what_it_can(count):
     seen = classify_hub_motion(short, 1e-4)
     assert seen.observed.shape == (count,)
     assert not np.isin(seen.observed, [1, -1]).any()
+
+
+def test_a_part_whose_clock_hung_is_classified():
+    time = np.r_[0.002 * np.arange(100), 0.2 + 1e-12 * np.arange(1, 200), 0.202 + 0.002 * np.arange(50)]
+    part = Recording("a.csv", time, {"hub_angle": 0.1 * time})
+    assert len(classify_hub_motion(part, 1e-4).observed) == len(time)

@@ -196,6 +196,65 @@ def test_where_the_modal_model_has_no_such_effect_it_is_said_that_no_ghost_is_sh
     assert not any("modal" in entity for entity in read(tmp_path / "run.rrd"))
 
 
+IMPOSSIBLE = {
+    "lag": (
+        "[effects.actuator-lag]\ntime_constant = -5",
+        "actuator-lag.time_constant is -5 s; expected 0 to 10",
+    ),
+    "mass": (
+        "[effects.payload-mass]\ntip_mass = -5",
+        "effects.payload-mass.tip_mass is -5 kg; expected 0 to 1000 kg",
+    ),
+    "clamp": (
+        "[effects.root-compliance]\nstiffness = -1e9",
+        "stiffness is -1e+09 N*m/rad; expected a number >= 0.001",
+    ),
+    "gap": (
+        "[effects.backlash]\ngap = 1" + 400 * "0",
+        "effects.backlash.gap is beyond the largest number",
+    ),
+}
+
+
+@pytest.mark.parametrize(("effect", "message"), IMPOSSIBLE.values(), ids=IMPOSSIBLE)
+def test_an_effect_that_no_rig_can_have_is_one_message(twin, tmp_path, effect, message):
+    rig_file(tmp_path / "rig.toml")
+    with (tmp_path / "rig.toml").open("a") as file:
+        file.write(f"\n{effect}\n")
+    code, out, errors = twin("run", "lq-step-120", "--rig", "rig.toml")
+    assert (code, out) == (2, "")
+    assert errors.startswith("Error: rig.toml: ")
+    assert errors.count("\n") == 1
+    assert message in errors
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"length": 0.15},
+            "strain_mid is 0.21 m from the hub axis; expected 0 to 0.15 m, the length of the link",
+        ),
+        ({"bending_stiffness": 1e6}, "vibrates too fast"),
+    ],
+)
+def test_a_rig_that_cannot_be_simulated_is_one_message(twin, tmp_path, values, message):
+    rig_file(tmp_path / "rig.toml", **values)
+    code, _, errors = twin("run", "lq-step-120", "--rig", "rig.toml")
+    assert code == 2
+    assert message in errors
+
+
+def test_a_run_that_diverges_is_one_message_and_leaves_no_file(twin, tmp_path):
+    rig_file(tmp_path / "rig.toml")
+    with (tmp_path / "rig.toml").open("a") as file:
+        file.write("\n[effects.torque-bias]\nbias = 1000.0\n")
+    code, _, errors = twin("run", "lq-step-120", "--rig", "rig.toml")
+    assert code == 2
+    assert "the chain diverged at 0.004 s" in errors
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]  # no MUJOCO_LOG.TXT
+
+
 def test_pieces_of_a_run_are_the_run():
     pieces = []
     whole = experiment().run(pieces.append)

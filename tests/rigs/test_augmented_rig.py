@@ -106,6 +106,7 @@ def test_parameters_left_out_of_an_effect_are_neutral(tmp_path):
     [
         ("format = ", "rig.toml, at its end: Invalid value; expected a rig as TOML"),
         (MINIMAL.replace("format = 1", "format = 2"), "format is 2; expected format = 1"),
+        (MINIMAL.replace("format = 1", "format = true"), "format is true; expected format = 1"),
         (MINIMAL.replace('name = "mine"', ""), "name is missing"),
         (MINIMAL.replace("length = 0.4\n", ""), "length missing"),
         (MINIMAL.replace("length", "lenght"), "parameters.lenght is not a parameter.*did you mean 'length'"),

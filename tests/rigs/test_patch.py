@@ -155,6 +155,10 @@ def test_a_lookup_is_read_as_it_was_written(tmp_path):
         ("hub_angle,added_to_hub_torque\n0,1\n", "has 1 points after its header; expected at least 2"),
         ("hub_angle,added_to_hub_torque\n0,1\n1,\n", "line 3: a number is missing"),
         (
+            "hub_angle,added_to_hub_torque\n0,1\n1,1e9\n",
+            r"line 3: added_to_hub_torque is 1e\+09 N\*m; expected -1000",
+        ),
+        (
             "hub_angle,added_to_hub_torque\n0,1\n0,2\n",
             "line 3: 0 follows 0; expected the variable to increase",
         ),

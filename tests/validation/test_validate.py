@@ -393,7 +393,6 @@ def test_a_file_changes_some_limits_and_drops_others(tmp_path):
         ("overshoot = 'x'", "limits.toml: overshoot is 'x'; expected a number"),
         ("overshoot = nan", "overshoot is nan"),
         ("overshoot = inf", "overshoot is inf; expected a finite number >= 0, or false for no limit"),
-        ("overshoot = 1" + 400 * "0", "overshoot is a whole number of 401 digits"),
         ("settling_time = -1", "settling_time is -1 s; expected a number >= 0 s"),
         ("overshoot = true", "overshoot is true; expected a number, or false for no limit"),
         ("share = 0", "share is 0; expected 1e-06 to 1"),

@@ -703,11 +703,30 @@ def test_campaign_is_written_whole_over_what_a_killed_process_left(tmp_path, mon
         ({"viscous-fricton": {}}, "did you mean 'viscous-friction'"),
         ({"backlash": {"width": 1.0}}, "expected one of: gap, motor_inertia_share"),
         ({"torque-gain": {"gain": math.nan}}, "gain is nan"),
+        ({"backlash": {"gap": -5}}, "backlash: gap is -5; expected 0 to 1e"),
+        ({"payload-mass": {"tip_mass": -1}}, "payload-mass: tip_mass is -1"),
+        ({"stiffness-loss": {"bending_stiffness": 0}}, "bending_stiffness is 0"),
+        ({"cogging": {"amplitude": 1e300}}, r"amplitude is 1e\+300; expected 0 to 1e"),
     ],
 )
 def test_wrong_effects_are_named(tmp_path, effects, message):
     with pytest.raises(InputError, match=message):
         make_campaign(tmp_path / "rig", effects, 0)
+
+
+@pytest.mark.parametrize(
+    ("seed", "perturb", "message"),
+    [
+        (-1, 0.0, "seed is -1"),
+        (0, math.nan, "perturb is nan"),
+        (0, -1.0, "perturb is -1"),
+        (0, 1e9, "expected 0 to 4"),
+    ],
+)
+def test_wrong_numbers_are_named(tmp_path, seed, perturb, message):
+    with pytest.raises(InputError, match=message):
+        make_campaign(tmp_path / "rig", {}, seed, perturb=perturb)
+    assert not list(tmp_path.iterdir())
 
 
 def test_command_line_makes_a_campaign(tmp_path, monkeypatch, capsys):

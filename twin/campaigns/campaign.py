@@ -469,7 +469,7 @@ def _check_columns(content: schema.CampaignFile, tables: list[Table]) -> None:
 
 
 def _read_static(root: Path, second_moment: float | None) -> StaticTest | None:
-    if not (root / STATIC_FILE).exists():
+    if not os.path.lexists(root / STATIC_FILE):
         return None
     table = read_table(root / STATIC_FILE, STATIC_FILE)
     if not len(table):

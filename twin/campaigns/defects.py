@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import label, median_filter
 
 from twin.campaigns.readings import sample_clock
-from twin.recording import CHANNEL_UNITS, Recording, Sensor
+from twin.recording import CHANNEL_UNITS, Recording, Sensor, sample_period
 
 _FEWEST = 200  # readings; a channel with fewer is not judged
 _RUN = 12  # equal readings in a row from which a channel may be frozen
@@ -306,7 +306,7 @@ def _cut_off(values: np.ndarray, first: int, last: int, least: float) -> bool:
 
 def _noisy(readings: _Readings) -> tuple[np.ndarray, str]:
     """Mask (n) of readings in segments with many times the channel's usual noise, and a note on them."""
-    period = float(np.median(np.diff(readings.time)))
+    period = sample_period(readings.time)
     window = 2 * max(_NEIGHBOURS, round(_NOISY_SPAN / period)) // 2 + 1
     none = np.zeros(len(readings.values), dtype=bool), ""
     if len(readings.lively) < 4 * window:

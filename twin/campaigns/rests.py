@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 
 from twin.mechanics.planar import STUCK, UNDECIDED
 from twin.mechanics.state import Guide, Start
-from twin.recording import Recording
+from twin.recording import Recording, sample_period
 
 _REST_SPAN = 0.08  # s, window of the test for rest, so the shortest rest that is recognised
 _EDGE = 0.02  # s before and after a change between rest and motion that are undecided
@@ -54,7 +54,7 @@ def classify_hub_motion(recording: Recording, noise: float) -> HubMotion:
     reading = np.array(recording["hub_angle"])
     known = np.isfinite(reading)
     filled = np.interp(time, time[known], reading[known])
-    dt = float(np.median(np.diff(time)))
+    dt = sample_period(time)
     window = _window(_RATE_SPAN / dt, 7, len(time))
     rate = savgol_filter(filled, window, 1, deriv=1, delta=dt)
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)

@@ -124,7 +124,7 @@ class StaticEntry(_Table):
 class CampaignFile(_Table):
     """The whole of `campaign.toml`."""
 
-    format: Literal[1]
+    format: Annotated[Literal[1], BeforeValidator(_number)]
     name: Text
     rig: Text
     parameters: dict[str, Number] = {}

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from twin.identification.estimates import Estimate
-from twin.recording import Recording
+from twin.recording import Recording, sample_period
 
 Law = Literal["proportional", "dry friction", "square of the rate"]
 
@@ -117,7 +117,7 @@ def _damping_ratio(rate: Estimate, omega: float) -> Estimate:
 
 def _dominant_frequency(time: np.ndarray, values: np.ndarray) -> float | None:
     """Frequency of the largest spectral line above two cycles per record [Hz], trend removed; None without one."""
-    period = float(np.median(np.diff(time)))
+    period = sample_period(time)
     grid = np.arange(time[0], time[-1], period)
     uniform = np.interp(grid, time, values)
     swing = (uniform - np.polyval(np.polyfit(grid, uniform, 1), grid)) * np.hanning(len(grid))

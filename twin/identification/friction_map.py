@@ -21,7 +21,7 @@ from scipy.signal import butter, find_peaks, sosfiltfilt
 from twin.identification import decay
 from twin.identification.estimates import Estimate, with_nuisance_error
 from twin.mechanics.state import Start
-from twin.recording import Recording
+from twin.recording import Recording, sample_period
 from twin.residuals.prepared import Prepared, sensor_corrected_start
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
@@ -196,7 +196,7 @@ def _swings(recording: Recording, channel: str, frequency: float, noise: float) 
     """
     known = np.isfinite(recording[channel])
     time, values = recording.time[known], recording[channel][known]
-    period = float(np.median(np.diff(time)))
+    period = sample_period(time)
     half = 0.5 / frequency / period
     # The release excites higher modes too.
     smooth = sosfiltfilt(_low_pass(frequency, period), values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -55,7 +56,7 @@ def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
     Raises:
       InputError: the file, or its campaign, cannot be used.
     """
-    if (path.parent / "campaign.toml").is_file():
+    if os.path.lexists(path.parent / "campaign.toml"):
         campaign = read_campaign(path.parent)
         recordings = {r.name: r for r in (*campaign.fit, *campaign.holdout())}
         if path.name not in recordings:
@@ -76,7 +77,7 @@ def files_read(path: Path) -> tuple[Path, ...]:
     Raises:
       InputError: the campaign of the file cannot be used.
     """
-    return (path, *campaign_files(path.parent)) if (path.parent / "campaign.toml").is_file() else (path,)
+    return (path, *campaign_files(path.parent)) if os.path.lexists(path.parent / "campaign.toml") else (path,)
 
 
 def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:

@@ -144,7 +144,7 @@ def _read(
     content = read_toml(path, "a rig")
     try:
         _check_keys(content, _KEYS, "")
-        if content.get("format") != 1:
+        if content.get("format") != 1 or isinstance(content["format"], bool):
             raise InputError(f"format is {quoted(content.get('format'))}; expected format = 1")
         name = content.get("name")
         if not isinstance(name, str) or not name:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.errors import InputError
+from twin.errors import InputError, checked_count, checked_number
 from twin.files.whole import check_file, check_folder, is_temporary, write_files, writing
 from twin.virtual_rig.beam import Array, build_link
 from twin.virtual_rig.effects import switch_on
@@ -44,6 +44,11 @@ class Truth:
         return json.dumps(asdict(self), indent=2) + "\n"
 
 
+_LARGEST_SEED = 2**128 - 1  # of numpy's generators
+_LARGEST_SHARE = 4.0
+"""Largest factor on the declared uncertainty of at most 10 %: two standard deviations leave parameters positive."""
+
+
 def make_campaign(
     folder: Path | str,
     effects: Mapping[str, Mapping[str, float]],
@@ -76,10 +81,12 @@ def make_campaign(
         force: Whether to write into a folder that is not empty.
 
     Raises:
-        InputError: for unknown effects or defects, a folder that is not empty, a truth file inside it, or files that
-            cannot be written.
+        InputError: for unknown effects or defects, numbers that cannot be, a folder that is not empty, a truth file
+            inside it, or files that cannot be written.
     """
     folder = Path(folder)
+    checked_count("seed", seed, 0, _LARGEST_SEED)
+    checked_number("perturb", perturb, 0.0, _LARGEST_SHARE)
     kinds = checked_dirt(dirty)
     _check_places(folder, truth_file, force)
     declared_rig = rig or Rig()

@@ -8,7 +8,7 @@ faults that the library does not contain.
 import math
 from collections.abc import Mapping
 
-from twin.errors import InputError, nearest
+from twin.errors import InputError, checked_number, nearest
 from twin.virtual_rig.rig import Rig
 
 EFFECTS: dict[str, dict[str, str]] = {
@@ -84,11 +84,26 @@ OUTSIDE_EFFECTS: dict[str, dict[str, str]] = {
 }
 
 
+_SIGNED = ("rest_angle", "phase", "direction", "bias", "rate_base", "rate_mid", "base", "mid")
+"""Parameters that may be negative."""
+_NOT_ZERO = ("bending_stiffness",)
+_LARGEST = 1e9
+"""Magnitude of the largest parameter, in its unit: with larger ones the plant overflows."""
+
+
+def _possible(field: str, parameter: str, value: float) -> float:
+    """Returns a value that a rig can have; infinity is the neutral one of some, as of a rigid clamp."""
+    if value == math.inf:
+        return value
+    least = -_LARGEST if parameter in _SIGNED else 1 / _LARGEST if parameter in _NOT_ZERO else 0.0
+    return checked_number(field, value, least, _LARGEST)
+
+
 def switch_on(rig: Rig, effects: Mapping[str, Mapping[str, float]]) -> Rig:
     """Returns the rig with these effects; a parameter that is not given stays neutral.
 
     Raises:
-        InputError: for an unknown effect or parameter, or a value that is not a number.
+        InputError: for an unknown effect or parameter, or a value that no rig can have.
     """
     for name, parameters in effects.items():
         rig = rig._replace(**_field_changes(name, parameters))
@@ -105,7 +120,5 @@ def _field_changes(name: str, parameters: Mapping[str, float]) -> dict[str, floa
     for parameter, value in parameters.items():
         if parameter not in fields:
             raise InputError(f"{name} has no parameter '{parameter}'; expected one of: {', '.join(fields)}")
-        if math.isnan(value):
-            raise InputError(f"{name}: {parameter} is nan; expected a number.")
-        changes[fields[parameter]] = float(value)
+        changes[fields[parameter]] = _possible(f"{name}: {parameter}", parameter, value)
     return changes
