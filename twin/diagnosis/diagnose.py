@@ -173,7 +173,9 @@ def on_output_errors(state: SearchState, more: bool, progress: Progress) -> tupl
 
     Free runs are used where a model explains them, or where no scatter of friction decides a stick or slip in them.
     """
-    if state.on_output_errors or not output_error.is_repeatable(state.bench, state.best):
+    if state.on_output_errors:
+        return state, more and _can_gain(state)
+    if not output_error.is_repeatable(state.bench, state.best):
         return state, more
     progress("fitting free runs")
     bench, fit = output_error.fit_output_error(state.bench, state.best)
@@ -186,9 +188,13 @@ def on_output_errors(state: SearchState, more: bool, progress: Progress) -> tupl
         state = revise.revise(replace(state, rounds=(*earlier, last)), progress)
     else:
         state = replace(state, start=replace(state.start, bench=bench, base=fit))
-    # No effect can gain more than the misfit.
-    more = state.bench.misfit(state.best.residual) > rules.MODEL_ERROR_SCORE
+    more = _can_gain(state)
     return (replace(state, rounds=state.adopting) if more else state), more
+
+
+def _can_gain(state: SearchState) -> bool:
+    """Whether the misfit exceeds the least score: no effect can gain more than the misfit."""
+    return state.bench.misfit(state.best.residual) > rules.MODEL_ERROR_SCORE
 
 
 def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) -> tuple[SearchState, bool]:
