@@ -10,7 +10,7 @@ import typer.main
 from paths import ROOT
 
 from twin.campaigns import schema
-from twin.campaigns.units import TIME, allowed
+from twin.campaigns.units import DERIVED_UNITS, TIME, allowed
 from twin.cli import app
 from twin.parameters import DEFAULTS, PARAMETERS
 from twin.recording import CHANNEL_UNITS
@@ -107,7 +107,7 @@ def test_campaign_files_shown_are_valid(text):
 
 
 def test_format_lists_every_channel_with_its_unit():
-    assert {row[0]: row[1] for row in rows(FORMAT, "channel")} == dict(CHANNEL_UNITS)
+    assert {row[0]: row[1] for row in rows(FORMAT, "channel")} == CHANNEL_UNITS | DERIVED_UNITS
 
 
 def test_format_lists_every_parameter_with_unit_and_default():
@@ -121,9 +121,10 @@ def test_format_lists_every_parameter_with_unit_and_default():
 
 
 def test_format_names_every_key_and_unit():
-    tables = (schema.Channel, schema.RecordingEntry, schema.CampaignFile)
+    tables = (schema.Channel, schema.RecordingEntry, schema.CampaignFile, schema.DriveEntry)
     for key in (key for table in tables for key in table.model_fields):
-        assert re.search(rf"\b{key}\b", FORMAT), key
+        # The constants of the drive have an uncertainty each.
+        assert re.search(rf"\b{key.removesuffix('_uncertainty')}", FORMAT), key
     for unit in {unit for channel in (TIME, *CHANNEL_UNITS) for unit in allowed(channel)}:
         assert f"`{unit}`" in FORMAT or f'"{unit}"' in FORMAT or f"| {unit} |" in FORMAT, unit
 

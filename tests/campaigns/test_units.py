@@ -130,7 +130,7 @@ def test_unit_of_another_quantity_refused(channel, unit, right):
         ("strain_base", "microstrian", "microstrain"),
         ("strain_base", "mV", "V"),
         ("tip_acceleration", "m/s2", "m/s^2"),
-        ("time", "ms", "s"),
+        ("time", "sec", "s"),
     ],
 )
 def test_unknown_unit_names_the_right_one(channel, unit, right):

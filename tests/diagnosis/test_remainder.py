@@ -37,7 +37,13 @@ def seen(sizes, before=None, independent=INDEPENDENT):
 
     start = SimpleNamespace(bench=bench)
     return SimpleNamespace(
-        start=start, bench=bench, base=fit(before or sizes), best=fit(sizes), gained=0.0, unnamed=()
+        start=start,
+        bench=bench,
+        base=fit(before or sizes),
+        best=fit(sizes),
+        gained=0.0,
+        unnamed=(),
+        on_output_errors=False,
     )
 
 

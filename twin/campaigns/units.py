@@ -104,15 +104,15 @@ def scale(channel: str, unit: str, half_thickness: float = 0.0) -> float:
     Raises:
       InputError: the channel cannot be recorded in this unit.
     """
+    if channel == TIME and unit in TIMES:
+        return TIMES[unit]
+    if channel != TIME and unit == _si_unit(channel):
+        return 1.0
     if unit not in allowed(channel):
         raise InputError(_refusal(channel, unit))
-    if channel == TIME:
-        return TIMES[unit]
-    if unit == (si := _si_unit(channel)):
-        return 1.0
     if unit in RAW_UNITS:
         return 1.0
-    return half_thickness if unit == "1/m" else factor(unit, si)
+    return half_thickness if unit == "1/m" else factor(unit, _si_unit(channel))
 
 
 def _convertible(unit: str, si: str) -> bool:

@@ -44,13 +44,10 @@ _UNITS = {
     "days": 86400.0,
 }
 _USUAL_PERIOD = 1e-3  # s
-_EPOCH = 1e8  # s, three years: stamps beyond it count from an epoch, not from the start of an experiment
 
 
 def checked_time(table: Table, column: str, unit: float = 1.0) -> np.ndarray:
     """Returns the instants of a table as measured, jitter and gaps included (n) [s].
-
-    Stamps since an epoch are counted from the first one.
 
     Args:
       table: the file.
@@ -72,7 +69,7 @@ def checked_time(table: Table, column: str, unit: float = 1.0) -> np.ndarray:
         line = table.lines[missing[0]]
         raise InputError(f"{table.name}, line {line}: {shown(column)} is missing; expected a number")
     _check_increase(table, column, time)
-    time = unit * (time - time[0] if abs(time[0]) > _EPOCH / unit else time)
+    time = unit * time
     _check_period(table, column, time, unit * float(table.columns[column][0]))
     _check_gaps(table, column, time)
     return time
