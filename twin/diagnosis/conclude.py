@@ -99,14 +99,26 @@ def conclude(
         threshold=first.threshold if first.ranked else None,
         by_chance=first.by_chance if first.ranked else None,
         least_score=rules.MODEL_ERROR_SCORE,
-        patched=patched,
-        no_patch=fit_patch.why_no_patch(
-            {c: residuals[c] for c in unexplained}, depends, remainder.significant_function(state)
-        )
-        if unexplained and patched is None
-        else None,
+        patched=patched if patched is not None and not patched.is_worse else None,
+        no_patch=_why_no_patch(state, residuals, unexplained, depends, patched),
         correlations=_correlations(polished.augmented),
     )
+
+
+def _why_no_patch(
+    state: SearchState,
+    residuals: Mapping[str, Unexplained],
+    unexplained: Sequence[str],
+    depends: Sequence[str],
+    patched: Patched | None,
+) -> str | None:
+    """Why no lookup is handed out, in a sentence; None if there is one, or nothing to look up."""
+    if patched is not None:
+        return fit_patch.WORSE if patched.is_worse else None
+    if not unexplained:
+        return None
+    worst = {c: residuals[c] for c in unexplained if c in residuals}
+    return fit_patch.why_no_patch(worst, depends, remainder.significant_function(state))
 
 
 def verdict_of(state: SearchState) -> Verdict:
@@ -191,7 +203,7 @@ def _correlations(fit: Fit) -> Correlations:
 
 def explanatory_variables(state: SearchState, residuals: Mapping[str, Unexplained]) -> tuple[str, ...]:
     """Variables on which unexplained residuals depend, the strongest first; empty if all is explained."""
-    large = [residuals[channel] for channel in remainder.large_residuals(state)]
+    large = [residuals[c] for c in remainder.large_residuals(state) if c in residuals]
     depends = dependence.strongest_variables([r for r in large if len(r.values) > traces.FEWEST])
     smooth = remainder.significant_function(state)
     if smooth is None:

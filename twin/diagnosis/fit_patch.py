@@ -19,10 +19,15 @@ from twin.estimation.static_friction import FinalModels
 from twin.mechanics.state import Start
 from twin.recording import CHANNEL_UNITS, HUB_TORQUE
 from twin.residuals.prepared import Prepared
+from twin.residuals.residual import has_unknown_zero
 from twin.rigs import patch
 from twin.rigs.model import with_fine_chain
 from twin.rigs.patch import Patch
 from twin.rigs.simulate import simulate
+
+WORSE = (
+    "There is no lookup, because the one that was fitted predicts the held-out recordings worse than none."
+)
 
 _LEAST_SHARE = 0.05  # of the variance that a variable has to explain, cross-validated between recordings
 
@@ -58,7 +63,10 @@ def fit_patch(
     def errors(prepared: Prepared, start: Start) -> dict[str, tuple[float, float]]:
         after = simulate(model, prepared.recording, start)
         before = predictions[prepared.recording.name].errors
-        return {c: (before[c].after, _rms(prepared.recording[c] - after[c])) for c in prepared.channels}
+        off = {c: prepared.recording[c] - after[c] for c in prepared.channels}
+        # The zero of a sensor is that of the recording, as in `predict`.
+        off |= {c: v - np.nanmean(v) for c, v in off.items() if has_unknown_zero(model, c)}
+        return {c: (before[c].after, _rms(off[c])) for c in prepared.channels}
 
     ready = [prepare_clean(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]
     starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
@@ -70,6 +78,8 @@ def fit_patch(
 def patch_of_worst_channel(state: SearchState, residuals: Mapping[str, Unexplained]) -> Patch | None:
     """The lookup of the worst channel whose residuals are a function of one variable, or of the smooth hub torque."""
     for channel in remainder.large_residuals(state):
+        if channel not in residuals:
+            continue
         unexplained = residuals[channel]
         for variable, share in sorted(dependence.step_shares(unexplained).items(), key=lambda pair: -pair[1]):
             if share < _LEAST_SHARE:
