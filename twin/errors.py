@@ -86,6 +86,8 @@ def checked_number(
     """
     if not _is_a(Real, value) or value != value:
         raise InputError(f"{field} is {quoted(value)}; expected a number")
+    if not isinstance(value, Integral):
+        value = float(value)
     if low <= value <= high and (abs(value) <= LARGEST or isinstance(value, float)):
         return float(value)
     whole = isinstance(value, int)
