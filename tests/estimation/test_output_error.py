@@ -70,7 +70,7 @@ def fit_of(bench, model):
     )
 
 
-SQUARE = 0.3 * np.sign(np.sin(2 * np.pi * 0.9 * TIME))
+SQUARE = np.where(TIME < 0.5, 0.0, 0.3 * np.sign(np.sin(2 * np.pi * 0.9 * TIME)))
 
 
 def test_of_the_right_model_noise_is_left_though_the_zero_of_the_gauge_is_unknown(pool):

@@ -175,7 +175,8 @@ def on_output_errors(state: SearchState, more: bool, progress: Progress) -> tupl
     """
     if state.on_output_errors:
         return state, more and _can_gain(state)
-    if not output_error.is_repeatable(state.bench, state.best):
+    rough = output_error.hub_sensor_dominates(state.bench)
+    if not rough or not output_error.is_repeatable(state.bench, state.best):
         return state, more
     progress("fitting free runs")
     bench, fit = output_error.fit_output_error(state.bench, state.best)

@@ -65,7 +65,7 @@ def fit_patch(
         before = predictions[prepared.recording.name].errors
         off = {c: prepared.recording[c] - after[c] for c in prepared.channels}
         # The zero of a sensor is that of the recording, as in `predict`.
-        off |= {c: v - np.nanmean(v) for c, v in off.items() if has_unknown_zero(model, c)}
+        off |= {c: v - np.nanmean(v) for c, v in off.items() if has_unknown_zero(model, prepared, c)}
         return {c: (before[c].after, _rms(off[c])) for c in prepared.channels}
 
     ready = [prepare_clean(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]

@@ -41,7 +41,7 @@ def predict(
             before, calibrated, after, *nearby = free_runs(models, prepared, pool)
             runs = (before, calibrated, after)
             errors = {
-                c: _error(prepared, c, runs, nearby, has_unknown_zero(augmented, c))
+                c: _error(prepared, c, runs, nearby, has_unknown_zero(augmented, prepared, c))
                 for c in prepared.channels
             }
             predictions[recording.name] = Prediction(

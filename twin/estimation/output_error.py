@@ -21,8 +21,10 @@ from twin.estimation.slopes import cost_of, costs_at, difference_jacobian
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import CORRELATION_TIME, GuidedData, Workbench
 from twin.mechanics.state import Start
+from twin.recording import ON_LINK
 from twin.residuals.data import BLOCK_SPAN, DrivenData
 from twin.residuals.groups import Group, split_into_blocks
+from twin.residuals.noise import sensor_noise
 from twin.residuals.prepared import Prepared, sensor_corrected_start
 from twin.residuals.residual import has_unknown_zero, without_zero
 from twin.rigs.model import Model
@@ -32,6 +34,8 @@ BREAK_AWAY_CHANGE = 1e-3
 """Relative change of the break-away torque that must not be visible in a free run, so that a fit converges."""
 FRICTION_SCATTER = 1e-2
 """Scatter of a break-away torque from one stick to the next, which no model knows."""
+_HUB_SHARE = 0.9
+"""Share of the variance of a channel's noise from which its own noise does not matter."""
 _ITERATIONS = 20
 _COULOMB_GRID = np.geomspace(0.7, 1.4, 7)
 """Coulomb friction of the grid over that of the first fit: its error is a few standard errors of a rough hub sensor."""
@@ -72,7 +76,7 @@ class OutputErrorData(GuidedData):
         for c in prepared.channels:
             known = np.isfinite(measured[c])
             off = (measured[c] - predicted[c]) / prepared.noise[c]
-            if has_unknown_zero(model, c):
+            if has_unknown_zero(model, prepared, c):
                 off = without_zero(off, known)
             residuals[c] = np.where(known, off, 0.0)
         return residuals
@@ -99,6 +103,20 @@ def is_repeatable(bench: Workbench, fit: Fit, change: float = BREAK_AWAY_CHANGE)
     models = [fit.model, *(fit.model.with_break_away(1 + s * change) for s in (1, -1))]
     plain, *changed = free.residuals([(m, fit.starts, None) for m in models])
     return all(float(free.sizes(other - plain).max(initial=0.0)) < 1 for other in changed)
+
+
+def hub_sensor_dominates(bench: Workbench) -> bool:
+    """Whether noise of the hub sensor is nearly all the noise of the link's channels, on every recording with a hub.
+
+    The measured hub drives the link there. Where the share is small, driven data tell as much as free runs.
+    """
+    data, shares = driven_data(bench), []
+    for p, view in zip(data.prepared, data.views, strict=True):
+        if p.hub is not None:
+            own = sensor_noise(p, {})
+            link = [c for c in own if c in ON_LINK and np.isfinite(view.noise[c])]
+            shares.append(max((1 - (own[c] / view.noise[c]) ** 2 for c in link), default=0.0))
+    return bool(shares) and min(shares) > _HUB_SHARE
 
 
 def driven_data(bench: Workbench) -> DrivenData:

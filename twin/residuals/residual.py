@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Motion, Start
 from twin.recording import Recording, Sensor
 from twin.residuals import creep
@@ -18,6 +19,8 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.view import END_MARGIN, NoiseModel, Signals, View, before_end, move_link, whitened
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
+
+_VISIBLE = 4.0  # standard errors: by chance once in 16 000 recordings
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
@@ -114,15 +117,31 @@ def channel_residual(
                     signals, channel, simulated[channel], prepared.hub is not None
                 )
         off = values - predicted
-        if has_unknown_zero(model, channel):
+        if has_unknown_zero(model, prepared, channel):
             off = without_zero(off, signals.known[channel])
         residuals[channel] = np.where(signals.known[channel], off, 0.0)
     return residuals
 
 
-def has_unknown_zero(model: Model, channel: str) -> bool:
-    """Whether the zero of a channel's sensor is a nuisance parameter."""
-    return model.sensors.get(channel, Sensor(channel)).has_unknown_zero
+def has_unknown_zero(model: Model, prepared: Prepared, channel: str) -> bool:
+    """Whether the zero of a channel's sensor is a nuisance parameter of a recording.
+
+    Of a link that is at rest before the hub first moves, the readings until then show whether the zero is off.
+    """
+    if not model.sensors.get(channel, Sensor(channel)).has_unknown_zero:
+        return False
+    return prepared.recording.start == "unknown" or zero_is_visible(prepared, channel)
+
+
+def zero_is_visible(prepared: Prepared, channel: str) -> bool:
+    """Whether the mean reading of a sensor before the hub first moves is off by `_VISIBLE` standard errors."""
+    if prepared.hub is None:
+        return False
+    moving = np.flatnonzero(prepared.hub.observed != STUCK)
+    readings = prepared.recording[channel][: moving[0] if len(moving) else None]
+    readings = readings[np.isfinite(readings)]
+    error = prepared.noise[channel] / np.sqrt(max(len(readings), 1))
+    return len(readings) > 0 and abs(float(readings.mean())) > _VISIBLE * error
 
 
 def without_zero(off: np.ndarray, known: np.ndarray) -> np.ndarray:
