@@ -49,8 +49,8 @@ ALIKE = (
     "hub-sensor-gain",
     "strain-gain",
 )
-# A minute or two each, and the benchmark plants them too.
-SLOWEST = ("softening-stiffness", "payload-mass")
+# About a minute each or more, and the benchmark plants them too.
+SLOWEST = ("softening-stiffness", "payload-mass", "hub-sensor-nonlinearity", "gravity-tilt")
 # A slow ramp, on which every hub's break-away is followed, takes as long as all other recordings together.
 ON_THE_RAMP = "asymmetric-friction"
 
