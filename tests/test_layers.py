@@ -12,7 +12,7 @@ LAYERS = (
     {"errors"},
     {"foreign"},
     {"recording", "parameters", "correlations", "progress"},
-    {"labels", "table"},
+    {"labels"},
     {"terminal"},
     {"files"},
     {"mechanics"},

@@ -21,7 +21,7 @@ _SIMULATED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "motor
 _LONGEST = 1e5
 """Longest simulation [s]: it takes a quarter of an hour."""
 _TURNS = 1e3
-"""Largest angle from which the hub starts [rad]."""
+"""Largest angle from which the hub starts [rad]: 160 turns, which no rig counts."""
 
 
 @dataclass(frozen=True)

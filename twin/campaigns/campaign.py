@@ -364,7 +364,8 @@ def _read_recording(
     columns = {name: channel.column or name for name, channel in channels.items()}
     columns.setdefault(units.TIME, units.TIME)
     table = read_table(root / entry.file, entry.file, set(columns.values()))
-    time = checked_time(table, columns[units.TIME], _time_unit(channels))
+    unit = _factor(units.TIME, channels[units.TIME]) if units.TIME in channels else 1.0
+    time = checked_time(table, columns[units.TIME], unit)
     present = {n: c for n, c in columns.items() if n != units.TIME and not _is_absent(n, c, table, entry)}
     values = {n: _si_values(n, channels[n], table.columns[c]) for n, c in present.items()}
     values, unused = derive(values, content.drive.gear_ratio, rig["length"])
@@ -384,11 +385,6 @@ def _read_recording(
         start=entry.start,
     )
     return recording, table, notes + _similar_column_notes(columns, table)
-
-
-def _time_unit(channels: Mapping[str, schema.Channel]) -> float:
-    """Unit of the time column [s]."""
-    return units.TIMES[channels[units.TIME].unit] if units.TIME in channels else 1.0
 
 
 def _is_absent(name: str, column: str, table: Table, entry: schema.RecordingEntry) -> bool:

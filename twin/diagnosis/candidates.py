@@ -112,12 +112,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     """
     names = list(names)
     progress("scoring the effects")
-    driven, on_driven = output_error.on_driven_data(bench, base)
-    peaks = {
-        name: spectrum.spectral_peaks(driven, on_driven, REGISTRY[name])
-        for name in names
-        if REGISTRY[name].wave is not None
-    }
+    peaks = _wave_peaks(bench, base, names)
     slopes = {name: effect_slopes(bench, base, name, peaks.get(name, ())) for name in names}
     tested = {name: score_test(bench, base, slopes[name]) for name in names}
     best_first = sorted(names, key=lambda name: -tested[name])
@@ -140,6 +135,15 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
         if name not in chosen:
             scored.append(Candidate((*base.model.effects, name), base, min(tested[name], least)))
     return Exploration(sorted(scored, key=lambda c: (-c.score, -tested[c.name])), slopes)
+
+
+def _wave_peaks(bench: Workbench, base: Fit, names: Sequence[str]) -> dict[str, tuple[Peak, ...]]:
+    """Name -> peaks of its spectrum on driven data, of those of these effects that are a wave."""
+    waves = [name for name in names if REGISTRY[name].wave is not None]
+    if not waves:
+        return {}
+    driven, fit = output_error.on_driven_data(bench, base)
+    return {name: spectrum.spectral_peaks(driven, fit, REGISTRY[name]) for name in waves}
 
 
 def _large_sizes(
@@ -282,9 +286,7 @@ def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float
 
 def try_effect(bench: Workbench, base: Fit, name: str) -> Candidate:
     """Adds one effect to a fitted model and fits it with few iterations."""
-    effect = REGISTRY[name]
-    driven, on_driven = output_error.on_driven_data(bench, base)
-    peaks = spectrum.spectral_peaks(driven, on_driven, effect) if effect.wave is not None else ()
+    peaks = _wave_peaks(bench, base, [name]).get(name, ())
     return fit_quickly(bench, base, name, effect_slopes(bench, base, name, peaks), peaks)
 
 

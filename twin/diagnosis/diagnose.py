@@ -41,7 +41,7 @@ MOST_EFFECTS = 3
 MOST_ROUNDS = 6
 """Rounds of the search at most: more than effects, because revision may remove an effect."""
 FALSE_ALARM_RATE = 0.01
-_MOST_WORKERS = 1024  # threads
+_MOST_WORKERS = 1024  # threads; the largest machines have some hundred processors
 
 
 def diagnose(
@@ -106,11 +106,13 @@ def search(
     false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> SearchState:
     """Searches the fit recordings for effects that the model lacks; arguments as `diagnose`, threads in `pool`."""
-    state, more = on_output_errors(*first_round(campaign, pool, progress, false_alarm_rate), progress)
+    state, more = continued_on_output_errors(
+        *first_round(campaign, pool, progress, false_alarm_rate), progress
+    )
     for _ in range(MOST_ROUNDS - 1):
         if not more or len(state.adopted) == MOST_EFFECTS:
             break
-        state, more = on_output_errors(*next_round(state, progress, false_alarm_rate), progress)
+        state, more = continued_on_output_errors(*next_round(state, progress, false_alarm_rate), progress)
     progress("computing standard errors")
     state, sound = on_sound_channels(state)
     state = with_errors(state, sound)
@@ -168,7 +170,9 @@ def first_round(
     return state, more
 
 
-def on_output_errors(state: SearchState, more: bool, progress: Progress) -> tuple[SearchState, bool]:
+def continued_on_output_errors(
+    state: SearchState, more: bool, progress: Progress
+) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors if these are not chaotic, and whether to go on.
 
     Free runs are used where a model explains them, or where no scatter of friction decides a stick or slip in them.

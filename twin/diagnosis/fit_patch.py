@@ -12,6 +12,7 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis import dependence, remainder
 from twin.diagnosis.answer import Patched, Prediction
 from twin.diagnosis.dependence import Unexplained
+from twin.diagnosis.predict import about_zero
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
@@ -64,8 +65,7 @@ def fit_patch(
         after = simulate(model, prepared.recording, start)
         before = predictions[prepared.recording.name].errors
         off = {c: prepared.recording[c] - after[c] for c in prepared.channels}
-        # The zero of a sensor is that of the recording, as in `predict`.
-        off |= {c: v - np.nanmean(v) for c, v in off.items() if has_unknown_zero(model, prepared, c)}
+        off = {c: about_zero(v, has_unknown_zero(model, prepared, c)) for c, v in off.items()}
         return {c: (before[c].after, _rms(off[c])) for c in prepared.channels}
 
     ready = [prepare_clean(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]

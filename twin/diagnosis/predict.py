@@ -13,14 +13,13 @@ from twin.diagnosis.answer import ChannelError, Prediction
 from twin.diagnosis.state import SearchState
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
+from twin.estimation.output_error import BREAK_AWAY_CHANGE
 from twin.estimation.static_friction import FinalModels
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import has_unknown_zero
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import simulate
-
-_BREAK_AWAY_CHANGE = 1e-3  # relative change of the break-away torque for `ChannelError.reach`
 
 
 def predict(
@@ -53,16 +52,21 @@ def predict(
 def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Recording]:
     """Simulations from the first samples and the command alone: one of each model, then two of the last model.
 
-    These two have a break-away torque smaller and larger by `_BREAK_AWAY_CHANGE`.
+    These two have a break-away torque smaller and larger by `output_error.BREAK_AWAY_CHANGE`.
     """
     exact = [with_fine_chain(m) for m in models]
     starts = [first_state.first_state(m, prepared, pool) for m in models]
-    for share in (1 - _BREAK_AWAY_CHANGE, 1 + _BREAK_AWAY_CHANGE):
+    for share in (1 - BREAK_AWAY_CHANGE, 1 + BREAK_AWAY_CHANGE):
         exact.append(exact[len(models) - 1].with_break_away(share))
         starts.append(starts[len(models) - 1])
     return list(
         pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), zip(exact, starts, strict=True))
     )
+
+
+def about_zero(off: np.ndarray, has_zero: bool) -> np.ndarray:
+    """A difference (m) about the zero of its sensor, which is that of the recording: the mean, if it is unknown."""
+    return off - np.nanmean(off) if has_zero else off
 
 
 def _error(
@@ -72,11 +76,7 @@ def _error(
     known = np.isfinite(measured)
 
     def rms(a: np.ndarray, b: np.ndarray) -> float:
-        off = (a - b)[known]
-        if has_zero:
-            # The zero of the sensor is that of the recording.
-            off = off - off.mean()
-        return float(np.sqrt(np.mean(off**2)))
+        return float(np.sqrt(np.mean(about_zero((a - b)[known], has_zero) ** 2)))
 
     before, calibrated, after = (rms(measured, run[channel]) for run in runs)
     reach = max(rms(runs[-1][channel], run[channel]) for run in nearby)

@@ -51,7 +51,7 @@ def large_residuals(state: SearchState) -> tuple[str, ...]:
 def in_one_recording(state: SearchState) -> list[tuple[int, str, float]]:
     """Recording, channel and size of each large residual that no other recording shows in that channel."""
     repeated, single = large_residuals(state), []
-    by_place = {HUB_TORQUE if c == "hub_angle" else c: r for c, r in _recordings(state.bench).items()}
+    by_place = {_place(c): r for c, r in _recordings(state.bench).items()}
     for channel, left in _leftovers(state).items():
         worst, *_ = judge_all(EXPLANATION, left)
         if channel in repeated or worst.passed:
@@ -90,10 +90,14 @@ def _leftovers(state: SearchState) -> dict[str, Leftover]:
         # Standard deviation of the root-mean-square of n standard normal samples: 1/sqrt(2 n).
         deviations = [1 / float(np.sqrt(2 * max(samples[k], 1.0))) for k in keys]
         left = Leftover(sizes, deviations, len(state.bench.prepared))
-        # The error of a free-running hub is that of the torques on it.
-        place = HUB_TORQUE if channel == "hub_angle" else channel
+        place = _place(channel)
         leftovers[place] = _with_function(state, left) if place == HUB_TORQUE else left
     return leftovers
+
+
+def _place(channel: str) -> str:
+    """Name under which residuals are judged: the error of a free-running hub is that of the torques on it."""
+    return HUB_TORQUE if channel == "hub_angle" else channel
 
 
 def _with_function(state: SearchState, left: Leftover) -> Leftover:

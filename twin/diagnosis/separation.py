@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin.estimation.fit import Fit
+from twin.estimation.output_error import BREAK_AWAY_CHANGE
 from twin.estimation.unknowns import Unknown, model_at
 from twin.estimation.workbench import CORRELATION_TIME
 from twin.mechanics.state import Start
@@ -29,7 +30,6 @@ from twin.recording import Recording
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
-_BREAK_AWAY_CHANGE = 1e-3  # relative change of the break-away torque
 _LARGEST_ANGLE = 2.8  # rad, to which the wires let the hub turn; assumed
 _ANGLE_SPAN = 0.5  # s, over which the change of the hub angle is compared
 _MOST_AXES = 4  # principal axes with a derivative; the changes by all others count as noise
@@ -132,7 +132,7 @@ def difference(
     if any(np.abs(r["hub_angle"]).max() > _LARGEST_ANGLE for r in (one, other)):
         return None
     near = [
-        run(first.model.with_break_away(share)) for share in (1 - _BREAK_AWAY_CHANGE, 1 + _BREAK_AWAY_CHANGE)
+        run(first.model.with_break_away(share)) for share in (1 - BREAK_AWAY_CHANGE, 1 + BREAK_AWAY_CHANGE)
     ]
     moves = [_Moves(e, at, run) for e, at in ((first, one), (second, other))]
     values, slopes = {}, {}

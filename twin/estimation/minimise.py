@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import cost_of, difference_jacobian, normal_equations_at
+from twin.estimation.slopes import cost_of, difference_jacobian, first_steps, normal_equations_at
 from twin.estimation.unknowns import Key, Unknown, model_and_starts_at
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
@@ -54,7 +54,7 @@ def minimise(
     """
     unknowns = tuple(unknowns)
     x = np.array([u.start for u in unknowns]) if values is None else np.array(values, dtype=float)
-    steps = np.array([0.1 * u.scale if u.prior else u.scale for u in unknowns])
+    steps = first_steps(unknowns)
     fixed = fixed_jacobian or {}
     [r] = bench.residuals([(*model_and_starts_at(model, starts, unknowns, x), None)])
     at = _Point(x, r, cost_of(bench, unknowns, x, r), 1e-3)

@@ -17,33 +17,31 @@ from twin.estimation import chain_limit
 from twin.estimation.first_state import first_state
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
-from twin.estimation.slopes import cost_of, costs_at, difference_jacobian
+from twin.estimation.slopes import cost_of, costs_at, difference_jacobian, first_steps
 from twin.estimation.unknowns import Unknown
-from twin.estimation.workbench import CORRELATION_TIME, GuidedData, Workbench
+from twin.estimation.workbench import CORRELATION_TIME, FreeData, Workbench, layout
 from twin.mechanics.state import Start
 from twin.recording import ON_LINK
 from twin.residuals.data import BLOCK_SPAN, DrivenData
-from twin.residuals.groups import Group, split_into_blocks
+from twin.residuals.groups import split_into_blocks
 from twin.residuals.noise import sensor_noise
-from twin.residuals.prepared import Prepared, sensor_corrected_start
 from twin.residuals.residual import has_unknown_zero, without_zero
 from twin.rigs.model import Model
-from twin.rigs.simulate import simulate
 
 BREAK_AWAY_CHANGE = 1e-3
-"""Relative change of the break-away torque that must not be visible in a free run, so that a fit converges."""
+"""Relative change of the break-away torque by which free runs are tried: a fit converges where it is not visible."""
 FRICTION_SCATTER = 1e-2
 """Scatter of a break-away torque from one stick to the next, which no model knows."""
 _HUB_SHARE = 0.9
 """Share of the variance of a channel's noise from which its own noise does not matter."""
-_ITERATIONS = 20
+_ITERATIONS = 20  # of a fit that may begin far from its minimum, as those of a calibration
 _COULOMB_GRID = np.geomspace(0.7, 1.4, 7)
 """Coulomb friction of the grid over that of the first fit: its error is a few standard errors of a rough hub sensor."""
 _STATIC_GRID = np.array([1.0, 1.15, 1.35, 1.6, 2.0])
 """Static over Coulomb friction of the grid."""
 
 
-class OutputErrorData(GuidedData):
+class OutputErrorData(FreeData):
     """Residuals of free-running simulations; initial states of rigs that were moving are unknowns of the fit.
 
     Attributes:
@@ -53,7 +51,7 @@ class OutputErrorData(GuidedData):
     def __init__(self, driven: DrivenData):
         self.driven = driven
         self.prepared = driven.prepared
-        self.groups, self.weight = _layout(self.prepared)
+        self.groups, self.weight = layout(self.prepared, lambda channel, recording: recording[channel])
         periods = [p.recording.period for p in self.prepared]
         self.blocks = tuple(
             block
@@ -70,28 +68,13 @@ class OutputErrorData(GuidedData):
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """Channel -> measured minus simulated (m), in multiples of the noise, 0 where missing."""
         prepared = self.prepared[i]
-        measured = prepared.recording
-        predicted = simulate(model, measured, sensor_corrected_start(model, prepared, start))
-        residuals = {}
-        for c in prepared.channels:
-            known = np.isfinite(measured[c])
-            off = (measured[c] - predicted[c]) / prepared.noise[c]
+        residuals = super().residual(model, i, start)
+        for c, off in residuals.items():
+            known = np.isfinite(prepared.recording[c])
             if has_unknown_zero(model, prepared, c):
                 off = without_zero(off, known)
             residuals[c] = np.where(known, off, 0.0)
         return residuals
-
-
-def _layout(prepared: Sequence[Prepared]) -> tuple[tuple[Group, ...], np.ndarray]:
-    """Rows of each channel of each recording, and the weights (n): 1 where there is a reading, else 0."""
-    groups, weights, row = [], [], 0
-    for i, p in enumerate(prepared):
-        for channel in p.channels:
-            known = np.isfinite(p.recording[channel])
-            groups.append(Group(i, channel, slice(row, row + len(known))))
-            weights.append(known.astype(float))
-            row += len(known)
-    return tuple(groups), np.concatenate(weights) if weights else np.zeros(0)
 
 
 def is_repeatable(bench: Workbench, fit: Fit, change: float = BREAK_AWAY_CHANGE) -> bool:
@@ -131,7 +114,7 @@ def on_driven_data(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     driven = Workbench(bench.data.driven, bench.pool)
     driven, _ = chain_limit.without_discretisation_error(driven, fit.model, fit.starts, chain_limit.ROUGH)
     [r] = driven.residuals([(fit.model, fit.starts, None)])
-    steps = np.array([0.1 * u.scale if u.prior else u.scale for u in fit.unknowns])
+    steps = first_steps(fit.unknowns)
     J, _ = difference_jacobian(driven, fit.model, fit.starts, fit.unknowns, fit.values, r, steps, {})
     cost = cost_of(driven, fit.unknowns, fit.values, r)
     return driven, replace(fit, residual=r, size=driven.sizes(r), cost=cost, jacobian=J)
@@ -141,18 +124,13 @@ def _output_errors(bench: Workbench) -> Workbench:
     return Workbench(OutputErrorData(driven_data(bench)), bench.pool)
 
 
-def with_first_states(bench: Workbench, fit: Fit) -> tuple[Start, ...]:
-    """The initial states of the recordings for free-running simulations of the model of a fit."""
-    return tuple(first_state(fit.model, p, bench.pool) for p in bench.prepared)
-
-
-def fit_output_error(bench: Workbench, fit: Fit, iterations: int = _ITERATIONS) -> tuple[Workbench, Fit]:
+def fit_output_error(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     """The output errors of the recordings of a bench, and the model of a fit fitted to them."""
     free = _output_errors(bench)
-    states = with_first_states(bench, fit)
+    states = tuple(first_state(fit.model, p, bench.pool) for p in bench.prepared)
     values = np.array([_value(u, v, states) for u, v in zip(fit.unknowns, fit.values, strict=True)])
     values = _likeliest_friction(free, fit, states, values)
-    fitted = minimise(free, fit.model, states, fit.unknowns, values, iterations=iterations)
+    fitted = minimise(free, fit.model, states, fit.unknowns, values, iterations=_ITERATIONS)
     free, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )

@@ -41,6 +41,11 @@ def prior_precision(unknowns: Sequence[Unknown]) -> np.ndarray:
     return np.array([1 / u.scale**2 if u.prior else 0.0 for u in unknowns])
 
 
+def first_steps(unknowns: Sequence[Unknown]) -> np.ndarray:
+    """Steps (p) with which differences begin: a tenth of a prior's deviation, else the unknown's visible change."""
+    return np.array([0.1 * u.scale if u.prior else u.scale for u in unknowns])
+
+
 def cost_of(bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray) -> float:
     """Cost of values x (p) whose residual is r (n): loss of the blocks plus priors."""
     prior = sum(0.5 * ((v - u.start) / u.scale) ** 2 for u, v in zip(unknowns, x, strict=True) if u.prior)

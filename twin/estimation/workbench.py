@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from typing import Protocol
@@ -131,7 +131,7 @@ class GuidedData:
 
     def __init__(self, prepared: Sequence[Prepared]):
         self.prepared = tuple(prepared)
-        self.groups, self.weight = _layout(self.prepared)
+        self.groups, self.weight = layout(self.prepared, _comparable)
         self.blocks = self.groups
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
@@ -188,12 +188,19 @@ def _local(channel: str, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.clip(np.nan_to_num(residual, nan=0.0), -_DIVERGED, _DIVERGED)
 
 
-def _layout(prepared: Sequence[Prepared]) -> tuple[tuple[Group, ...], np.ndarray]:
-    """Rows of each channel of each recording, and the weights (n): 1 where the channel can be compared, else 0."""
+def layout(
+    prepared: Sequence[Prepared], compared: Callable[[str, Recording], np.ndarray]
+) -> tuple[tuple[Group, ...], np.ndarray]:
+    """Rows of each channel of each recording, and the weights (n): 1 where the channel can be compared, else 0.
+
+    Args:
+      prepared: the recordings.
+      compared: of a channel and a recording, values (m) that are not finite where it cannot be compared.
+    """
     groups, weights, row = [], [], 0
     for i, p in enumerate(prepared):
         for channel in p.channels:
-            known = np.isfinite(_comparable(channel, p.recording))
+            known = np.isfinite(compared(channel, p.recording))
             groups.append(Group(i, channel, slice(row, row + len(known))))
             weights.append(known.astype(float))
             row += len(known)

@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.errors import InputError, shown
+from twin.errors import LARGEST, InputError, shown
 from twin.files.text import check_lines, read_text
 
 _MISSING = ("", "nan")  # fields of a missing sample, lower case
-_HUGE = 1e100  # largest accepted number: squares of larger ones, and of infinity, overflow
 _LARGEST = 1_000_000_000  # bytes: three hours at 1 kHz with ten columns of ten characters
 _LONGEST_LINE = 1_000_000  # characters
 _MOST_COLUMNS = 10_000  # a card has some hundreds of channels
@@ -113,7 +112,7 @@ def _fast(body: list[str], width: int, used: list[int]) -> np.ndarray | None:
         values = np.loadtxt(body, delimiter=",", comments=None, usecols=used, ndmin=2)
     except ValueError:
         return None
-    return None if (np.abs(values) > _HUGE).any() else values
+    return None if (np.abs(values) > LARGEST).any() else values
 
 
 def _fill(line: str) -> str:
@@ -161,7 +160,7 @@ def _number(cell: str, column: str, where: str) -> float:
 
 def _is_number(cell: str) -> bool:
     try:
-        return abs(float(cell)) <= _HUGE and "_" not in cell
+        return abs(float(cell)) <= LARGEST and "_" not in cell
     except ValueError:
         return False
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from twin.errors import InputError, exact, nearest, shown
 from twin.files.table import Table
+from twin.recording import SPARSEST
 
 _SHORTEST_PERIOD = 1e-5
 """Shortest accepted median sample period [s]: 100 kHz, a thousand samples in a period at 100 Hz, above which the link
@@ -19,11 +20,8 @@ _LONGEST_PERIOD = 0.1
 _ROUNDING = 1e-4  # of a period that is the difference of rounded instants [1]
 _LONGEST_GAP = 86400.0
 """Longest accepted time between two samples [s], a day: an experiment takes minutes, a clock is set by years."""
-_SPARSEST = 20.0
-"""Largest accepted span over number of samples and median period [1]: nineteen of twenty samples lost. Uniform grids
-are laid over the span of a recording, so that this bounds their memory by the number of its samples."""
 _SHORT = 4.0
-"""Time [s] that any recording counts as for `_SPARSEST`: a short one may have a long gap, in all 80 s."""
+"""Time [s] that any recording counts as for `recording.SPARSEST`: a short one may have a long gap, in all 80 s."""
 
 # Range of the first sample -> what counts so.
 _EPOCHS = (
@@ -117,7 +115,7 @@ def _check_gaps(table: Table, column: str, time: np.ndarray) -> None:
     gaps = np.diff(time)
     widest = int(np.argmax(gaps))
     sampled = max(len(time) * float(np.median(gaps)), _SHORT)
-    if gaps[widest] <= _LONGEST_GAP and time[-1] - time[0] <= _SPARSEST * sampled:
+    if gaps[widest] <= _LONGEST_GAP and time[-1] - time[0] <= SPARSEST * sampled:
         return
     raise InputError(
         f"{table.name}, line {table.lines[widest + 1]}: {shown(column)} is {exact(time[widest + 1])} after "

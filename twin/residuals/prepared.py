@@ -10,10 +10,12 @@ import numpy as np
 from twin.campaigns import rests
 from twin.campaigns.readings import without_outliers
 from twin.campaigns.rests import HubMotion
+from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Guide, Start
 from twin.recording import Recording
 from twin.rigs.model import Model
 
+_VISIBLE = 4.0  # standard errors: by chance once in 16 000 recordings
 _MIN_READINGS = 4  # of a channel that is compared
 
 
@@ -27,6 +29,7 @@ class Prepared:
       channels: channels that are compared.
       hub: rests and motion of the hub; None where its angle is not measured or it is clamped.
       start: state at the first sample by the readings, `hub_angle` as read by the sensor [rad].
+      off_zero: channels whose readings before the hub first moves are not 0.
     """
 
     recording: Recording
@@ -34,6 +37,7 @@ class Prepared:
     channels: tuple[str, ...]
     hub: HubMotion | None
     start: Start
+    off_zero: frozenset[str] = frozenset()
 
 
 def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared, list[str]]:
@@ -47,7 +51,24 @@ def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared,
     start = Start(hub_angle=rests.first_reading(clean, hub))
     if clean.start == "unknown":
         start = rests.estimate_moving_start(clean)
-    return Prepared(clean, known, channels, hub, start), notes
+    off_zero = frozenset() if hub is None else _off_zero(clean, known, channels, hub)
+    return Prepared(clean, known, channels, hub, start, off_zero), notes
+
+
+def _off_zero(
+    recording: Recording, noise: Mapping[str, float], channels: Sequence[str], hub: HubMotion
+) -> frozenset[str]:
+    """Channels whose mean reading before the hub first moves is off by `_VISIBLE` standard errors."""
+    moving = np.flatnonzero(hub.observed != STUCK)
+    before = slice(moving[0] if len(moving) else None)
+    found = set()
+    for channel in channels:
+        readings = recording[channel][before]
+        readings = readings[np.isfinite(readings)]
+        error = noise[channel] / np.sqrt(max(len(readings), 1))
+        if len(readings) and abs(float(readings.mean())) > _VISIBLE * error:
+            found.add(channel)
+    return frozenset(found)
 
 
 def shortest_period(prepared: Sequence[Prepared]) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Motion, Start
 from twin.recording import Recording, Sensor
 from twin.residuals import creep
@@ -19,8 +18,6 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.view import END_MARGIN, NoiseModel, Signals, View, before_end, move_link, whitened
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
-
-_VISIBLE = 4.0  # standard errors: by chance once in 16 000 recordings
 
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
@@ -130,18 +127,7 @@ def has_unknown_zero(model: Model, prepared: Prepared, channel: str) -> bool:
     """
     if not model.sensors.get(channel, Sensor(channel)).has_unknown_zero:
         return False
-    return prepared.recording.start == "unknown" or zero_is_visible(prepared, channel)
-
-
-def zero_is_visible(prepared: Prepared, channel: str) -> bool:
-    """Whether the mean reading of a sensor before the hub first moves is off by `_VISIBLE` standard errors."""
-    if prepared.hub is None:
-        return False
-    moving = np.flatnonzero(prepared.hub.observed != STUCK)
-    readings = prepared.recording[channel][: moving[0] if len(moving) else None]
-    readings = readings[np.isfinite(readings)]
-    error = prepared.noise[channel] / np.sqrt(max(len(readings), 1))
-    return len(readings) > 0 and abs(float(readings.mean())) > _VISIBLE * error
+    return prepared.recording.start == "unknown" or channel in prepared.off_zero
 
 
 def without_zero(off: np.ndarray, known: np.ndarray) -> np.ndarray:
