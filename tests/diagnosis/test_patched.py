@@ -15,6 +15,7 @@ NOTHING = np.zeros(0)
         ({"a.csv": {"hub_angle": (2.0, 1.0), "strain_base": (1.0, 1.5)}}, False),
         ({"a.csv": {"hub_angle": (1.0, 4.0), "strain_base": (1.0, 0.5)}}, True),
         ({"a.csv": {"hub_angle": (1.0, 1.0)}}, False),
+        ({"a.csv": {"hub_angle": (1.0, float("nan"))}}, True),
         ({}, False),
     ],
 )

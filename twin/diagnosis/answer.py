@@ -142,9 +142,9 @@ class Patched:
 
     @property
     def is_worse(self) -> bool:
-        """Whether held-out errors grow with the lookup, in the geometric mean over recordings and channels."""
+        """Whether held-out errors grow with the lookup, in the geometric mean over recordings and channels, or diverge."""
         ratios = [after / before for c in self.errors.values() for before, after in c.values() if before > 0]
-        return bool(ratios) and math.prod(ratios) > 1
+        return bool(ratios) and not math.prod(ratios) <= 1
 
     def error(self, file: str, channel: str) -> float:
         """Root-mean-square error of a channel of a held-out file with the lookup, SI; NaN for any other file."""
