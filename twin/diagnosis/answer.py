@@ -142,7 +142,7 @@ class Patched:
 
     @property
     def is_worse(self) -> bool:
-        """Whether held-out errors grow with the lookup, in the geometric mean over recordings and channels, or diverge."""
+        """Whether held-out errors grow with the lookup, in their geometric mean, or are not finite."""
         ratios = [after / before for c in self.errors.values() for before, after in c.values() if before > 0]
         return bool(ratios) and not math.prod(ratios) <= 1
 
