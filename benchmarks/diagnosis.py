@@ -86,7 +86,7 @@ def _search_only(campaign: Campaign) -> dict:
             verdict_of(found) != "outside-library",
         )
     fit, outside = last.augmented, verdict_of(found) == "outside-library"
-    left = dependence.unexplained_residuals(found.bench, found.data, found.best) if outside else {}
+    left = dependence.unexplained_residuals(found.bench, found.best) if outside else {}
     return {
         "verdict": verdict_of(found),
         "adopted": [c.effects[-1] for c in found.adopted],

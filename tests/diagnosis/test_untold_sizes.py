@@ -48,10 +48,7 @@ def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
     ]
     other = with_unnamed(other, other.bench, 0.01)
     assert verdict_of(other) == "outside-library"
-    assert (
-        explanatory_variables(other, unexplained_residuals(other.bench, other.data, other.best))[0]
-        == "hub_angle"
-    )
+    assert explanatory_variables(other, unexplained_residuals(other.bench, other.best))[0] == "hub_angle"
 
 
 def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):

@@ -1,12 +1,15 @@
 """Free runs as data of a fit: the zero of a gauge costs nothing, and a run that a stick decides is no data."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from twin.diagnosis.dependence import unexplained_residuals
 from twin.estimation.fit import Fit
 from twin.estimation.output_error import OutputErrorData, is_repeatable, on_driven_data
+from twin.estimation.unknowns import effect_unknowns
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
 from twin.mechanics.state import Start
@@ -104,3 +107,13 @@ def test_a_fit_to_free_runs_has_a_residual_on_driven_data(pool):
     bench, fit = on_driven_data(free, fit_of(free, model))
     assert bench.data is driven.data
     assert len(fit.residual) == len(driven.weight)
+
+
+def test_residuals_of_a_fit_to_free_runs_are_shown_on_driven_data(pool):
+    model = rig(0.05)
+    _, free = bench_of(model, SQUARE, pool)
+    unknowns = tuple(effect_unknowns("viscous-friction", model.effects["viscous-friction"], free.channels()))
+    fit = replace(fit_of(free, model), unknowns=unknowns, values=np.array([0.05]))
+    [name] = [u.full_name for u in unknowns]
+    torque = unexplained_residuals(free, fit)["hub_torque"]
+    assert len(torque.slopes[name]) == len(torque.values) == len(torque.variables["hub_rate"])

@@ -16,6 +16,7 @@ from itertools import combinations
 import numpy as np
 from scipy.fft import next_fast_len, rfft, rfftfreq
 
+from twin.estimation import output_error
 from twin.estimation.fit import Fit
 from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench
@@ -76,8 +77,10 @@ class Unexplained:
 # Residuals with their variables
 
 
-def unexplained_residuals(bench: Workbench, data: DrivenData, fit: Fit) -> dict[str, Unexplained]:
-    """Channel -> its residuals under a fit, on a fine chain without much discretisation error."""
+def unexplained_residuals(bench: Workbench, fit: Fit) -> dict[str, Unexplained]:
+    """Channel -> its residuals on driven data under a fit, on a fine chain without much discretisation error."""
+    data = output_error.driven_data(bench)
+    bench, fit = output_error.on_driven_data(bench, fit)
     fit = replace(fit, model=with_fine_chain(fit.model))
     recordings = [_in_recording(bench, data, fit, i) for i in range(len(data.prepared))]
     channels = dict.fromkeys(channel for parts in recordings for channel in parts)

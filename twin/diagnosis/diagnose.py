@@ -76,7 +76,7 @@ def diagnose(
         predicted = predict.predict(campaign, state, polished, pool)
         pair = rules.closest_pair([r.ranked for r in state.adopting])
         plans = plans_for_pair(campaign, pair, pool) if pair else []
-        left = dependence.unexplained_residuals(state.driven_bench, state.data, state.best)
+        left = dependence.unexplained_residuals(state.bench, state.best)
         patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
     answer = conclude(campaign, state, left, polished, predicted, plans, patched)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)

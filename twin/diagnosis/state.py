@@ -105,11 +105,6 @@ class SearchState:
         return driven_data(self.bench)
 
     @property
-    def driven_bench(self) -> Workbench:
-        """The data of `bench`, the link driven by the measured hub angle; no correction of the chain."""
-        return Workbench(self.data, self.bench.pool) if self.on_output_errors else self.bench
-
-    @property
     def on_output_errors(self) -> bool:
         """Whether `bench` holds the errors of free-running simulations."""
         return isinstance(self.bench.data, OutputErrorData)

@@ -26,7 +26,7 @@ def explained_traces(state: SearchState, residuals: Mapping[str, Unexplained]) -
       residuals: channel -> residuals of the final model.
     """
     traces = []
-    before = unexplained_residuals(state.driven_bench, state.data, state.base) if state.adopted else residuals
+    before = unexplained_residuals(state.bench, state.base) if state.adopted else residuals
     for channel in _SHOWN:
         if channel not in before or len(before[channel].values) < FEWEST:
             continue
