@@ -78,7 +78,7 @@ def diagnose(
         plans = plans_for_pair(campaign, pair, pool) if pair else []
         left = dependence.unexplained_residuals(state.bench, state.best)
         patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
-    answer = conclude(campaign, state, left, polished, predicted, plans, patched)
+        answer = conclude(campaign, state, left, polished, predicted, plans, patched)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
 
 
