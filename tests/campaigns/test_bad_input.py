@@ -80,7 +80,7 @@ TOML = {
         channel("hub_angle", 'unit = "mm"'),
         "channels.hub_angle.unit: 'mm' does not measure hub_angle; expected one of: rad, deg, V, A",
     ),
-    "time in seconds": (channel("time", 'unit = "sec"'), "channels.time.unit: 'sec'", "did you mean 's'?"),
+    "time in seconds": (channel("time", 'unit = "Sec"'), "channels.time.unit: 'Sec'", "did you mean 's'?"),
     "a voltage drive without its motor": (
         toml_text() + '[drive]\nkind = "voltage"\n',
         'drive.torque_constant is missing; kind = "voltage" needs it',

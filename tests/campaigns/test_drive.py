@@ -30,6 +30,17 @@ def test_a_voltage_drive_is_a_gain_and_a_back_emf(tmp_path):
     assert (plain.effects, plain.effect_errors) == ({}, {})
 
 
+def test_a_command_and_its_limit_may_be_in_millivolts(tmp_path):
+    drive, millivolts = (
+        f'[drive]\nkind = "voltage"\nlimit = 3000\n{CONSTANTS}',
+        {"torque_command": 'unit = "mV"'},
+    )
+    declared = campaign(tmp_path, drive, CHANNELS | millivolts)
+    expected = 0.05e-3 * motion()["torque_command"]
+    np.testing.assert_allclose(declared.fit[0]["torque_command"], expected, rtol=1e-6)
+    assert declared.rig["torque_limit"] == pytest.approx(0.15)
+
+
 def test_a_current_drive_has_no_back_emf(tmp_path):
     amperes = CHANNELS | {"torque_command": 'unit = "A"'}
     drive = f'[drive]\nkind = "current"\nefficiency_uncertainty = 0.03\n{CONSTANTS}'

@@ -188,10 +188,17 @@ def _declared_rig(content: schema.CampaignFile) -> Rig:
         base = _default_parameters(content)
     given = dict(content.parameters)
     if content.drive.limit is not None:
-        given.setdefault("torque_limit", content.drive.limit * torque_per_command(content.drive))
+        given.setdefault("torque_limit", content.drive.limit * _limit_scale(content))
     declared = {name: _declared_parameter(name, value) for name, value in given.items()}
     parameters = {**base, **declared}
     return Rig(content.rig, {name: _with_uncertainty(p, content) for name, p in parameters.items()})
+
+
+def _limit_scale(content: schema.CampaignFile) -> float:
+    """Torque per unit of the command, as `limit` counts it [N m]."""
+    command = content.channels.get(_COMMAND)
+    scale = 1.0 if command is None or content.drive.kind == "torque" else _factor(_COMMAND, command)
+    return scale * torque_per_command(content.drive)
 
 
 def _default_parameters(content: schema.CampaignFile) -> dict[str, Parameter]:
@@ -254,10 +261,12 @@ def _check_channel(
     if channel.gain == 0.0:
         raise InputError(f"{where}.gain is 0; expected the physical value of one {channel.unit}")
     is_raw_command = name == _COMMAND and content.drive.kind != "torque"
-    if channel.unit in units.RAW_UNITS and channel.gain is None and not is_raw_command:
+    raw = units.raw_unit(channel.unit)
+    if raw and channel.gain is None and not is_raw_command:
         si = units.allowed(name)[0]
         raise InputError(
-            f"{where}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * (raw - offset)"
+            f"{where}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * (raw - offset), "
+            f"the gain in {si} per {raw}"
         )
     if units.is_strain(name):
         _check_gauge(where, channel, rig)
@@ -293,7 +302,7 @@ def _sensors(content: schema.CampaignFile) -> dict[str, Sensor]:
 
 def _sensor(name: str, channel: schema.Channel) -> Sensor:
     # The noise is declared in the channel's unit: where that is V or A, the gain converts it.
-    raw = abs(channel.gain or 1.0) if channel.unit in units.RAW_UNITS else 1.0
+    raw = abs(channel.gain or 1.0) if units.raw_unit(channel.unit) else 1.0
     noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
     certain = channel.offset_uncertainty == 0
     return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0, certain)
