@@ -17,6 +17,7 @@ from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.derived_channels import derive, derived_sensors
 from twin.campaigns.drive import check_drive, known_effects, torque_per_command
 from twin.errors import InputError, listed, nearest, shown
+from twin.files.readers import read_recording
 from twin.files.table import Table, read_table
 from twin.files.time_column import checked_time
 from twin.files.toml import read_toml
@@ -372,7 +373,7 @@ def _read_recording(
     channels = content.channels
     columns = {name: channel.column or name for name, channel in channels.items()}
     columns.setdefault(units.TIME, units.TIME)
-    table = read_table(root / entry.file, entry.file, set(columns.values()))
+    table = read_recording(root / entry.file, entry.file, set(columns.values()))
     unit = _factor(units.TIME, channels[units.TIME]) if units.TIME in channels else 1.0
     time = checked_time(table, columns[units.TIME], unit)
     present = {n: c for n, c in columns.items() if n != units.TIME and not _is_absent(n, c, table, entry)}
@@ -406,8 +407,8 @@ def _is_absent(name: str, column: str, table: Table, entry: schema.RecordingEntr
     if column not in table.header:
         if name in ("hub_angle", _COMMAND) and not optional:
             raise InputError(
-                f"{table.name}, line 1: column '{column}'{_channel_suffix(name, column)} is missing; "
-                f"only a recording with clamped = true may lack it{nearest(column, table.header)}"
+                f"{table.top}: column '{column}'{_channel_suffix(name, column)} is missing; "
+                f"only a recording with clamped = true may lack it{nearest(column, table.header)}{table.note}"
             )
         return True
     if not np.isnan(table.columns[column]).all():
