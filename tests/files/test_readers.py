@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import struct
 import sys
 
 import numpy as np
@@ -344,15 +345,31 @@ def numeric(group, name, values, kind="double"):
     return made
 
 
-def test_a_timetable_of_level_5_is_told(tmp_path, monkeypatch):
-    savemat(tmp_path / "a.mat", {})
-    fields = [(key, "O") for key in ("s0", "s1", "s2", "arr")]  # as scipy reads what it cannot make sense of
-    timetable = np.array([(b"tt", b"MCOS", b"timetable", np.zeros(6))], dtype=fields)
-    monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: {"__header__": b"", "None": timetable})
+def element(kind, content):
+    return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+
+def with_timetable(path, content):
+    """Writes a level 5 file that begins with a timetable, an object of class 17."""
+    savemat(path, content)
+    numbers = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1)) + element(1, b"")
+    numbers += element(6, struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1))
+    names = b"".join(element(1, name) for name in (b"tt", b"MCOS", b"timetable"))
+    whole = path.read_bytes()
+    timetable = element(14, element(6, struct.pack("<II", 17, 0)) + names + element(14, numbers))
+    path.write_bytes(whole[:128] + timetable + whole[128:])
+    return path
+
+
+def test_a_timetable_of_level_5_is_told(tmp_path):
+    alone = with_timetable(tmp_path / "alone.mat", {})
     with pytest.raises(
         InputError, match=r"holds no arrays of numbers; tt \(timetable\) can be read by MATLAB alone"
     ):
-        read(tmp_path / "a.mat")
+        read(alone)
+    table = read(with_timetable(tmp_path / "a.mat", {"time": TIME}))
+    check(table, time=TIME)
+    assert "writetable(timetable2table(x), 'x.csv')" in table.note
 
 
 def test_tables_and_groups_of_hdf5(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,8 @@ class Matlab(Reader):
 def _level_5(path: Path) -> Content:
     from scipy.io import loadmat, whosmat
 
-    check_count(sum(math.prod(shape) for _, shape, _ in whosmat(path)))
+    with suppress(TypeError):  # scipy knows no shape of an object
+        check_count(sum(math.prod(shape) for _, shape, _ in whosmat(path)))
     variables = loadmat(path, simplify_cells=True)
     columns: dict[str, np.ndarray] = {}
     objects: dict[str, str] = {}
