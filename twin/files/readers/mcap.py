@@ -32,9 +32,9 @@ class Mcap(Reader):
         rows: dict[int, dict[str, float]] = {}
         count, encodings = 0, set()
         with path.open("rb") as file:
-            opened = reader.make_reader(file, decoder_factories=_decoders())
+            opened, decoders = reader.make_reader(file), _decoders()
             for schema, channel, message in opened.iter_messages(log_time_order=True):
-                decoded = _decoded(opened, schema, channel, message)
+                decoded = _decoded(decoders, schema, channel, message)
                 if decoded is None:
                     encodings.add(channel.message_encoding)
                     continue
@@ -56,11 +56,11 @@ def _decoders() -> list[Any]:
         return []
 
 
-def _decoded(opened: Any, schema: Any, channel: Any, message: Any) -> Any:
+def _decoded(decoders: list[Any], schema: Any, channel: Any, message: Any) -> Any:
     """Returns a message as dicts, lists and numbers, or objects with such fields; None where it cannot be decoded."""
     if channel.message_encoding == "json":
         return json.loads(message.data)
-    for factory in opened._decoder_factories:
+    for factory in decoders:
         decoder = factory.decoder_for(channel.message_encoding, schema)
         if decoder is not None:
             return decoder(message.data)
