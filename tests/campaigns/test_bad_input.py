@@ -80,7 +80,7 @@ TOML = {
         channel("hub_angle", 'unit = "mm"'),
         "channels.hub_angle.unit: 'mm' does not measure hub_angle; expected one of: rad, deg, V, A",
     ),
-    "time in seconds": (channel("time", 'unit = "sec"'), "channels.time.unit: 'sec'", "did you mean 's'?"),
+    "time in seconds": (channel("time", 'unit = "Sec"'), "channels.time.unit: 'Sec'", "did you mean 's'?"),
     "a voltage drive without its motor": (
         toml_text() + '[drive]\nkind = "voltage"\n',
         'drive.torque_constant is missing; kind = "voltage" needs it',
@@ -268,15 +268,19 @@ CSV: dict[str, tuple[str | bytes | dict[str, np.ndarray], str]] = {
     "header alone": (LINES[0], "push.csv has no samples after its header; expected at least 2"),
     "one sample": ("\n".join(LINES[:2]), "push.csv has one sample after its header; expected at least 2"),
     "no header": ("\n".join(LINES[1:]), "push.csv, line 1 is '0,0,"),
-    "semicolons": (
-        TEXT.replace(",", ";"),
-        "push.csv, line 1: columns are separated by semicolons; expected commas",
+    "semicolons and both decimal signs": (
+        with_line(5, "0,012,0,0,0").replace(",", ";").replace("0;012", "0,012"),
+        "expected a number with a decimal comma, as others of the file",
     ),
-    "semicolons and decimal commas": (
-        TEXT.replace(",", ";").replace(".", ","),
-        "push.csv, line 1: columns are separated by semicolons; expected commas, with a decimal point",
+    "a row of text below the header": (
+        "\n".join([LINES[0], "a,b,c,d", *LINES[1:]]),
+        "push.csv, line 2: time is 'a'; expected a number",
     ),
-    "tabs": (TEXT.replace(",", "\t"), "push.csv, line 1: columns are separated by tabs; expected commas"),
+    "preamble without a table": ("# card 7\n\n", "push.csv, line 3 is empty; expected a header line"),
+    "preamble without a header": (
+        "\n".join(["# card 7", *LINES[1:]]),
+        "push.csv, line 2 is '0,0,",
+    ),
     "decimal commas": (
         TEXT.replace(".", ","),
         "fields; expected 4, as in the header; if the comma is the decimal sign, write a decimal point",

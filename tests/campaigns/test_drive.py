@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from campaign_folder import CHANNELS, GAUGE, motion, toml_text, write
+from campaign_folder import CHANNELS, FIT, GAUGE, motion, toml_text, write
 
 from twin.campaigns.campaign import read_campaign
 from twin.errors import InputError
@@ -28,6 +28,19 @@ def test_a_voltage_drive_is_a_gain_and_a_back_emf(tmp_path):
     assert volts.effect_errors["torque-gain"]["gain"] == pytest.approx(0.1)
     assert volts.effect_errors["viscous-friction"]["viscous"] == pytest.approx(0.01 * np.hypot(0.1, 0.1))
     assert (plain.effects, plain.effect_errors) == ({}, {})
+
+
+def test_a_command_and_its_limit_may_be_in_millivolts(tmp_path):
+    drive, millivolts = (
+        f'[drive]\nkind = "voltage"\nlimit = 3000\n{CONSTANTS}',
+        {"torque_command": 'unit = "mV"'},
+    )
+    true, volts = motion(), motion() | {"torque_command": 1e3 * motion()["torque_command"]}
+    toml = toml_text(CHANNELS | millivolts, (FIT,)) + drive
+    declared = read_campaign(write(tmp_path, toml, push=volts | {"hub_angle": 0.05 * true["hub_angle"]}))
+    expected = 0.05 * true["torque_command"]
+    np.testing.assert_allclose(declared.fit[0]["torque_command"], expected, atol=1e-9)
+    assert declared.rig["torque_limit"] == pytest.approx(0.15)
 
 
 def test_a_current_drive_has_no_back_emf(tmp_path):

@@ -99,7 +99,7 @@ def test_a_file_that_tells_no_size_is_read_to_the_limit():
 
 def test_a_sparse_table_is_refused_by_its_size(tmp_path):
     with (tmp_path / "a.csv").open("wb") as file:
-        file.truncate(table._LARGEST + 1)
+        file.truncate(table.LARGEST_FILE + 1)
     with pytest.raises(InputError, match="a.csv has more than 1000 MB; expected a CSV file of at most that"):
         read_table(tmp_path / "a.csv", "a.csv")
 

@@ -12,7 +12,7 @@ SECONDS = 0.002 * np.arange(500)
 
 def table(time) -> Table:
     time = np.asarray(time, dtype=float)
-    return Table("a.csv", ("time",), {"time": time}, np.arange(len(time)) + 2)
+    return Table("a.csv", ("time",), {"time": time}, np.arange(len(time)) + 2, "a.csv, line 1")
 
 
 def refusal(time) -> str:

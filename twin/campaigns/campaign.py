@@ -17,6 +17,7 @@ from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.derived_channels import derive, derived_sensors
 from twin.campaigns.drive import check_drive, known_effects, torque_per_command
 from twin.errors import InputError, listed, nearest, shown
+from twin.files.readers import read_recording
 from twin.files.table import Table, read_table
 from twin.files.time_column import checked_time
 from twin.files.toml import read_toml
@@ -188,10 +189,17 @@ def _declared_rig(content: schema.CampaignFile) -> Rig:
         base = _default_parameters(content)
     given = dict(content.parameters)
     if content.drive.limit is not None:
-        given.setdefault("torque_limit", content.drive.limit * torque_per_command(content.drive))
+        given.setdefault("torque_limit", content.drive.limit * _limit_scale(content))
     declared = {name: _declared_parameter(name, value) for name, value in given.items()}
     parameters = {**base, **declared}
     return Rig(content.rig, {name: _with_uncertainty(p, content) for name, p in parameters.items()})
+
+
+def _limit_scale(content: schema.CampaignFile) -> float:
+    """Torque per unit of the command, as `limit` counts it [N m]."""
+    command = content.channels.get(_COMMAND)
+    scale = 1.0 if command is None or content.drive.kind == "torque" else _factor(_COMMAND, command)
+    return scale * torque_per_command(content.drive)
 
 
 def _default_parameters(content: schema.CampaignFile) -> dict[str, Parameter]:
@@ -254,10 +262,12 @@ def _check_channel(
     if channel.gain == 0.0:
         raise InputError(f"{where}.gain is 0; expected the physical value of one {channel.unit}")
     is_raw_command = name == _COMMAND and content.drive.kind != "torque"
-    if channel.unit in units.RAW_UNITS and channel.gain is None and not is_raw_command:
+    raw = units.raw_unit(channel.unit)
+    if raw and channel.gain is None and not is_raw_command:
         si = units.allowed(name)[0]
         raise InputError(
-            f"{where}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * (raw - offset)"
+            f"{where}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * (raw - offset), "
+            f"the gain in {si} per {raw}"
         )
     if units.is_strain(name):
         _check_gauge(where, channel, rig)
@@ -293,7 +303,7 @@ def _sensors(content: schema.CampaignFile) -> dict[str, Sensor]:
 
 def _sensor(name: str, channel: schema.Channel) -> Sensor:
     # The noise is declared in the channel's unit: where that is V or A, the gain converts it.
-    raw = abs(channel.gain or 1.0) if channel.unit in units.RAW_UNITS else 1.0
+    raw = abs(channel.gain or 1.0) if units.raw_unit(channel.unit) else 1.0
     noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
     certain = channel.offset_uncertainty == 0
     return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0, certain)
@@ -363,7 +373,7 @@ def _read_recording(
     channels = content.channels
     columns = {name: channel.column or name for name, channel in channels.items()}
     columns.setdefault(units.TIME, units.TIME)
-    table = read_table(root / entry.file, entry.file, set(columns.values()))
+    table = read_recording(root / entry.file, entry.file, set(columns.values()))
     unit = _factor(units.TIME, channels[units.TIME]) if units.TIME in channels else 1.0
     time = checked_time(table, columns[units.TIME], unit)
     present = {n: c for n, c in columns.items() if n != units.TIME and not _is_absent(n, c, table, entry)}
@@ -397,8 +407,8 @@ def _is_absent(name: str, column: str, table: Table, entry: schema.RecordingEntr
     if column not in table.header:
         if name in ("hub_angle", _COMMAND) and not optional:
             raise InputError(
-                f"{table.name}, line 1: column '{column}'{_channel_suffix(name, column)} is missing; "
-                f"only a recording with clamped = true may lack it{nearest(column, table.header)}"
+                f"{table.top}: column '{column}'{_channel_suffix(name, column)} is missing; "
+                f"only a recording with clamped = true may lack it{nearest(column, table.header)}{table.note}"
             )
         return True
     if not np.isnan(table.columns[column]).all():

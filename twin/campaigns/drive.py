@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from twin.campaigns import schema
+from twin.campaigns import schema, units
 from twin.errors import InputError
 
 DEFAULT_UNCERTAINTY = 0.1
@@ -41,7 +41,7 @@ def check_drive(content: schema.CampaignFile) -> None:
     if drive.kind == "torque" or command is None:
         return
     unit = _UNITS[drive.kind]
-    if command.unit != unit:
+    if not units.convertible(command.unit, unit):
         raise InputError(
             f"{schema.FILE}: channels.torque_command.unit is '{command.unit}'; expected '{unit}', because "
             f'[drive] has kind = "{drive.kind}"'

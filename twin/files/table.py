@@ -1,4 +1,4 @@
-"""CSV files of numbers: a fast reader, and a slow one that reports errors with line and column."""
+"""Text tables of numbers: a fast reader, and a slow one that reports errors with line and column."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import csv
 import io
 import math
 import re
-from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,36 +13,52 @@ from pathlib import Path
 import numpy as np
 
 from twin.errors import LARGEST, InputError, shown
+from twin.files.layout import Layout, find_layout, is_number
 from twin.files.text import check_lines, read_text
 
 _MISSING = ("", "nan")  # fields of a missing sample, lower case
-_LARGEST = 1_000_000_000  # bytes: three hours at 1 kHz with ten columns of ten characters
+LARGEST_FILE = 1_000_000_000
+"""Accepted size of a file of recorded numbers [bytes]: three hours at 1 kHz with ten columns of ten characters."""
 _LONGEST_LINE = 1_000_000  # characters
-_MOST_COLUMNS = 10_000  # a card has some hundreds of channels
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of one CSV file.
+    """Columns of one file.
 
     Attributes:
       name: name of the file in messages.
       header: all columns of the file, in order, also those that were not read.
       columns: name -> (n) values; NaN where a sample is missing.
-      lines: (n) number of each row's line in the file.
+      lines: (n) number of each row: its line in the file, or that of the sample.
+      top: name of the file and of the place in it where the names of the columns stand.
+      rows: what `lines` counts.
+      units: column -> unit, as far as the file says it.
+      note: what else the file holds that could not be read, for a message that a column is missing; else "".
     """
 
     name: str
     header: tuple[str, ...]
     columns: Mapping[str, np.ndarray] = field(repr=False)
     lines: np.ndarray = field(repr=False)
+    top: str
+    rows: str = "line"
+    units: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
 
     def __len__(self) -> int:
         return len(self.lines)
 
+    def place(self, row: int) -> str:
+        """Returns the name of the file and the place of a row in it, counted from 0."""
+        return f"{self.name}, {self.rows} {self.lines[row]}"
+
 
 def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> Table:
-    """Reads a CSV file: one header line, comma as separator, decimal point, UTF-8.
+    """Reads a text table in UTF-8: names of the columns in a header, separated by commas, semicolons, tabs or blanks.
+
+    A preamble of comments and a row of units may stand above the numbers, and numbers have a decimal comma where commas
+    do not separate them.
 
     Args:
       path: the file.
@@ -54,115 +69,112 @@ def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> 
       InputError: the file cannot be read as such a table.
     """
     try:
-        return _parsed(_text(path, name), name, wanted)
+        return parse_table(_text(path, name), name, wanted)
     except MemoryError:
         raise InputError(f"{name} does not fit into the memory; expected a shorter file") from None
 
 
 def _text(path: Path, name: str) -> str:
-    text = read_text(path, name, _LARGEST, "a CSV file")
+    text = read_text(path, name, LARGEST_FILE, "a CSV file")
     check_lines(text, name, _LONGEST_LINE)
     return text
 
 
-def _parsed(text: str, name: str, wanted: Collection[str] | None) -> Table:
+def parse_table(text: str, name: str, wanted: Collection[str] | None) -> Table:
     """Returns the table in a text; see `read_table`."""
     lines = text.split("\n")
-    header = _header(lines[0], name)
-    used = [i for i, column in enumerate(header) if wanted is None or column in wanted]
-    rows = np.array([i + 2 for i, line in enumerate(lines[1:]) if line.strip()], dtype=int)
+    layout = find_layout(lines, name)
+    used = [i for i, column in enumerate(layout.header) if wanted is None or column in wanted]
+    rows = np.array([i + 1 for i in range(layout.body, len(lines)) if lines[i].strip()], dtype=int)
     body = [lines[i - 1] for i in rows]
-    values = _fast(body, len(header), used)
+    values = _fast(body, layout, used)
     if values is None:
-        values = np.array(list(_slow(body, rows, header, used, name))).reshape(len(body), len(used))
-    columns = {header[i]: values[:, j] for j, i in enumerate(used)}
-    return Table(name, header, columns, rows)
+        values = np.array(list(_slow(body, rows, layout, used, name))).reshape(len(body), len(used))
+    columns = {layout.header[i]: values[:, j] for j, i in enumerate(used)}
+    return Table(name, layout.header, columns, rows, f"{name}, line {layout.head + 1}", units=layout.units)
 
 
-def _header(line: str, name: str) -> tuple[str, ...]:
-    """Returns the names of the columns; raises InputError where the line is no valid header."""
-    if not line.strip():
-        raise InputError(f"{name}, line 1 is empty; expected a header line with the names of the columns")
-    for other, called in ((";", "semicolons"), ("\t", "tabs")):
-        if line.count(other) > line.count(","):
-            raise InputError(
-                f"{name}, line 1: columns are separated by {called}; expected commas, with a decimal point"
-            )
-    header = tuple(cell.strip() for cell in _cells(line, f"{name}, line 1"))
-    if all(_is_number(cell) for cell in header):
-        raise InputError(
-            f"{name}, line 1 is '{shown(line)}'; expected a header line with the names of the columns"
-        )
-    if len(header) > _MOST_COLUMNS:
-        raise InputError(f"{name}, line 1 has {len(header)} columns; expected at most {_MOST_COLUMNS}")
-    twice = [column for column, count in Counter(header).items() if column and count > 1]
-    if twice:
-        raise InputError(f"{name}, line 1: column '{shown(twice[0])}' occurs twice; expected each name once")
-    return header
-
-
-def _fast(body: list[str], width: int, used: list[int]) -> np.ndarray | None:
+def _fast(body: list[str], layout: Layout, used: list[int]) -> np.ndarray | None:
     """Returns the used columns (n, k), or None where a line is irregular in any way."""
-    if not body or not used or {line.count(",") for line in body} != {width - 1}:
+    separator, width = layout.separator, len(layout.header)
+    if not body or not used or {_fields(line, separator) for line in body} != {width}:
         return None
     text = "\n".join(body)
-    if ",," in text or ",\n" in text or "\n," in text or text[0] == "," or text[-1] == ",":
-        body = [_fill(line) for line in body]
+    if separator != "," and "," in text:
+        if "." in text:
+            return None
+        body, text = [line.replace(",", ".") for line in body], text.replace(",", ".")
+    if separator != " " and (separator * 2 in f"{separator}{text}{separator}" or _open(text, separator)):
+        body = [_fill(line, separator) for line in body]
     try:
-        values = np.loadtxt(body, delimiter=",", comments=None, usecols=used, ndmin=2)
+        delimiter = None if separator == " " else separator
+        values = np.loadtxt(body, delimiter=delimiter, comments=None, usecols=used, ndmin=2)
     except ValueError:
         return None
     return None if (np.abs(values) > LARGEST).any() else values
 
 
-def _fill(line: str) -> str:
+def _fields(line: str, separator: str) -> int:
+    return len(line.split()) if separator == " " else line.count(separator) + 1
+
+
+def _open(text: str, separator: str) -> bool:
+    """Whether a line begins or ends with a separator."""
+    return f"{separator}\n" in text or f"\n{separator}" in text
+
+
+def _fill(line: str, separator: str) -> str:
     """Returns a line with "nan" in empty fields."""
     # The first replacement misses every second of several empty fields in a row.
-    filled = f",{line},".replace(",,", ",nan,").replace(",,", ",nan,")
-    return filled[1:-1]
+    double, filled = separator * 2, f"{separator}nan{separator}"
+    return f"{separator}{line}{separator}".replace(double, filled).replace(double, filled)[1:-1]
 
 
 def _slow(
-    body: list[str], rows: np.ndarray, header: tuple[str, ...], used: list[int], name: str
+    body: list[str], rows: np.ndarray, layout: Layout, used: list[int], name: str
 ) -> Iterator[list[float]]:
     """Yields the used fields of each row; raises InputError with line and column."""
-    for line, row in zip(body, rows, strict=True):
-        cells = _cells(line, f"{name}, line {row}")
-        if len(cells) != len(header):
-            raise InputError(f"{name}, line {row} has {_ragged(cells, len(header))}")
-        yield [_number(cells[i], header[i], f"{name}, line {row}") for i in used]
+    split = [layout.cells(line, f"{name}, line {row}") for line, row in zip(body, rows, strict=True)]
+    decimal = _decimal(split, layout, used)
+    for cells, row in zip(split, rows, strict=True):
+        if len(cells) != len(layout.header):
+            raise InputError(f"{name}, line {row} has {_ragged(cells, len(layout.header))}")
+        yield [_number(cells[i], decimal, layout.header[i], f"{name}, line {row}") for i in used]
 
 
-def _cells(line: str, where: str) -> list[str]:
-    try:
-        return next(csv.reader([line]))
-    except csv.Error as error:
-        raise InputError(f"{where}: {error}; expected comma-separated numbers") from None
+def _decimal(split: list[list[str]], layout: Layout, used: list[int]) -> str:
+    """The decimal sign: a comma where no comma separates, and a used field has one."""
+    if layout.separator == ",":
+        return "."
+    return "," if any(i < len(cells) and "," in cells[i] for cells in split for i in used) else "."
 
 
 def _ragged(cells: list[str], width: int) -> str:
     # Decimal commas, 1,5 for 1.5, double the number of fields that are no whole numbers.
-    doubled = width < len(cells) <= 2 * width and all(_is_number(cell) for cell in cells)
+    doubled = width < len(cells) <= 2 * width and all(is_number(cell) for cell in cells)
     hint = "; if the comma is the decimal sign, write a decimal point" if doubled else ""
     return f"{len(cells)} fields; expected {width}, as in the header{hint}"
 
 
-def _number(cell: str, column: str, where: str) -> float:
+def _number(cell: str, decimal: str, column: str, where: str) -> float:
     text = cell.strip()
     if text.lower() in _MISSING:
         return math.nan
-    if _is_number(text):
+    if decimal == "," and "." not in text:
+        text = text.replace(",", ".")
+    if is_number(text) and not (decimal == "," and "." in cell):
         return float(text)
-    hint = " (decimal point, not comma)" if re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", text, re.I) else ""
     actual = f"{shown(column)} is '{shown(cell)}'"
-    raise InputError(f"{where}: {actual}; expected a number{hint}, an empty field or nan")
+    raise InputError(
+        f"{where}: {actual}; expected a number{_decimal_hint(text, decimal)}, an empty field or nan"
+    )
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        return abs(float(cell)) <= LARGEST and "_" not in cell
-    except ValueError:
-        return False
+def _decimal_hint(text: str, decimal: str) -> str:
+    """What is wrong with the decimal sign of a field, in brackets; "" where that is right."""
+    if decimal == ",":
+        return " with a decimal comma, as others of the file" if is_number(text) else ""
+    return " (decimal point, not comma)" if re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", text, re.I) else ""
 
 
 def csv_text(rows: Iterable[Iterable[str]]) -> str:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from twin.errors import InputError, nearest
@@ -23,14 +26,8 @@ def read_text(path: Path, name: str, largest: int, expected: str = "a file") -> 
       InputError: there is no such file, it is a folder, pipe, socket or device, too large, or not UTF-8.
     """
     name = name or str(path)  # "." has no name
-    try:
+    with _told(path, name):
         raw = _read(path, name, largest, expected)
-    except FileNotFoundError:
-        raise InputError(f"{name}: there is no such file in {path.parent}{_sibling(path)}") from None
-    except OSError as error:
-        raise InputError(f"{name} cannot be read: {error.strerror}") from None
-    except ValueError as error:  # a NUL in the path
-        raise error if isinstance(error, InputError) else InputError(f"{name} is no name of a file") from None
     text = _decoded(raw, name)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
@@ -46,19 +43,46 @@ def check_lines(text: str, name: str, longest: int) -> None:
         start = end + 1
 
 
-def _read(path: Path, name: str, largest: int, expected: str) -> bytes:
-    """Returns the bytes of a file; a pipe would make the program wait, a device never end."""
-    found = path.stat()
+def check_size(path: Path, name: str, largest: int, expected: str) -> None:
+    """Raises InputError where a path is no regular file of at most so many bytes; arguments as for `read_text`."""
+    with _told(path, name):
+        _check_found(path.stat(), name, largest, expected)
+
+
+@contextmanager
+def _told(path: Path, name: str) -> Iterator[None]:
+    """Raises InputError where the path cannot be read."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{name}: there is no such file in {path.parent}{_sibling(path)}") from None
+    except OSError as error:
+        raise InputError(f"{name} cannot be read: {error.strerror}") from None
+    except ValueError as error:  # a NUL in the path
+        raise error if isinstance(error, InputError) else InputError(f"{name} is no name of a file") from None
+
+
+def _check_found(found: os.stat_result, name: str, largest: int, expected: str) -> None:
+    """Raises InputError where a path is no regular file: a pipe would make the program wait, a device never end."""
     if not stat.S_ISREG(found.st_mode):
         raise InputError(f"{name} is {_kind(found.st_mode)}; expected {expected}")
+    if found.st_size > largest:
+        raise _too_large(name, largest, expected)
+
+
+def _read(path: Path, name: str, largest: int, expected: str) -> bytes:
+    """Returns the bytes of a file."""
+    _check_found(path.stat(), name, largest, expected)
     with path.open("rb") as file:
         # A file may grow, and those of /proc do not tell their size.
-        raw = file.read(largest + 1) if found.st_size <= largest else b""
-    if max(found.st_size, len(raw)) > largest:
-        raise InputError(
-            f"{name} has more than {largest // _MEGABYTE} MB; expected {expected} of at most that"
-        )
+        raw = file.read(largest + 1)
+    if len(raw) > largest:
+        raise _too_large(name, largest, expected)
     return raw
+
+
+def _too_large(name: str, largest: int, expected: str) -> InputError:
+    return InputError(f"{name} has more than {largest // _MEGABYTE} MB; expected {expected} of at most that")
 
 
 def _kind(mode: int) -> str:

@@ -1,4 +1,4 @@
-"""The time column of a CSV file, checked alike for recordings of a campaign, runs, and whatever is compared."""
+"""The time column of a recording, checked alike for recordings of a campaign, runs, and whatever is compared."""
 
 from __future__ import annotations
 
@@ -56,16 +56,16 @@ def checked_time(table: Table, column: str, unit: float = 1.0) -> np.ndarray:
       InputError: there are fewer than 2, one is missing, they do not increase, or they are no seconds of one recording.
     """
     if column not in table.header:
-        hint = nearest(column, table.header)
-        raise InputError(f"{table.name}, line 1: column '{column}' is missing; expected the time in s{hint}")
+        hint = nearest(column, table.header) + table.note
+        raise InputError(f"{table.top}: column '{column}' is missing; expected the time in s{hint}")
     time = table.columns[column]
     if len(time) < 2:
+        after = " after its header" if table.rows == "line" else ""
         count = "one sample" if len(time) else "no samples"
-        raise InputError(f"{table.name} has {count} after its header; expected at least 2")
+        raise InputError(f"{table.name} has {count}{after}; expected at least 2")
     missing = np.flatnonzero(~np.isfinite(time))
     if missing.size:
-        line = table.lines[missing[0]]
-        raise InputError(f"{table.name}, line {line}: {shown(column)} is missing; expected a number")
+        raise InputError(f"{table.place(missing[0])}: {shown(column)} is missing; expected a number")
     _check_increase(table, column, time)
     time = unit * time
     _check_period(table, column, time, unit * float(table.columns[column][0]))
@@ -81,7 +81,7 @@ def _check_increase(table: Table, column: str, time: np.ndarray) -> None:
     few = after == before and np.median(np.diff(time)) == 0
     hint = "; its numbers have too few digits" if few else ""
     raise InputError(
-        f"{table.name}, line {table.lines[back[0] + 1]}: {shown(column)} is {exact(after)} after {exact(before)}; "
+        f"{table.place(back[0] + 1)}: {shown(column)} is {exact(after)} after {exact(before)}; "
         f"expected it to increase strictly{hint}"
     )
 
@@ -118,7 +118,7 @@ def _check_gaps(table: Table, column: str, time: np.ndarray) -> None:
     if gaps[widest] <= _LONGEST_GAP and time[-1] - time[0] <= SPARSEST * sampled:
         return
     raise InputError(
-        f"{table.name}, line {table.lines[widest + 1]}: {shown(column)} is {exact(time[widest + 1])} after "
+        f"{table.place(widest + 1)}: {shown(column)} is {exact(time[widest + 1])} after "
         f"{exact(time[widest])}; expected one recording without such gaps: was a clock set, or the recording "
         "interrupted? Split the file there"
     )
