@@ -80,3 +80,11 @@ def test_the_zero_of_a_gauge_is_unknown_unless_it_is_certain(tmp_path):
     assert campaign(tmp_path / "a").sensors["strain_base"].has_unknown_zero
     assert not campaign(tmp_path / "b", channels=certain).sensors["strain_base"].has_unknown_zero
     assert not campaign(tmp_path / "a").sensors["hub_angle"].has_unknown_zero
+
+
+def test_the_nominal_gain_of_a_voltage_is_known_where_no_drive_is_declared(tmp_path):
+    volts = CHANNELS | {"torque_command": 'unit = "V"\ngain = 0.05'}
+    assert campaign(tmp_path / "a", channels=volts).torque_per_volt == 0.05
+    assert campaign(tmp_path / "b").torque_per_volt is None
+    declared = campaign(tmp_path / "c", f'[drive]\nkind = "voltage"\n{CONSTANTS}', VOLTS)
+    assert declared.torque_per_volt is None

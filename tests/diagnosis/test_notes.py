@@ -88,3 +88,11 @@ def test_what_is_outside_the_library_says_itself_that_it_is_missed(monkeypatch):
     error = ChannelError(90.0, 80.0, 78.0, 1.0, "rad", 0.0)
     predictions = {"slew.csv": SimpleNamespace(role="holdout", errors={"hub_angle": error})}
     assert notes.missed_held_out(SimpleNamespace(), predictions) == []
+
+
+def test_viscous_friction_under_a_voltage_looks_like_back_emf():
+    found = {"viscous-friction": {"viscous": 0.06}}
+    [said] = notes.back_emf(SimpleNamespace(torque_per_volt=0.12), found)
+    assert "0.5 V s/rad" in said
+    assert notes.back_emf(SimpleNamespace(torque_per_volt=None), found) == []
+    assert notes.back_emf(SimpleNamespace(torque_per_volt=0.12), {}) == []

@@ -15,7 +15,7 @@ import numpy as np
 from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.derived_channels import derive, derived_sensors
-from twin.campaigns.drive import check_drive, known_effects, torque_per_command
+from twin.campaigns.drive import check_drive, known_effects, torque_per_command, torque_per_volt
 from twin.errors import InputError, listed, nearest, shown
 from twin.files.readers import read_recording
 from twin.files.table import Table, read_table
@@ -69,6 +69,7 @@ class Campaign:
       warnings: a sentence for each oddity of the data.
       effects: name of each effect known to act on the rig -> parameter -> value, SI.
       effect_errors: name of effect -> parameter -> standard error, SI; without one, the value is only a rough one.
+      torque_per_volt: nominal [N m/V], where the command is a voltage of which no drive is declared; otherwise None.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Campaign:
     _held_out: tuple[Recording, ...] = field(default=(), repr=False)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effect_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    torque_per_volt: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sensors", MappingProxyType(dict(self.sensors)))
@@ -90,7 +92,7 @@ class Campaign:
 
     def __reduce__(self):
         first = (self.name, self.rig, dict(self.sensors), self.fit, self.static, self.warnings)
-        return (type(self), (*first, self._held_out, self.effects, self.effect_errors))
+        return (type(self), (*first, self._held_out, self.effects, self.effect_errors, self.torque_per_volt))
 
 
 def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
@@ -136,6 +138,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
         _held_out=held_out,
         effects=effects,
         effect_errors=errors,
+        torque_per_volt=torque_per_volt(content),
     )
 
 

@@ -56,6 +56,14 @@ def torque_per_command(drive: schema.DriveEntry) -> float:
     return per_ampere / (drive.resistance or 1.0) if drive.kind == "voltage" else per_ampere
 
 
+def torque_per_volt(content: schema.CampaignFile) -> float | None:
+    """Nominal gain of a command that is a voltage [N m/V], of which no drive is declared; None of any other."""
+    command = content.channels.get("torque_command")
+    if content.drive.kind != "torque" or command is None or units.raw_unit(command.unit) != "V":
+        return None
+    return command.gain
+
+
 def known_effects(
     drive: schema.DriveEntry,
 ) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:

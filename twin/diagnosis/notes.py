@@ -48,6 +48,7 @@ def all_notes(
         *late_command_notes(polished.augmented),
         *_assumptions(campaign),
         *_known_effects(state),
+        *back_emf(campaign, polished.augmented.model.effects if state.adopted else {}),
         *_single_recordings(state),
         *_overstated_noise(state),
         *_unnamed_function(state),
@@ -90,6 +91,21 @@ def _known_effects(state: SearchState) -> list[str]:
         return []
     return [
         f"The rig was declared with {' and '.join(state.known)}, fitted again: effects named as missing are additional."
+    ]
+
+
+def back_emf(campaign: Campaign, effects: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """A note where viscous friction was found under a voltage of which no drive is declared: it looks like back-EMF.
+
+    A DC motor under a voltage gives gain (V - k omega), which is a torque less a friction of gain k at the hub.
+    """
+    viscous, gain = effects.get("viscous-friction", {}).get("viscous", 0.0), campaign.torque_per_volt
+    if gain is None or not viscous > 0:
+        return []
+    return [
+        f"The command is a voltage, and the viscous friction of {viscous:.3g} N m s/rad looks like the back-EMF of its "
+        f"drive: {viscous / abs(gain):.3g} V s/rad at the hub (gear ratio times back-EMF constant). Compare it with "
+        'the data sheet of the motor, and declare the drive in [drive] with kind = "voltage".'
     ]
 
 
