@@ -123,14 +123,12 @@ def search(
 def _final_state(state: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
     """The state at the end of the search, revised in one of two ways if either is justified.
 
-    Effects of undetermined size are withdrawn if the residuals are not explained without them. Otherwise an effect
-    takes the place of a significant smooth function if it explains the residuals.
+    Effects of undetermined size are withdrawn. Otherwise an effect takes the place of a significant smooth function if
+    it explains the residuals.
     """
     fewer = revise.without_undetermined(state)
     if fewer is not None:
-        fewer = with_unnamed(with_errors(fewer, fewer.bench), fewer.bench, false_alarm_rate)
-        if remainder.unexplained_channels(fewer):
-            return fewer
+        return with_unnamed(with_errors(fewer, fewer.bench), fewer.bench, false_alarm_rate)
     state = with_unnamed(with_whole_orders(state, sound), sound, false_alarm_rate)
     named = revise.replace_function_by_effect(state)
     if named is None:

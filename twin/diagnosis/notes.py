@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import dependence, remainder, rules
+from twin.diagnosis import dependence, remainder, revise, rules
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import SearchState
@@ -26,7 +26,6 @@ _UNPREDICTABLE = 30.0
 """Sensitivity `ChannelError.reach` [noise levels] from which a held-out recording is called unpredictable."""
 _BREAK_AWAY_ERROR = 0.15
 """Relative error of the static friction that is noted: three times the uncertainty of a single break-away."""
-_AT_END = 1e-3  # relative distance within which a parameter is at its bound
 _SAME_BREAK_AWAY = 0.03  # s, largest difference of two estimates of the instant of one break-away
 _MISSED = 10.0
 """Prediction error of a held-out recording, over the larger of noise and sensitivity, from which it is noted."""
@@ -158,11 +157,16 @@ def _adopted_instead(state: SearchState) -> list[str]:
 
 
 def _undetermined_sizes(state: SearchState) -> list[str]:
-    """Note on effects that were withdrawn because only their combination is determined."""
+    """Note on effects that were withdrawn because their size is not determined, or only their combination is."""
     undetermined = [name for name, judgement in state.withdrawn if judgement.rule == "size-is-determined"]
     if not undetermined:
         return []
     *first, last = undetermined
+    if not first:
+        return [
+            f"{last} fits the recordings, but its size is not determined by them, or at the end of its range: it may "
+            "imitate another fault and is not taken for its cause."
+        ]
     return [
         f"{', '.join(first)} and {last} together fit the recordings, but the size of neither is determined: each "
         "compensates the other. They imitate another fault and are not taken for its cause."
@@ -173,9 +177,7 @@ def at_range_end(best: Fit, names: Sequence[str]) -> list[str]:
     """Notes on effects with a parameter at its bound, which may imitate another fault."""
     at_bound: dict[str, list[str]] = {}
     for u, value in zip(best.unknowns, best.values, strict=True):
-        # A bound of 0 is physical: a friction level may be 0.
-        ends = [end for end in u.bounds if end != 0 and abs(value - end) <= _AT_END * abs(end)]
-        if u.effect in names and ends:
+        if u.effect in names and revise.is_at_end(u, value):
             at_bound.setdefault(u.effect, []).append(f"{u.name} {u.turned(value):.3g}")
     return [
         f"{name} came to the end of its range ({', '.join(numbers)}): it fits the recordings, but it may imitate "

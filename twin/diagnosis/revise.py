@@ -20,6 +20,7 @@ from twin.diagnosis.judgement import Judgement
 from twin.diagnosis.rules import DETERMINED, NEEDED, REPLACEABLE, SIZE_DETERMINED, Standing
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
+from twin.estimation import jackknife
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.slopes import normal_equations
@@ -32,6 +33,7 @@ _CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which s
 _CLOSE = 0.8  # share of the best score of a round from which another candidate may replace the adopted one
 _FUNCTION_PARAMETERS = 2  # hyperparameters of a smooth function: standard deviation and length scale
 _WHOLE_ORDER_ITERATIONS = 5
+_AT_END = 1e-3  # relative distance within which a parameter is at its bound
 
 
 def revise(state: SearchState, progress: Progress = silent) -> SearchState:
@@ -146,45 +148,76 @@ def rebuild(
 
 
 def without_undetermined(state: SearchState) -> SearchState | None:
-    """The state without effects whose sizes are not determined, if there are two or more; None otherwise.
+    """The state without effects whose sizes are not determined; None if all are.
 
     Two wrong laws may add up to a right one: a spring and a cogging torque of two periods a turn imitate a hardening
-    spring. Their sizes are then nearly collinear, so that neither differs from neutral by `DETERMINED` standard errors.
+    spring. Their sizes are then nearly collinear, so that neither differs from neutral by `DETERMINED` standard errors,
+    and each alone explains little. If one of them explains what both do, it is kept alone.
 
     Args:
       state: whose last fit has its standard errors.
     """
-    sizes = {name: size_in_errors(state.best, name) for name in state.names}
-    undetermined = sum(size < DETERMINED for size in sizes.values())
-    judged = {
-        name: SIZE_DETERMINED.judge(Standing(size=size, undetermined=undetermined))
-        for name, size in sizes.items()
-    }
-    reason = {name: judgement for name, judgement in judged.items() if not judgement.passed}
+    reason = _undetermined(state, state.best)
     if not reason:
         return None
-    names = [name for name in state.names if name not in reason]
-    if names:
-        effects = {name: state.best.model.effects[name] for name in (*state.known, *names)}
-        fit = refit(state, effects, contest.FULL_ITERATIONS, state.best)
-        return rebuild(state, names, fit, reason)
+    told = [name for name in state.names if name not in reason]
+    alone = _one_of(state, told, list(reason)) if len(reason) > 1 else None
+    if alone is not None:
+        return rebuild(state, *alone, {n: j for n, j in reason.items() if n not in alone[0]})
+    if told:
+        return rebuild(state, told, _fit_of(state, told), reason)
     return state.with_adoptions([state.rounds[0].without_adoption()], reason)
 
 
+def _undetermined(state: SearchState, best: Fit) -> dict[str, Judgement]:
+    """Adopted effect of a fit -> the judgement of its size, of those whose size is not determined."""
+    names = [name for name in state.names if name in best.model.effects]
+    sizes = {name: size_in_errors(best, name) for name in names}
+    count = sum(size < DETERMINED for size in sizes.values())
+    judged = {
+        name: SIZE_DETERMINED.judge(Standing(size=size, undetermined=count)) for name, size in sizes.items()
+    }
+    return {name: judgement for name, judgement in judged.items() if not judgement.passed}
+
+
+def _one_of(state: SearchState, told: Sequence[str], names: Sequence[str]) -> tuple[list[str], Fit] | None:
+    """The effects and the fit in which one of some undetermined effects does as well as all; None without any."""
+    for name in names:
+        kept = [n for n in state.names if n in told or n == name]
+        fit = jackknife.with_jackknife_covariance(state.bench, _fit_of(state, kept))
+        least = NEEDED.limit(Standing(0.0, state.gained))
+        if candidates.score_gain(state.bench, fit, state.best) < least and not _undetermined(state, fit):
+            return kept, fit
+    return None
+
+
+def _fit_of(state: SearchState, names: Sequence[str]) -> Fit:
+    """The fit of the model with these of the adopted effects alone."""
+    effects = {name: state.best.model.effects[name] for name in (*state.known, *names)}
+    return refit(state, effects, contest.FULL_ITERATIONS, state.best)
+
+
 def size_in_errors(best: Fit, name: str) -> float:
-    """Distance of an effect from neutral in standard errors, the largest of its parameters that vanish at neutral."""
+    """Distance of an effect from neutral in standard errors, the largest of its parameters that vanish at neutral.
+
+    0 if one of these is at the end of its range: then its size is that of the range.
+    """
     effect = REGISTRY[name]
     neutral = effect.neutral(best.model.declared)
     moving = [p for p in effect.parameters if p.name not in effect.undefined_at_neutral]
     at_neutral = {p.name: p.turned(neutral[p.name]) for p in moving}
-    return max(
-        (
-            abs(value - at_neutral[u.name]) / error if error > 0 else 0.0
-            for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True)
-            if u.effect == name and u.name in at_neutral
-        ),
-        default=DETERMINED,
-    )
+    sizes = [DETERMINED] if not at_neutral else []
+    for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True):
+        if u.effect == name and u.name in at_neutral:
+            if is_at_end(u, value):
+                return 0.0
+            sizes.append(abs(value - at_neutral[u.name]) / error if error > 0 else 0.0)
+    return max(sizes, default=DETERMINED)
+
+
+def is_at_end(u: Unknown, value: float) -> bool:
+    """Whether the value of an unknown is at a bound; a bound of 0 is physical: a friction level may be 0."""
+    return any(end != 0 and abs(value - end) <= _AT_END * abs(end) for end in u.bounds)
 
 
 def replace_function_by_effect(state: SearchState) -> SearchState | None:

@@ -202,8 +202,9 @@ class Standing:
     Attributes:
       difference: score that the model loses without it, or gains with another candidate in its place.
       gained: sum of the scores of all adopted effects, or the score of its own round.
-      size: distance of the effect from neutral, in standard errors.
-      undetermined: number of adopted effects whose size is not determined.
+      size: distance of the effect from neutral, in standard errors; 0 at the end of its range.
+      undetermined: number of adopted effects whose size is not determined. One alone may be needed all the same: with
+        its rest angle free, the stiffness of a slack cable has a large standard error.
     """
 
     difference: float = 0.0
@@ -235,9 +236,9 @@ REPLACEABLE: Rule[Standing] = Rule(
 )
 SIZE_DETERMINED: Rule[Standing] = Rule(
     "size-is-determined",
-    "Is its size determined, if there is another effect whose size is not?",
-    "distance from neutral [standard errors]",
-    lambda s: s.size if s.undetermined > 1 else math.inf,
+    "Is its size within its range, and determined if there is another effect whose size is not?",
+    "distance from neutral [standard errors], 0 at the end of its range",
+    lambda s: s.size if s.undetermined > 1 or s.size == 0 else math.inf,
     lambda s: DETERMINED,
     f"{DETERMINED:g}",
     "assumed",
