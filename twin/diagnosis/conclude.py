@@ -255,9 +255,9 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
     before, after = (sorted(getattr(e, which) / e.noise for e in errors) for which in ("before", "after"))
     middle = len(errors) // 2
     return (
-        f"On held-out recordings the median error falls from {before[middle]:.3g} to {after[middle]:.3g} noise levels."
+        f"Over all channels and whole runs the median error falls from {before[middle]:.3g} to {after[middle]:.3g} noise levels."
         if before[middle] > after[middle]
-        else f"On held-out recordings the median error is {after[middle]:.3g} noise levels."
+        else f"Over all channels and whole runs the median error is {after[middle]:.3g} noise levels."
     )
 
 

@@ -86,7 +86,7 @@ def error_budget(
     stages = [declared, calibrated, *zip(between, starts, free, strict=True), *([final] if effects else [])]
 
     def errors(model: Model, start: Start, run: Recording) -> dict[str, ModelError]:
-        windows = simulate_windows(with_fine_chain(model), prepared, start, run)
+        windows = simulate_windows(model, prepared, start, run)
         return model_errors(prepared, model, run, windows)
 
     return channel_budgets(prepared, effects, list(pool.map(errors, *zip(*stages, strict=True))))

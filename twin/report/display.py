@@ -37,7 +37,6 @@ class BudgetRow:
       whole: of whole runs, of the declared and of the final model.
       fit: of whole runs in per cent, of the declared and of the final model.
       noise: standard deviation of the sensor's noise.
-      over_noise: error of whole runs of the final model over the noise.
       patched: error of whole runs of the final model with the lookup; "" without one.
     """
 
@@ -51,7 +50,6 @@ class BudgetRow:
     whole: tuple[str, str]
     fit: tuple[str, str]
     noise: str
-    over_noise: str
     patched: str
 
 
@@ -84,7 +82,6 @@ def _budget_row(
         (said(budget.before.rms), said(budget.after.rms)),
         (_fit(budget.before.fit_percent), _fit(budget.after.fit_percent)),
         said(budget.noise),
-        ratio(over_noise(budget.after.rms, budget.noise)),
         said(patched.error(file, name)) if patched is not None and patched.errors else "",
     )
 

@@ -13,6 +13,7 @@ import numpy as np
 from twin import labels
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction, Trace
 from twin.diagnosis.rules import RULES
+from twin.diagnosis.windows import WINDOW
 from twin.effects import meaning
 from twin.files.whole import write_file
 from twin.recording import CHANNEL_UNITS
@@ -77,6 +78,9 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "headline": display.headline(diagnosis),
         "improvement": display.improvement(diagnosis),
+        "budget": display.budget_rows(diagnosis),
+        "budget_columns": display.budget_columns(diagnosis),
+        "window": f"{WINDOW:g}",
         "facts": _facts(diagnosis),
         "recordings": [_recording(file, p) for file, p in diagnosis.predictions.items()],
         "first_miss": _largest_initial_error(diagnosis),

@@ -76,7 +76,7 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     rows = display.budget_rows(diagnosis)
     if rows:
         what = "held-out recordings" if display.by_role(diagnosis, "holdout") else "fit recordings"
-        parts += [line(""), line(f"Error on {what}, in windows of {WINDOW:g} s and over the whole run", "dim")]
+        parts += [line(""), line(f"Error on {what}: in windows of {WINDOW:g} s, and after all over the whole run", "dim")]
         parts.append(_budget_table(diagnosis, rows, plain))
     parts += [line(text) for text in _closing_lines(diagnosis)]
     return Group(*parts)
@@ -117,15 +117,15 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
 
 
 def _budget_table(diagnosis: Diagnosis, rows: Sequence[display.BudgetRow], plain: bool) -> Table:
-    models = [f">{name}" for name in display.budget_columns(diagnosis)]
     patch = [">with patch"] if any(row.patched for row in rows) else []
-    end = (">whole run", *patch, ">fit %", ">noise", ">over noise")
-    table = _table(plain, "recording", "channel", *models, *end)
+    models = [f">{name}" for name in display.budget_columns(diagnosis)]
+    table = _table(plain, "recording", *models, ">whole run", *patch, ">fit %", ">noise")
     for row in rows:
-        channel = f"{row.channel} [{row.unit}]{'' if row.in_windows else ', whole run'}"
-        whole = f"{row.whole[0]} → {row.whole[1]}"
-        cells = (whole, *([row.patched] if patch else []), row.fit[1], row.noise, row.over_noise)
-        _add_row(table, plain, row.file if row.first else "", channel, *row.models, *cells)
+        if row.first:
+            _add_row(table, plain, row.file)
+        channel = f" {row.channel}, {row.unit}{'' if row.in_windows else ' (whole run)'}"
+        patched = [row.patched] if patch else []
+        _add_row(table, plain, channel, *row.models, row.whole[1], *patched, row.fit[1], row.noise)
     return table
 
 
