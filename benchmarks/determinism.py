@@ -2,7 +2,7 @@
 
 Diagnoses the campaign twice, the second time as a copy in another folder, with one thread of the numerical libraries
 instead of their own choice and on one processor where the system can be told so, and compares the files that are
-written. Times differ, and the identities that rerun gives its rows.
+written. Times differ, the date and the command line in the provenance, and the identities that rerun gives its rows.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ def diagnosed(campaign: Path, out: Path, prefix: list[str], environment: dict[st
 
 
 def content(file: Path) -> str:
-    """The content of a result without times; of JSON, with one key a line."""
+    """The content of a result without times and command; of JSON, with one key a line."""
     text = file.read_text(encoding="utf-8")
     if file.suffix != ".json":
         return text
     answer = json.loads(text)
     answer.pop("wall_s")
+    for name in ("date", "command"):
+        answer["provenance"].pop(name)
     return json.dumps(answer, indent=1)
 
 

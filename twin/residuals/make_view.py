@@ -42,7 +42,7 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     """
     if prepared.hub is None:
         return _view(_clamped_signals(prepared), NoiseModel(noise=sensor_noise(prepared, {})))
-    signals = _hub_signals(prepared, prepared.hub, model, bands)
+    signals = hub_signals(prepared, prepared.hub, model, bands)
     whitening = whitening_filters(signals, prepared, model)
     noise, torque = propagated_noise(signals, prepared, model)
     if not np.isfinite(torque).all():
@@ -111,7 +111,9 @@ def _clamped_signals(prepared: Prepared) -> Signals:
     return Signals(time, still, still, still, still, still > 0, measured, known, (), with_gaps=with_gaps)
 
 
-def _hub_signals(prepared: Prepared, hub: HubMotion, model: Model, bands: Sequence[float]) -> Signals:
+def hub_signals(
+    prepared: Prepared, hub: HubMotion, model: Model, bands: Sequence[float] = MOTION_BANDS
+) -> Signals:
     """The signals of a recording with a free hub.
 
     Args:
@@ -159,12 +161,12 @@ def motion_band(
     reading = low_passed(resample.resample_channel(recording, "hub_angle", time)[0], GRID, bands[-1])
     strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
     for band in bands:
-        if noise * _derivative_noise(band, recording.period, 2) < _MAX_NOISE * strong:
+        if noise * derivative_noise(band, recording.period, 2) < _MAX_NOISE * strong:
             return band
     return bands[-1]
 
 
-def _derivative_noise(band: float, period: float, order: int) -> float:
+def derivative_noise(band: float, period: float, order: int) -> float:
     """Standard deviation of the k-th derivative of low-passed unit white noise, (2 pi f)^k sqrt(2 f dt/(2 k + 1)).
 
     Args:
@@ -178,8 +180,8 @@ def _derivative_noise(band: float, period: float, order: int) -> float:
 def _noise_limits(prepared: Prepared, band: float) -> tuple[float, float]:
     """Rate [rad/s] and acceleration [rad/s^2] of the hub below which they may be noise."""
     noise, period = prepared.noise["hub_angle"], prepared.recording.period
-    slow = 3 * noise * _derivative_noise(band, period, 1)
-    return slow, _SIGNIFICANT * noise * _derivative_noise(band, period, 2)
+    slow = 3 * noise * derivative_noise(band, period, 1)
+    return slow, _SIGNIFICANT * noise * derivative_noise(band, period, 2)
 
 
 def _may_stick(

@@ -1,0 +1,230 @@
+"""Simulations that begin anew in every window of a recording, from the state that the measured hub gives.
+
+The free run of an integrating rig drifts: a small error of a torque, or one wrong stick, offsets all that follows. In a
+window of stated length it is bounded, and shows what the model gets wrong there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.mechanics import planar
+from twin.mechanics.state import Motion, Start
+from twin.recording import Recording
+from twin.residuals.filters import GRID
+from twin.residuals.make_view import derivative_noise, hub_signals
+from twin.residuals.prepared import Prepared
+from twin.residuals.residual import has_unknown_zero
+from twin.residuals.view import move_link
+from twin.rigs.model import Model, with_fine_chain
+from twin.rigs.simulate import bending_shapes, delivered_torque, sensor_readings
+
+WINDOW = 1.0
+"""Length of a window [s]: a few periods of the first bending mode, short beside the drift of a hub."""
+_RUN_INS = (0.25, 0.1)
+"""Spans before a window to whose readings the state is fitted, one after the other until one fits [s]: the longer, the
+less the noise of a rough hub sensor matters, and the more the errors of the model do."""
+_FITS = 2.0
+"""Residual of every channel in a run-in up to which the model fits it, root mean square [noise levels]."""
+_NEAR = 0.02  # s before and behind the start of a window in which the hub has to be read
+_LONG_BEFORE = 1e3  # s, when the drive has settled
+_FEWEST = 4  # samples of a window
+_LOOSE = 3.0
+"""Standard deviation of the error of a driven state in multiples of the error that the noise of the hub angle makes."""
+_STEP = 0.1  # of difference quotients, in standard deviations of the driven state
+_FITTED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection")
+"""Channels to which the state is fitted; an acceleration or a torque says little about it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Windowed:
+    """Simulations of a recording in windows; m samples.
+
+    Attributes:
+      readings: those of every window, one behind the other; NaN where there is no window.
+      window: (m) number of the window in which a sample lies, from 0; -1 where there is none.
+    """
+
+    readings: Recording
+    window: np.ndarray
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Whether a sample lies in a window (m)."""
+        return self.window >= 0
+
+
+def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recording) -> Windowed | None:
+    """Free simulations of `WINDOW` each, one behind the other.
+
+    A window predicts: no reading behind its first instant is used but for the low-pass. It begins with the measured
+    angle and rate of the hub, low-passed, and with the shape and motion of the modelled link under the measured hub until
+    then; the hub sticks where the recording shows a rest. A motor with backlash begins on the flank to which its torque
+    pushes it.
+
+    The rate of a rough hub sensor has an error that is visible within a window. Where the model fits the readings of
+    a run-in before the window (`_RUN_INS`), from a state that is as near to the measured one as noise allows, the window
+    continues this run: then it shows no error of the state. Where it does not, the measured state is used.
+
+    There is no window where the hub is not read about its start, and none in the rest behind the last whole window.
+
+    Args:
+      model: the model; the state is fitted with its chain, and the windows are simulated with a fine one.
+      prepared: the recording.
+      start: its state at the first sample.
+      free: readings of the free run of the whole recording; the motor torque, which only the command decides, is its.
+
+    Returns:
+      None where the hub is clamped or not measured, so that nothing is measured to begin with, or without any window.
+    """
+    if prepared.hub is None:
+        return None
+    recording = prepared.recording
+    channels = {c: np.full(len(recording), np.nan) for c in recording.measured()}
+    window, fine = np.full(len(recording), -1), with_fine_chain(model)
+    for k, inside, motion in _window_motions(model, prepared, start):
+        part = recording.part(inside)
+        on_rig = part.replace(channels={c: v for c, v in part.channels.items() if c != "motor_torque"})
+        readings = sensor_readings(fine, on_rig, motion, began=recording.time[0])
+        for channel in readings.measured():
+            channels[channel][inside] = readings[channel]
+        window[inside] = k
+    if "motor_torque" in channels:
+        channels["motor_torque"] = np.where(window >= 0, free["motor_torque"], np.nan)
+    return Windowed(recording.replace(channels=channels), window) if (window >= 0).any() else None
+
+
+def _window_motions(
+    model: Model, prepared: Prepared, start: Start
+) -> Iterator[tuple[int, np.ndarray, Motion]]:
+    """Number of each window, its samples as a mask (m), and the free motion of the chain at these."""
+    recording = prepared.recording
+    fine = _DrivenRun(with_fine_chain(model), prepared, start)
+    coarse = _DrivenRun(model, prepared, start)
+    since = (recording.time - recording.time[0]) / WINDOW
+    read = recording.time[np.isfinite(recording["hub_angle"])]
+    for k in range(int(recording.duration / WINDOW + 1e-9)):
+        row, inside = round(k * WINDOW / GRID), np.floor(since + 1e-9) == k
+        if inside.sum() < _FEWEST or not (np.abs(read - fine.time[row]) < _NEAR).any():
+            continue
+        row, shift = _start(coarse, row)
+        yield k, inside, fine.run(row, recording.time[inside], shift)
+
+
+class _DrivenRun:
+    """A recording with the modelled link driven by its measured hub, from which free runs branch off.
+
+    A shift of a state (6) is that of hub angle [rad], hub rate [rad/s], and of the tip deflections by the first two
+    clamped modes [m] and their rates [m/s].
+
+    Attributes:
+      time: instants (g) at which a free run can begin [s].
+      scale: (6) standard deviation of the error of a driven state, by noise of the hub angle.
+    """
+
+    def __init__(self, model: Model, prepared: Prepared, start: Start):
+        assert prepared.hub is not None
+        self.model, self.prepared = model, prepared
+        signals = hub_signals(prepared, prepared.hub, model)
+        self.time = signals.time
+        self.driven, _ = move_link(signals, prepared, model, start)
+        self.plant, self.times, self.torques = delivered_torque(model, prepared.recording)
+        self.drive, self.shapes = model.drive(prepared.recording), bending_shapes(model.chain)
+        angle = prepared.noise["hub_angle"]
+        rate = angle * derivative_noise(signals.band, prepared.recording.period, 1)
+        length = model.rig["length"]
+        self.scale = _LOOSE * np.array([angle, rate, *2 * [length * angle], *2 * [length * rate]])
+
+    def run(self, row: int, instants: np.ndarray, shift: np.ndarray) -> Motion:
+        """The free motion at instants (m) [s], from the shifted state at a row of the grid on."""
+        began = float(self.time[row])
+        delivered = float(self.drive.at(np.array([began]))[0])
+        phi, omega, mode = self._state(row, shift, delivered)
+        held = _commands_from(self.times, self.torques, delivered, began)
+        states = planar.simulate(
+            self.plant, *held, np.r_[began, instants], phi, omega, mode, False, self.model.stable_step
+        )
+        return Motion.from_coordinates(instants, *(v[1:] for v in states), len(self.model.chain.lengths))
+
+    def _state(self, row: int, shift: np.ndarray, torque: float) -> tuple[np.ndarray, np.ndarray, int]:
+        """Angles and rates (n + 1 + k) at a row, shifted, and the mode of the hub; `torque` of the motor [N m]."""
+        angles, rates = self.driven.state()
+        phi, omega = self.plant.extend_state(angles[row]), self.plant.extend_state(rates[row])
+        hinges = self.shapes.shape[0]
+        phi[1 : hinges + 1] += np.cumsum(self.shapes @ shift[2:4])
+        omega[1 : hinges + 1] += np.cumsum(self.shapes @ shift[4:6])
+        mode = int(self.driven.modes[row])
+        if mode != 0:
+            mode = int(np.sign(omega[0] + shift[1])) or mode
+        phi += shift[0]
+        omega += shift[1] if mode != 0 else -omega[0]
+        if self.plant.motor.gap > 0:
+            phi[-1] += np.sign(torque) * self.plant.motor.gap / 2
+        return phi, omega, mode
+
+    def readings(self, instants: np.ndarray, motion: Motion, channels: Sequence[str]) -> dict[str, np.ndarray]:
+        """Channel -> what its sensor reads of a motion at instants (m)."""
+        blank = Recording("", instants, {c: np.zeros(len(instants)) for c in channels})
+        began = self.prepared.recording.time[0]
+        return dict(sensor_readings(self.model, blank, motion, began=began).channels)
+
+
+def _start(run: _DrivenRun, row: int) -> tuple[int, np.ndarray]:
+    """Row of the grid at which the run of a window begins, and the shift of the state there (6).
+
+    Args:
+      run: with which the state is fitted.
+      row: at which the window begins.
+    """
+    for span in _RUN_INS:
+        began = row - round(span / GRID)
+        shift = _fitted_shift(run, began, row) if began >= 0 else None
+        if shift is not None:
+            return began, shift
+    return row, np.zeros(6)
+
+
+def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
+    """Shift (6) of the state at a row by one step of least squares to the readings before another row.
+
+    It is a Bayesian estimate, `run.scale` its prior. None if the model does not fit the readings then.
+    """
+    recording = run.prepared.recording
+    inside = (recording.time >= run.time[row] - 1e-9) & (recording.time < run.time[until] - 1e-9)
+    channels = [c for c in _FITTED if c in run.prepared.channels and np.isfinite(recording[c][inside]).sum() > 1]
+    if not channels:
+        return None
+    instants = recording.time[inside]
+
+    def residuals(x: np.ndarray) -> list[np.ndarray]:
+        simulated = run.readings(instants, run.run(row, instants, x * run.scale), channels)
+        return [_off(run, c, recording[c][inside] - simulated[c]) for c in channels]
+
+    free = [0, 2, 3, 4, 5] if run.driven.modes[row] == 0 else list(range(6))
+    x, r = np.zeros(6), np.concatenate(residuals(np.zeros(6)))
+    steps = _STEP * np.eye(6)[free]
+    J = np.column_stack([(np.concatenate(residuals(step)) - r) / _STEP for step in steps])
+    if not (np.isfinite(J).all() and np.isfinite(r).all()):
+        return None
+    x[free] = -np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r)
+    sizes = [np.sqrt(np.mean(off**2)) for off in residuals(x)]
+    return x * run.scale if max(sizes) < _FITS else None
+
+
+def _off(run: _DrivenRun, channel: str, off: np.ndarray) -> np.ndarray:
+    """Known residuals of a channel (k) in multiples of its noise, without their mean where its zero is unknown."""
+    known = off[np.isfinite(off)]
+    has_zero = has_unknown_zero(run.model, run.prepared, channel)
+    return (known - known.mean() if has_zero else known) / run.prepared.noise[channel]
+
+
+def _commands_from(
+    times: np.ndarray, torques: np.ndarray, delivered: float, began: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Instants [s] and torques [N m] that are held from an instant on, when `delivered` is what the drive has reached."""
+    held = int(np.searchsorted(times, began + 1e-12, side="right")) - 1
+    later = slice(held + 1, None)
+    return np.r_[began - _LONG_BEFORE, began, times[later]], np.r_[delivered, torques[held], torques[later]]
