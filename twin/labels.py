@@ -52,6 +52,12 @@ def channel(name: str) -> Display:
     return CHANNELS.get(name, Display(words(name), "SI", 1.0))
 
 
+def amount(name: str, value: float) -> str:
+    """Returns a value of a channel [SI] with two digits in its displayed unit: "0.017°", "2.0 µε"."""
+    shown = channel(name)
+    return f"{number(shown.factor * value, 2)}{'' if shown.unit == '°' else ' '}{shown.unit}"
+
+
 def variable(name: str) -> Display:
     """Returns the display of a variable on which an unexplained force may depend."""
     return _VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from twin.diagnosis import candidates, remainder
-from twin.diagnosis.predict import free_runs
+from twin.diagnosis.predict import first_states, free_runs
 from twin.estimation.calibrate import calibrate, noise_levels, prepare_clean
 from twin.estimation.minimise import minimise
 from twin.residuals import static_levels
@@ -82,7 +82,8 @@ def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
     with ThreadPoolExecutor(2) as pool:
         for recording in (bang, cut):
             ready, _ = prepare_clean(recording, campaign.sensors, found.clock, noise)
-            run, *_ = free_runs([found.base.model], ready, pool)
+            model = found.base.model
+            run, *_ = free_runs([model], first_states([model], ready, pool), ready, pool)
             off = (run["strain_base"] - recording["strain_base"])[:500]
             assert np.sqrt(np.nanmean(off**2)) < 10 * noise["strain_base"]
 

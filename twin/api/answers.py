@@ -69,6 +69,24 @@ class Diagnosis:
         ]
         return Table.of_rows(names, rows)
 
+    def error_budget(self) -> Table:
+        """What calibration and each effect take away of the errors of the recordings that evaluate the answer, SI units.
+
+        `rms` and `fit_percent` are of the free run of the whole recording, `rms_window` and `fit_percent_window` in
+        windows, see `twin.diagnosis.windows`.
+        """
+        from twin.report import display
+
+        names = ("recording", "channel", "model", "rms_window", "rms", "fit_percent", "fit_percent_window")
+        models = display.budget_columns(self.answer)
+        rows = [
+            (file, c, m, e.rms_window, e.rms, e.fit_percent, e.fit_percent_window, budget.noise, budget.unit)
+            for file, prediction in display.evaluated_predictions(self.answer).items()
+            for c, budget in prediction.budget.items()
+            for m, e in zip(models, budget.models, strict=True)
+        ]
+        return Table.of_rows((*names, "noise", "unit"), rows)
+
     def parameters(self) -> Table:
         """Parameters of the adopted effects with standard errors."""
         rows = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.api.answers import Diagnosis, Identification, Run
-from twin.api.inputs import Effects, FilePath, RigLike, campaign_of, rig_of
+from twin.api.inputs import Effects, FilePath, RigLike, campaign_of, files_of, rig_of
 from twin.campaigns.campaign import Campaign
 from twin.control.experiment import Experiment
 from twin.errors import InputError, checked_count, quoted
+from twin.files.provenance import recorded
 from twin.progress import Progress, silent
 from twin.recording import GAUGES
 
@@ -51,9 +53,13 @@ def diagnose(
       InputError: the campaign or the rate cannot be used.
     """
     from twin.diagnosis.diagnose import diagnose as search
+    from twin.diagnosis.permutation import SEEDS
 
     given = campaign_of(campaign, rig)
-    return Diagnosis(search(given, progress, workers, false_alarm_rate), given)
+    folder, files = files_of(campaign, rig)
+    record = recorded(files, folder, None, SEEDS)
+    answer = search(given, progress, workers, false_alarm_rate)
+    return Diagnosis(replace(answer, provenance=record), given)
 
 
 def identify(

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
-from twin.campaigns.campaign import Campaign
+from twin.campaigns.campaign import Campaign, campaign_files
 from twin.campaigns.campaign import read_campaign as _read_campaign
 from twin.campaigns.declared_rig import with_rig
 from twin.errors import InputError, quoted
@@ -72,6 +72,15 @@ def rig_of(given: RigLike) -> RigFile:
     if path.suffix or path.exists():
         return read_rig(path)
     return RigFile(preset(str(given)), {})
+
+
+def files_of(campaign: FilePath | Campaign, rig: RigLike | None) -> tuple[Path | None, list[Path]]:
+    """Returns the folder of a campaign, None for a value, and the files from which it and the declared rig were read."""
+    folder = None if isinstance(campaign, Campaign) else Path(campaign)
+    files = [] if folder is None else list(campaign_files(folder))
+    if isinstance(rig, str | PathLike) and Path(rig).is_file():
+        files.append(Path(rig))
+    return folder, files
 
 
 def campaign_of(given: FilePath | Campaign, declared: RigLike | None) -> Campaign:

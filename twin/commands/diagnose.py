@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,6 +67,7 @@ def _diagnose(
     rig: Path | None = None,
 ) -> None:
     from twin.campaigns.campaign import campaign_files, read_campaign
+    from twin.files import provenance
     from twin.report import deliver, print_summary
 
     folder = deliver.FOLDER.choose(out, campaign, force)
@@ -77,8 +79,10 @@ def _diagnose(
     with progress() as report:
         report(COMPILING)
         from twin.diagnosis.diagnose import diagnose as loop
+        from twin.diagnosis.permutation import SEEDS
 
-        result = loop(given, report, false_alarm_rate=rate)
+        record = provenance.recorded(read, campaign, provenance.command_line(), SEEDS)
+        result = replace(loop(given, report, false_alarm_rate=rate), provenance=record)
         report("writing the results")
         delivery = deliver.deliver(result, given.sensors, folder)
         if json_file is not None:

@@ -10,7 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from twin.correlations import Correlations
+from twin.diagnosis.error_budget import ChannelBudget
 from twin.diagnosis.judgement import Judgement
+from twin.files.provenance import Provenance
 from twin.parameters import Rig
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.rigs.patch import Patch
@@ -90,6 +92,7 @@ class Prediction:
       before, calibrated, after: simulations at its instants, see `ChannelError`.
       errors: channel -> prediction errors.
       left_out: parts of the recording that the errors leave out, as sentences.
+      budget: channel -> its errors along the steps of the diagnosis; empty for recordings that do not evaluate it.
     """
 
     role: Literal["fit", "holdout"]
@@ -99,6 +102,7 @@ class Prediction:
     after: Recording
     errors: Mapping[str, ChannelError]
     left_out: tuple[str, ...] = ()
+    budget: Mapping[str, ChannelBudget] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -214,6 +218,7 @@ class Diagnosis:
       no_patch: why there is no lookup, in a sentence, or None.
       known: effects that the rig was declared with.
       correlations: of the errors of fitted parameters of rig and effects.
+      provenance: what it was computed with and from, or None if that was not recorded.
     """
 
     campaign: str
@@ -242,6 +247,7 @@ class Diagnosis:
     no_patch: str | None = None
     known: tuple[KnownEffect, ...] = ()
     correlations: Correlations = field(default_factory=Correlations)
+    provenance: Provenance | None = None
 
     def failed_rule(self, name: str) -> RoundJudgement | None:
         """The rule that excluded a candidate in its last round; None for an adopted one.
@@ -278,6 +284,11 @@ class Diagnosis:
                 name: {"declared": c.declared, "fitted": c.fitted, "standard_error": c.standard_error}
                 for name, c in self.calibrated.items()
             },
+            "error_budget": {
+                file: {c: budget.to_json() for c, budget in p.budget.items()}
+                for file, p in self.predictions.items()
+                if p.budget
+            },
             "errors": {file: _errors_json(file, p, self.patched) for file, p in self.predictions.items()},
             "threshold": self.threshold,
             "false_alarm_rate": self.false_alarm_rate,
@@ -287,6 +298,7 @@ class Diagnosis:
             "no_patch": self.no_patch,
             "notes": list(self.notes),
             "wall_s": self.wall_s,
+            "provenance": self.provenance.to_json() if self.provenance is not None else None,
         }
 
 

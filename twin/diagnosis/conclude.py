@@ -10,7 +10,7 @@ import numpy as np
 from twin import labels
 from twin.campaigns.campaign import Campaign
 from twin.correlations import Correlations, from_covariance
-from twin.diagnosis import dependence, experiments, fit_patch, notes, remainder, rules, traces
+from twin.diagnosis import budget_text, dependence, experiments, fit_patch, notes, remainder, rules, traces
 from twin.diagnosis.answer import (
     AdoptedEffect,
     Calibrated,
@@ -221,19 +221,29 @@ def _summary(
     depends: Sequence[str],
     predictions: Mapping[str, Prediction],
 ) -> str:
-    *first, last = [e.name for e in effects] or [""]
-    names = f"{', '.join(first)} and {last}" if first else last
-    held_out = _held_out(predictions)
-    if answer == "no-missing-effect":
-        return f"The declared model, calibrated within its uncertainty, explains the recordings. {held_out}"
+    budget, noise = _budget(predictions, depends if unexplained else ()), _held_out(predictions)
     if answer == "explained":
-        return held_out
+        return _joined(budget, noise)
+    if answer == "no-missing-effect":
+        explains = "The declared model, calibrated within its uncertainty, explains the recordings."
+        return _joined(budget, explains, noise)
     where = " and ".join(_place(channel) for channel in unexplained)
     is_not = "are not" if len(unexplained) > 1 else "is not"
-    known = f" It depends on {', '.join(labels.with_the(name) for name in depends[:3])}." if depends else ""
-    part = "explain a part" if len(effects) > 1 else "explains a part"
-    partly = f" {names.capitalize()} {part} of it." if effects else ""
-    return f"Something outside the library is missing: {where} {is_not} explained.{known}{partly} {held_out}"
+    names = labels.join_with_and([labels.words(e.name) for e in effects]) if effects else ""
+    something = f"Beside {names}, something" if effects else "Something"
+    missing = f"{something} outside the library is missing: {where} {is_not} explained."
+    known = f"It depends on {', '.join(labels.with_the(name) for name in depends[:3])}." if depends else ""
+    return _joined(budget, missing, known, noise)
+
+
+def _joined(*sentences: str) -> str:
+    return " ".join(s for s in sentences if s)
+
+
+def _budget(predictions: Mapping[str, Prediction], depends: Sequence[str]) -> str:
+    """The error budget in words, of the recordings that evaluate the answer."""
+    held_out = any(p.role == "holdout" for p in predictions.values())
+    return budget_text.sentences([p.budget for p in predictions.values() if p.budget], depends, held_out)
 
 
 def _held_out(predictions: Mapping[str, Prediction]) -> str:

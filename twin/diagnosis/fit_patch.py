@@ -12,7 +12,7 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis import dependence, remainder
 from twin.diagnosis.answer import Patched, Prediction
 from twin.diagnosis.dependence import Unexplained
-from twin.diagnosis.predict import about_zero
+from twin.diagnosis.error_budget import about_zero
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean

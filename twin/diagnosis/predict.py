@@ -10,11 +10,14 @@ import numpy as np
 
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis.answer import ChannelError, Prediction
+from twin.diagnosis.error_budget import ChannelBudget, ModelError, about_zero, channel_budgets, model_errors
 from twin.diagnosis.state import SearchState
+from twin.diagnosis.windows import simulate_windows
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
 from twin.estimation.output_error import BREAK_AWAY_CHANGE
-from twin.estimation.static_friction import FinalModels
+from twin.estimation.static_friction import FinalModels, with_static_levels
+from twin.mechanics.state import Start
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import has_unknown_zero
@@ -25,48 +28,86 @@ from twin.rigs.simulate import simulate
 def predict(
     campaign: Campaign, state: SearchState, polished: FinalModels, pool: ThreadPoolExecutor
 ) -> dict[str, Prediction]:
-    """File -> recording and its free-running simulations by the three models of `polished`."""
+    """File -> recording and its free-running simulations by the three models of `polished`.
+
+    Recordings that evaluate the answer, the held-out ones or, without any, all, get an error budget.
+    """
     noise = noise_levels(campaign)
-    augmented = polished.augmented.model
-    models = (polished.declared, polished.calibrated.model, augmented)
+    models = (polished.declared, polished.calibrated.model, polished.augmented.model)
+    between = models_between(state)
     predictions: dict[str, Prediction] = {}
     roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
         ("fit", campaign.fit),
         ("holdout", campaign.holdout()),
     )
     for role, recordings in roles:
+        evaluated = role == "holdout" or not campaign.holdout()
         for recording in recordings:
             prepared, left_out = prepare_clean(recording, campaign.sensors, state.start.clock, noise)
-            before, calibrated, after, *nearby = free_runs(models, prepared, pool)
-            runs = (before, calibrated, after)
+            starts = first_states(models, prepared, pool)
+            runs = free_runs(models, starts, prepared, pool)
+            before, calibrated, after, *nearby = runs
             errors = {
-                c: _error(prepared, c, runs, nearby, has_unknown_zero(augmented, prepared, c))
+                c: _error(prepared, c, runs[:3], nearby, has_unknown_zero(models[-1], prepared, c))
                 for c in prepared.channels
             }
+            simulated = list(zip(models, starts, runs[:3], strict=True))
+            budget = error_budget(state.names, simulated, between, prepared, pool) if evaluated else {}
             predictions[recording.name] = Prediction(
-                role, recording, before, calibrated, after, errors, left_out
+                role, recording, before, calibrated, after, errors, left_out, budget
             )
     return predictions
 
 
-def free_runs(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Recording]:
-    """Simulations from the first samples and the command alone: one of each model, then two of the last model.
+def models_between(state: SearchState) -> list[Model]:
+    """The models after each adopted effect but the last, with their static friction levels as `FinalModels` has them."""
+    return [with_static_levels(state.data, r.adopted.fit).model for r in state.adopting[:-1] if r.adopted]
+
+
+def error_budget(
+    effects: Sequence[str],
+    simulated: Sequence[tuple[Model, Start, Recording]],
+    between: Sequence[Model],
+    prepared: Prepared,
+    pool: ThreadPoolExecutor,
+) -> dict[str, ChannelBudget]:
+    """Channel -> its error budget.
+
+    Args:
+      effects: names of the adopted effects.
+      simulated: the declared, the calibrated and the final model, the state at the first sample and the free run of each.
+      between: the models after each effect but the last.
+      prepared: the recording.
+      pool: where the simulations run.
+    """
+    starts = first_states(between, prepared, pool)
+    free = pool.map(lambda m, s: simulate(with_fine_chain(m), prepared.recording, s), between, starts)
+    declared, calibrated, final = simulated
+    stages = [declared, calibrated, *zip(between, starts, free, strict=True), *([final] if effects else [])]
+
+    def errors(model: Model, start: Start, run: Recording) -> dict[str, ModelError]:
+        windows = simulate_windows(with_fine_chain(model), prepared, start, run)
+        return model_errors(prepared, model, run, windows)
+
+    return channel_budgets(prepared, effects, list(pool.map(errors, *zip(*stages, strict=True))))
+
+
+def first_states(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Start]:
+    """State of a recording at its first sample by each model."""
+    return [first_state.first_state(m, prepared, pool) for m in models]
+
+
+def free_runs(
+    models: Sequence[Model], starts: Sequence[Start], prepared: Prepared, pool: ThreadPoolExecutor
+) -> list[Recording]:
+    """Simulations from the states at the first sample and the command: one of each model, then two of the last model.
 
     These two have a break-away torque smaller and larger by `output_error.BREAK_AWAY_CHANGE`.
     """
     exact = [with_fine_chain(m) for m in models]
-    starts = [first_state.first_state(m, prepared, pool) for m in models]
-    for share in (1 - BREAK_AWAY_CHANGE, 1 + BREAK_AWAY_CHANGE):
-        exact.append(exact[len(models) - 1].with_break_away(share))
-        starts.append(starts[len(models) - 1])
-    return list(
-        pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), zip(exact, starts, strict=True))
-    )
-
-
-def about_zero(off: np.ndarray, has_zero: bool) -> np.ndarray:
-    """A difference (m) about the zero of its sensor, which is that of the recording: the mean, if it is unknown."""
-    return off - np.nanmean(off) if has_zero else off
+    nearby = [exact[-1].with_break_away(share) for share in (1 - BREAK_AWAY_CHANGE, 1 + BREAK_AWAY_CHANGE)]
+    pairs = zip((*exact, *nearby), (*starts, starts[-1], starts[-1]), strict=True)
+    return list(pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), pairs))
 
 
 def _error(

@@ -64,7 +64,7 @@ def find_functions(bench: Workbench, best: Fit, rate: float) -> tuple[UnnamedFun
     }
     if not variables:
         return ()
-    signs = permutation.random_signs(bench, permutation.DRAWS, np.random.default_rng(0))
+    signs = permutation.random_signs(bench, permutation.DRAWS, np.random.default_rng(permutation.SEED))
     linearised = _Linearised.of(bench, best)
     bases = [(law, _basis(bench, best, variables, law)) for law in _LAWS]
     tested = [(law, b, _evidence(linearised, b, signs)) for law, b in bases if b is not None]

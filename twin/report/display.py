@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
-from twin import effects
-from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Prediction
+from twin import effects, labels
+from twin.diagnosis import budget_text
+from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction
+from twin.diagnosis.error_budget import ChannelBudget
 from twin.labels import angle_in_degrees, join_with_and, over_noise, ratio, unit, with_error, words
 
 MODELS = ("before", "calibrated", "after")
@@ -14,6 +17,88 @@ MODELS = ("before", "calibrated", "after")
 
 NOISE_LIKE = 2.0
 """RMS residual over sensor noise up to which it counts as noise in tables and sentences [1]."""
+
+
+_MOST = 0.5
+"""Share of the error of the calibrated model from which the effects explain "most" of it [1]."""
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """One channel of a recording in the table of the error budget; all errors formatted, in `unit`.
+
+    Attributes:
+      file: name of the recording.
+      first: whether it is the first row of its recording.
+      span: number of rows of the recording.
+      channel, unit: of the errors.
+      in_windows: whether `models` are errors in windows, or of whole runs because there are no windows.
+      models: of the declared model, of the calibrated one, and after each effect.
+      whole: of whole runs, of the declared and of the final model.
+      fit: of whole runs in per cent, of the declared and of the final model.
+      noise: standard deviation of the sensor's noise.
+      over_noise: error of whole runs of the final model over the noise.
+      patched: error of whole runs of the final model with the lookup; "" without one.
+    """
+
+    file: str
+    first: bool
+    span: int
+    channel: str
+    unit: str
+    in_windows: bool
+    models: tuple[str, ...]
+    whole: tuple[str, str]
+    fit: tuple[str, str]
+    noise: str
+    over_noise: str
+    patched: str
+
+
+def budget_rows(diagnosis: Diagnosis) -> list[BudgetRow]:
+    """Returns the rows of the error budget of the recordings on which the final model is evaluated."""
+    return [
+        _budget_row(file, i == 0, name, p.budget, diagnosis.patched)
+        for file, p in evaluated_predictions(diagnosis).items()
+        for i, name in enumerate(p.budget)
+    ]
+
+
+def _budget_row(
+    file: str, first: bool, name: str, budgets: Mapping[str, ChannelBudget], patched: Patched | None
+) -> BudgetRow:
+    budget, shown = budgets[name], labels.channel(name)
+    in_windows = not all(math.isnan(e.rms_window) for e in budget.models)
+
+    def said(value: float) -> str:
+        return labels.number(shown.factor * value, 2)
+
+    return BudgetRow(
+        file,
+        first,
+        len(budgets),
+        shown.label,
+        shown.unit,
+        in_windows,
+        tuple(said(e.rms_window if in_windows else e.rms) for e in budget.models),
+        (said(budget.before.rms), said(budget.after.rms)),
+        (_fit(budget.before.fit_percent), _fit(budget.after.fit_percent)),
+        said(budget.noise),
+        ratio(over_noise(budget.after.rms, budget.noise)),
+        said(patched.error(file, name)) if patched is not None and patched.errors else "",
+    )
+
+
+def _fit(percent: float) -> str:
+    """Returns a fit with one decimal above 90 %, where it tells; "–" where it does not exist."""
+    if not math.isfinite(percent):
+        return "–"
+    return f"{percent:.{1 if percent > 90 else 0}f}".replace("-", "−")
+
+
+def budget_columns(diagnosis: Diagnosis) -> list[str]:
+    """Returns the names of the models of the budget: before, calibrated, and each effect."""
+    return ["before", "calibrated", *(f"+ {words(e.name)}" for e in diagnosis.effects)]
 
 
 def parameter_rows(effect: AdoptedEffect) -> list[tuple[str, str, str, str]]:
@@ -74,8 +159,16 @@ def headline(diagnosis: Diagnosis) -> str:
         return "Nothing is missing: the declared model, calibrated within its uncertainty, explains these recordings."
     if names:
         explain = "explains" if len(names) == 1 else "explain"
-        return f"{join_with_and(names).capitalize()} {explain} part of it; the rest is outside the library."
+        part = "most" if _share_by_effects(diagnosis) > _MOST else "part"
+        return f"{join_with_and(names).capitalize()} {explain} {part} of it; the rest is outside the library."
     return "Something is missing that no effect in the library explains."
+
+
+def _share_by_effects(diagnosis: Diagnosis) -> float:
+    """Returns the share of the error of the calibrated model that the effects take away; 0 if it is unknown."""
+    shown = evaluated_predictions(diagnosis).values()
+    budget = budget_text.main_budget([p.budget for p in shown])
+    return budget.share_by_effects if budget is not None else 0.0
 
 
 def improvement(diagnosis: Diagnosis) -> str:

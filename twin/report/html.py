@@ -145,14 +145,8 @@ def _largest_initial_error(diagnosis: Diagnosis) -> dict[str, str] | None:
         return None
     prediction, name, over = largest
     file = next(file for file, p in diagnosis.predictions.items() if p is prediction)
-    error = _shown_error(name, prediction.errors[name].before)
+    error = labels.amount(name, prediction.errors[name].before)
     return {"file": file, "channel": labels.channel(name).label, "over": labels.ratio(over), "error": error}
-
-
-def _shown_error(name: str, error: float) -> str:
-    shown = labels.channel(name)
-    text = labels.number(shown.factor * error, 2)
-    return f"{text}{'' if shown.unit == '°' else ' '}{shown.unit}"
 
 
 # Errors over noise, with a bar
@@ -190,13 +184,13 @@ def _error_rows(predictions: Mapping[str, Prediction], scale: _Scale) -> Iterato
         for i, (name, error) in enumerate(prediction.errors.items()):
             models = {m: _error_cell(name, error, m) for m in display.MODELS}
             places = {m: scale.place(over) for m, (over, _) in models.items() if scale.place(over) >= 0}
-            label, noise = labels.channel(name).label, _shown_error(name, error.noise)
+            label, noise = labels.channel(name).label, labels.amount(name, error.noise)
             yield ErrorRow(file, label, i == 0, len(prediction.errors), models, noise, places)
 
 
 def _error_cell(name: str, error: ChannelError, model: str) -> tuple[float, str]:
     value = getattr(error, model)
-    return labels.over_noise(value, error.noise), _shown_error(name, value)
+    return labels.over_noise(value, error.noise), labels.amount(name, value)
 
 
 def _degradations(held_out: Mapping[str, Prediction]) -> str:
@@ -332,8 +326,8 @@ def _patch(patched: Patched | None) -> dict[str, Any] | None:
             {
                 "file": file,
                 "channel": labels.channel(name).label,
-                "without": _shown_error(name, without),
-                "with": _shown_error(name, corrected),
+                "without": labels.amount(name, without),
+                "with": labels.amount(name, corrected),
                 "ratio": f"{corrected / without:.2f}" if without > 0 else "",
             }
             for file, channels in patched.errors.items()
@@ -360,7 +354,7 @@ def _remaining(diagnosis: Diagnosis) -> list[dict[str, str]]:
             "file": file,
             "channel": labels.channel(name).label,
             "over": labels.ratio(over),
-            "error": _shown_error(name, error.after),
+            "error": labels.amount(name, error.after),
             "share": _share(error),
         }
         for file, name, error, over in rows

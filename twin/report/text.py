@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING
 
 from twin import labels
-from twin.diagnosis.answer import Diagnosis, Patched, Prediction
+from twin.diagnosis.answer import Diagnosis
+from twin.diagnosis.windows import WINDOW
 from twin.report import display
 
 if TYPE_CHECKING:
@@ -72,10 +73,11 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     parts += [line(diagnosis.summary)] if diagnosis.summary else []
     if diagnosis.effects:
         parts += [line(""), _effects_table(diagnosis, plain)]
-    if diagnosis.predictions:
+    rows = display.budget_rows(diagnosis)
+    if rows:
         what = "held-out recordings" if display.by_role(diagnosis, "holdout") else "fit recordings"
-        parts += [line(""), line(f"Error on {what}, in multiples of the sensor noise", "dim")]
-        parts.append(_errors_table(display.evaluated_predictions(diagnosis), diagnosis.patched, plain))
+        parts += [line(""), line(f"Error on {what}, in windows of {WINDOW:g} s and over the whole run", "dim")]
+        parts.append(_budget_table(diagnosis, rows, plain))
     parts += [line(text) for text in _closing_lines(diagnosis)]
     return Group(*parts)
 
@@ -114,29 +116,17 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
     return table
 
 
-def _errors_table(predictions: Mapping[str, Prediction], patched: Patched | None, plain: bool) -> Table:
-    corrected = patched if patched and patched.errors else None
-    models = (*display.MODELS, *(["with patch"] if corrected else []))
-    table = _table(plain, "recording", "channel", *(f">{model}" for model in models), ">noise")
-    for file, prediction in predictions.items():
-        for i, (name, error) in enumerate(prediction.errors.items()):
-            shown = labels.channel(name)
-            noise = f"{labels.number(shown.factor * error.noise, 2)} {shown.unit}"
-            errors = [getattr(error, model) for model in display.MODELS]
-            if corrected:
-                errors.append(corrected.error(file, name))
-            cells = (_error_cell(value, error.noise, shown) for value in errors)
-            _add_row(table, plain, file if i == 0 else "", shown.label, *cells, noise)
+def _budget_table(diagnosis: Diagnosis, rows: Sequence[display.BudgetRow], plain: bool) -> Table:
+    models = [f">{name}" for name in display.budget_columns(diagnosis)]
+    patch = [">with patch"] if any(row.patched for row in rows) else []
+    end = (">whole run", *patch, ">fit %", ">noise", ">over noise")
+    table = _table(plain, "recording", "channel", *models, *end)
+    for row in rows:
+        channel = f"{row.channel} [{row.unit}]{'' if row.in_windows else ', whole run'}"
+        whole = f"{row.whole[0]} → {row.whole[1]}"
+        cells = (whole, *([row.patched] if patch else []), row.fit[1], row.noise, row.over_noise)
+        _add_row(table, plain, row.file if row.first else "", channel, *row.models, *cells)
     return table
-
-
-def _error_cell(value: float, noise: float, shown: labels.Display) -> str:
-    if value != value:
-        return ""
-    over = labels.over_noise(value, noise)
-    # Without a noise level the error itself is shown, in its unit.
-    known = over == over
-    return labels.ratio(over) if known else f"{labels.number(shown.factor * value, 2)} {shown.unit}"
 
 
 def _table(plain: bool, *columns: str) -> Table:

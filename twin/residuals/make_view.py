@@ -42,7 +42,7 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     """
     if prepared.hub is None:
         return _view(_clamped_signals(prepared), NoiseModel(noise=sensor_noise(prepared, {})))
-    signals = _hub_signals(prepared, prepared.hub, model, bands)
+    signals = hub_signals(prepared, prepared.hub, model, bands)
     whitening = whitening_filters(signals, prepared, model)
     noise, torque = propagated_noise(signals, prepared, model)
     if not np.isfinite(torque).all():
@@ -111,7 +111,9 @@ def _clamped_signals(prepared: Prepared) -> Signals:
     return Signals(time, still, still, still, still, still > 0, measured, known, (), with_gaps=with_gaps)
 
 
-def _hub_signals(prepared: Prepared, hub: HubMotion, model: Model, bands: Sequence[float]) -> Signals:
+def hub_signals(
+    prepared: Prepared, hub: HubMotion, model: Model, bands: Sequence[float] = MOTION_BANDS
+) -> Signals:
     """The signals of a recording with a free hub.
 
     Args:

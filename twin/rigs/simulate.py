@@ -107,13 +107,22 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
     return root(unbalance, np.r_[guess, force], tol=1e-12).x[:-1]
 
 
-def sensor_readings(model: Model, recording: Recording, motion: Motion) -> Recording:
-    """Returns the readings of a motion, at the samples and in the channels of a recording."""
+def sensor_readings(
+    model: Model, recording: Recording, motion: Motion, began: float | None = None
+) -> Recording:
+    """Returns the readings of a motion, at the samples and in the channels of a recording.
+
+    Args:
+      model: the model.
+      recording: its channels are used.
+      motion: at its samples.
+      began: instant from which the drift of a sensor is counted [s]; by default the first of the motion.
+    """
     with np.errstate(invalid="ignore"):  # a diverged simulation
         true = {channel: _true_channel(model, recording, motion, channel) for channel in recording.measured()}
     if model.plant.link.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
-    since = motion.time - motion.time[0]
+    since = motion.time - (motion.time[0] if began is None else began)
     channels = {name: v for name, v in model.report(since, true).items() if name != TORSION}
     commanded = {"torque_command": recording["torque_command"]} if "torque_command" in recording else {}
     return Recording(
