@@ -104,7 +104,11 @@ def _window_motions(
         held = _commands_from(times, torques, drive, began)
         instants = np.r_[began, recording.time[inside]]
         rows = planar.simulate(plant, *held, instants, phi, omega, mode, False, model.stable_step)
-        yield k, inside, Motion.from_coordinates(instants[1:], *(v[1:] for v in rows), len(model.chain.lengths))
+        yield (
+            k,
+            inside,
+            Motion.from_coordinates(instants[1:], *(v[1:] for v in rows), len(model.chain.lengths)),
+        )
 
 
 def _state(plant: Plant, driven: Motion, row: int, torque: float) -> tuple[np.ndarray, np.ndarray, int]:
