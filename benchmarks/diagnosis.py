@@ -91,7 +91,7 @@ def _search_only(campaign: Campaign) -> dict:
         "verdict": verdict_of(found),
         "adopted": [c.effects[-1] for c in found.adopted],
         "ranking": [c.name for c in found.rounds[0].ranked[:5]],
-        "probabilities": effect_probabilities(found),
+        "probabilities": effect_probabilities(found, verdict_of(found)),
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: standard_errors(fit, name) for name in fit.model.effects},
         "alike": [list(names) for names in alternatives([r.ranked for r in found.adopting])],

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from twin.correlations import Correlations
-from twin.diagnosis.error_budget import ChannelBudget
+from twin.diagnosis.error_budget import ChannelBudget, ModelError
 from twin.diagnosis.judgement import Judgement
 from twin.files.provenance import Provenance
 from twin.parameters import Rig
@@ -93,6 +93,7 @@ class Prediction:
       errors: channel -> prediction errors.
       left_out: parts of the recording that the errors leave out, as sentences.
       budget: channel -> its errors along the steps of the diagnosis; empty for recordings that do not evaluate it.
+      windows: channel -> error of the final model, with that in windows.
     """
 
     role: Literal["fit", "holdout"]
@@ -103,6 +104,26 @@ class Prediction:
     errors: Mapping[str, ChannelError]
     left_out: tuple[str, ...] = ()
     budget: Mapping[str, ChannelBudget] = field(default_factory=dict)
+    windows: Mapping[str, ModelError] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A held-out recording that contradicts the final model in one channel.
+
+    Attributes:
+      recording, channel: where.
+      size: median error of its windows [noise levels].
+      limit: largest that noise, and the errors of the fit recordings, allow [noise levels].
+      reference: "fit" if the windows of the fit recordings set the limit, "calibrated" if those of the calibrated model
+        without effects, which predicts the recording better.
+    """
+
+    recording: str
+    channel: str
+    size: float
+    limit: float
+    reference: str
 
 
 @dataclass(frozen=True)
@@ -216,6 +237,7 @@ class Diagnosis:
       explanation: channel -> judgement of its residuals by each rule.
       patched: the unexplained residuals as a lookup over one variable, or None.
       no_patch: why there is no lookup, in a sentence, or None.
+      contradicted: held-out recordings that withdraw the verdict of the fit recordings.
       known: effects that the rig was declared with.
       correlations: of the errors of fitted parameters of rig and effects.
       provenance: what it was computed with and from, or None if that was not recorded.
@@ -245,6 +267,7 @@ class Diagnosis:
     explanation: Mapping[str, tuple[Judgement, ...]] = field(default_factory=dict)
     patched: Patched | None = None
     no_patch: str | None = None
+    contradicted: tuple[Contradiction, ...] = ()
     known: tuple[KnownEffect, ...] = ()
     correlations: Correlations = field(default_factory=Correlations)
     provenance: Provenance | None = None
@@ -284,6 +307,7 @@ class Diagnosis:
                 name: {"declared": c.declared, "fitted": c.fitted, "standard_error": c.standard_error}
                 for name, c in self.calibrated.items()
             },
+            "contradicted": [asdict(c) for c in self.contradicted],
             "error_budget": {
                 file: {c: budget.to_json() for c, budget in p.budget.items()}
                 for file, p in self.predictions.items()

@@ -10,10 +10,21 @@ import numpy as np
 from twin import labels
 from twin.campaigns.campaign import Campaign
 from twin.correlations import Correlations, from_covariance
-from twin.diagnosis import budget_text, dependence, experiments, fit_patch, notes, remainder, rules, traces
+from twin.diagnosis import (
+    budget_text,
+    contradiction,
+    dependence,
+    experiments,
+    fit_patch,
+    notes,
+    remainder,
+    rules,
+    traces,
+)
 from twin.diagnosis.answer import (
     AdoptedEffect,
     Calibrated,
+    Contradiction,
     Diagnosis,
     KnownEffect,
     Patched,
@@ -70,15 +81,16 @@ def conclude(
       patched: the lookup for unexplained residuals, or None.
     """
     unexplained = remainder.unexplained_channels(state)
-    answer = verdict_of(state)
-    effects = _effects(state, polished)
+    contradicted = () if unexplained else contradiction.contradictions(predictions, bool(state.adopted))
+    answer: Verdict = "outside-library" if contradicted else verdict_of(state)
+    effects = _effects(state, polished, answer)
     first = state.rounds[0] if state.rounds else Round(())
     alike = rules.alternatives([r.ranked for r in state.adopting])
     depends = explanatory_variables(state, residuals)
     return Diagnosis(
         campaign=campaign.name,
         verdict=answer,
-        summary=_summary(answer, effects, unexplained, depends, predictions),
+        summary=_summary(answer, effects, unexplained, depends, predictions, contradicted),
         effects=effects,
         known=tuple(KnownEffect(**_effect_values(polished.augmented, name)) for name in state.known),
         ranking=tuple((c.name, c.score) for c in first.ranked),
@@ -86,7 +98,7 @@ def conclude(
         judgements=_judgements(state),
         explanation=remainder.judge_channels(state),
         indistinguishable=tuple(alike),
-        next_experiment=_next_experiment(answer, alike, depends, plans),
+        next_experiment=_next_experiment(answer, alike, depends, plans, contradicted),
         depends_on=depends if answer == "outside-library" else (),
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
@@ -94,6 +106,7 @@ def conclude(
         if unexplained
         else traces.explained_traces(state, residuals),
         notes=notes.all_notes(campaign, state, residuals, polished, predictions, depends),
+        contradicted=contradicted,
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,
         threshold=first.threshold if first.ranked else None,
@@ -128,8 +141,8 @@ def verdict_of(state: SearchState) -> Verdict:
     return "explained" if state.adopted else "no-missing-effect"
 
 
-def _effects(state: SearchState, polished: FinalModels) -> tuple[AdoptedEffect, ...]:
-    probabilities = effect_probabilities(state)
+def _effects(state: SearchState, polished: FinalModels, answer: Verdict) -> tuple[AdoptedEffect, ...]:
+    probabilities = effect_probabilities(state, answer)
     return tuple(
         AdoptedEffect(**_effect_values(polished.augmented, name), probability=probabilities[name])
         for name in state.names
@@ -148,9 +161,9 @@ def _effect_values(fit: Fit, name: str) -> dict[str, Any]:
     }
 
 
-def effect_probabilities(state: SearchState) -> dict[str, float]:
-    """Adopted effect -> its posterior probability, see `rules.probabilities`."""
-    factor = _PROBABILITY_OUTSIDE if verdict_of(state) == "outside-library" else 1.0
+def effect_probabilities(state: SearchState, answer: Verdict) -> dict[str, float]:
+    """Adopted effect -> its posterior probability, see `rules.probabilities`; `answer`: the verdict."""
+    factor = _PROBABILITY_OUTSIDE if answer == "outside-library" else 1.0
     return {
         name: factor * rules.probabilities(r.ranked, r.draws).get(name, 0.0)
         for name, r in zip(state.names, state.adopting, strict=True)
@@ -220,6 +233,7 @@ def _summary(
     unexplained: Sequence[str],
     depends: Sequence[str],
     predictions: Mapping[str, Prediction],
+    contradicted: Sequence[Contradiction],
 ) -> str:
     budget, noise = _budget(predictions, depends if unexplained else ()), _held_out(predictions)
     if answer == "explained":
@@ -227,6 +241,10 @@ def _summary(
     if answer == "no-missing-effect":
         explains = "The declared model, calibrated within its uncertainty, explains the recordings."
         return _joined(budget, explains, noise)
+    if contradicted:
+        worst = contradicted[0]
+        explains = "The fit recordings are explained."
+        return _joined(budget, explains, contradiction.in_words(worst, labels.with_the(worst.channel)), noise)
     where = " and ".join(_place(channel) for channel in unexplained)
     is_not = "are not" if len(unexplained) > 1 else "is not"
     names = labels.join_with_and([labels.words(e.name) for e in effects]) if effects else ""
@@ -268,8 +286,17 @@ def _place(channel: str) -> str:
 
 
 def _next_experiment(
-    answer: Verdict, alike: Sequence[Sequence[str]], depends: Sequence[str], plans: Sequence[Plan]
+    answer: Verdict,
+    alike: Sequence[Sequence[str]],
+    depends: Sequence[str],
+    plans: Sequence[Plan],
+    contradicted: Sequence[Contradiction],
 ) -> str | None:
+    if contradicted:
+        return (
+            f"Fit {contradicted[0].recording} too, and hold out another recording like it: it shows what the fitted "
+            "ones do not."
+        )
     if alike and plans:
         return experiments.recommendation(plans, alike[0][:2])
     if answer == "outside-library":

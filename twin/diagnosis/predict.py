@@ -53,8 +53,11 @@ def predict(
             }
             simulated = list(zip(models, starts, runs[:3], strict=True))
             budget = error_budget(state.names, simulated, between, prepared, pool) if evaluated else {}
+            windows = (
+                {c: b.after for c, b in budget.items()} if evaluated else _errors(prepared, *simulated[-1])
+            )
             predictions[recording.name] = Prediction(
-                role, recording, before, calibrated, after, errors, left_out, budget
+                role, recording, before, calibrated, after, errors, left_out, budget, windows
             )
     return predictions
 
@@ -84,12 +87,13 @@ def error_budget(
     free = pool.map(lambda m, s: simulate(with_fine_chain(m), prepared.recording, s), between, starts)
     declared, calibrated, final = simulated
     stages = [declared, calibrated, *zip(between, starts, free, strict=True), *([final] if effects else [])]
+    errors = pool.map(lambda stage: _errors(prepared, *stage), stages)
+    return channel_budgets(prepared, effects, list(errors))
 
-    def errors(model: Model, start: Start, run: Recording) -> dict[str, ModelError]:
-        windows = simulate_windows(model, prepared, start, run)
-        return model_errors(prepared, model, run, windows)
 
-    return channel_budgets(prepared, effects, list(pool.map(errors, *zip(*stages, strict=True))))
+def _errors(prepared: Prepared, model: Model, start: Start, free: Recording) -> dict[str, ModelError]:
+    """Channel -> error of a model; `start`: the state at the first sample, `free`: the free run."""
+    return model_errors(prepared, model, free, simulate_windows(model, prepared, start, free))
 
 
 def first_states(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Start]:

@@ -165,7 +165,9 @@ class _DrivenRun:
             phi[-1] += np.sign(torque) * self.plant.motor.gap / 2
         return phi, omega, mode
 
-    def readings(self, instants: np.ndarray, motion: Motion, channels: Sequence[str]) -> dict[str, np.ndarray]:
+    def readings(
+        self, instants: np.ndarray, motion: Motion, channels: Sequence[str]
+    ) -> dict[str, np.ndarray]:
         """Channel -> what its sensor reads of a motion at instants (m)."""
         blank = Recording("", instants, {c: np.zeros(len(instants)) for c in channels})
         began = self.prepared.recording.time[0]
@@ -194,7 +196,9 @@ def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
     """
     recording = run.prepared.recording
     inside = (recording.time >= run.time[row] - 1e-9) & (recording.time < run.time[until] - 1e-9)
-    channels = [c for c in _FITTED if c in run.prepared.channels and np.isfinite(recording[c][inside]).sum() > 1]
+    channels = [
+        c for c in _FITTED if c in run.prepared.channels and np.isfinite(recording[c][inside]).sum() > 1
+    ]
     if not channels:
         return None
     instants = recording.time[inside]

@@ -1,0 +1,68 @@
+"""Held-out recordings withdraw a verdict where most of their windows are off, and not for a stick or slip more."""
+
+from types import SimpleNamespace
+
+from twin.diagnosis.contradiction import contradictions, in_words
+from twin.diagnosis.error_budget import ChannelBudget, ModelError
+
+NOISE = 1e-3
+QUIET = (1.0, 1.1, 0.9, 1.0)
+
+
+def error(levels):
+    """The error in windows that are off by these noise levels."""
+    return ModelError(0.0, by_window=tuple(NOISE * level for level in levels))
+
+
+def fitted(levels=QUIET):
+    return SimpleNamespace(role="fit", budget={}, windows={"hub_angle": error(levels)})
+
+
+def held_out(after, calibrated=(50.0,) * 4):
+    budget = ChannelBudget(
+        unit="rad",
+        noise=NOISE,
+        before=error(calibrated),
+        calibrated=error(calibrated),
+        steps=(),
+        after=error(after),
+    )
+    return SimpleNamespace(role="holdout", budget={"hub_angle": budget}, windows={})
+
+
+def test_held_out_windows_at_the_noise_contradict_nothing():
+    assert contradictions({"a.csv": fitted(), "b.csv": held_out(QUIET)}, True) == ()
+
+
+def test_one_window_with_a_stick_more_contradicts_nothing():
+    assert contradictions({"a.csv": fitted(), "b.csv": held_out((1.0, 400.0, 1.0, 1.0))}, True) == ()
+
+
+def test_errors_in_most_windows_contradict_and_say_where():
+    [found] = contradictions({"a.csv": fitted(), "b.csv": held_out((8.0, 9.0, 1.0, 10.0))}, True)
+    assert (found.recording, found.channel, found.reference) == ("b.csv", "hub_angle", "fit")
+    assert found.size == 8.5
+    assert "b.csv" in in_words(found, "the hub angle")
+    assert "8.5 noise levels" in in_words(found, "the hub angle")
+
+
+def test_what_the_fit_recordings_are_off_by_held_out_ones_may_be():
+    predictions = {"a.csv": fitted((6.0,) * 4), "c.csv": fitted(), "b.csv": held_out((11.0,) * 4)}
+    assert contradictions(predictions, True) == ()
+
+
+def test_effects_that_make_the_windows_worse_contradict():
+    predictions = {"a.csv": fitted((6.0,) * 4), "b.csv": held_out((8.0,) * 4, calibrated=(5.0,) * 4)}
+    [found] = contradictions(predictions, True)
+    assert found.reference == "calibrated"
+    assert "without the effects" in in_words(found, "the hub angle")
+
+
+def test_without_effects_the_calibrated_model_is_the_final_one():
+    predictions = {"a.csv": fitted((6.0,) * 4), "b.csv": held_out((8.0,) * 4, calibrated=(5.0,) * 4)}
+    assert contradictions(predictions, False) == ()
+
+
+def test_without_windows_nothing_is_contradicted():
+    predictions = {"a.csv": fitted(()), "b.csv": held_out((), calibrated=())}
+    assert contradictions(predictions, True) == ()
