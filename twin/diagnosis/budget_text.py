@@ -110,7 +110,9 @@ def _taken(budget: PooledBudget) -> str:
             continue
         verb = "takes" if taken > 0 else "adds"
         amount = labels.amount(budget.channel, abs(taken))
-        clauses.append(f"{name} {amount}" if verb == last else f"{name} {verb} {amount}{' away' * (taken > 0)}")
+        clauses.append(
+            f"{name} {amount}" if verb == last else f"{name} {verb} {amount}{' away' * (taken > 0)}"
+        )
         last = verb
     return ", ".join(clauses)
 

@@ -76,7 +76,10 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     rows = display.budget_rows(diagnosis)
     if rows:
         what = "held-out recordings" if display.by_role(diagnosis, "holdout") else "fit recordings"
-        parts += [line(""), line(f"Error on {what}: in windows of {WINDOW:g} s, and after all over the whole run", "dim")]
+        parts += [
+            line(""),
+            line(f"Error on {what}: in windows of {WINDOW:g} s, and after all over the whole run", "dim"),
+        ]
         parts.append(_budget_table(diagnosis, rows, plain))
     parts += [line(text) for text in _closing_lines(diagnosis)]
     return Group(*parts)
