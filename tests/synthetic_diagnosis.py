@@ -12,7 +12,9 @@ import numpy as np
 from scipy.signal import lsim
 
 from twin.diagnosis.answer import AdoptedEffect, Calibrated, ChannelError, Diagnosis, Prediction, Trace
-from twin.recording import Recording, Sensor
+from twin.diagnosis.error_budget import ChannelBudget, ModelError
+from twin.files.provenance import Provenance
+from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.rigs import preset
 
 SENSORS = {
@@ -80,13 +82,24 @@ def prediction(
         "calibrated": simulate(name, torque, rate, clamped=clamped, viscous=0.022),
         "after": simulate(name, torque, rate, clamped=clamped, viscous=0.02005, **after),
     }
-    errors = {}
+    errors, budget = {}, {}
     for channel in measured.measured():
         rms = {
             m: float(np.sqrt(np.nanmean((measured[channel] - r[channel]) ** 2))) for m, r in models.items()
         }
         errors[channel] = ChannelError(**rms, noise=SENSORS[channel].noise, unit="")
-    return Prediction(role, measured, **models, errors=errors)
+        budget[channel] = _budget(channel, measured[channel], rms)
+    return Prediction(role, measured, **models, errors=errors, budget=budget)
+
+
+def _budget(channel: str, measured: np.ndarray, rms: dict[str, float]) -> ChannelBudget:
+    """Returns the budget of a channel; errors in windows are a tenth of those of whole runs."""
+    spread = float(np.nanstd(measured))
+    errors = {
+        m: ModelError(e, e / 10, 100 * (1 - e / spread), 100 * (1 - 0.1 * e / spread)) for m, e in rms.items()
+    }
+    steps = (("cable-torsion", errors["after"]),)
+    return ChannelBudget(CHANNEL_UNITS[channel], SENSORS[channel].noise, **errors, steps=steps)
 
 
 def diagnosis(duration: float = 2.0, rate: float = 250.0, **changes) -> Diagnosis:
@@ -154,8 +167,23 @@ def diagnosis(duration: float = 2.0, rate: float = 250.0, **changes) -> Diagnosi
         by_chance=9.8,
         least_score=30.0,
         not_fitted=("payload-mass", "air-drag"),
+        provenance=Provenance(
+            "0.1.0",
+            "2026-01-02T03:04:05+00:00",
+            "twin diagnose bench",
+            {"campaign.toml": "ab" * 32, "bang-bang-90.csv": "cd" * 32},
+            {"permutation_test": 0},
+        ),
     )
-    return replace(whole, **changes)
+    whole = replace(whole, **changes)
+    if whole.effects:
+        return whole
+    return replace(whole, predictions={f: _without_steps(p) for f, p in whole.predictions.items()})
+
+
+def _without_steps(prediction: Prediction) -> Prediction:
+    budget = {c: replace(b, steps=(), after=b.calibrated) for c, b in prediction.budget.items()}
+    return replace(prediction, budget=budget)
 
 
 def outside(**changes) -> Diagnosis:

@@ -1,5 +1,6 @@
 """The command line: exit codes, one message, nothing written on bad input, everything written on good one."""
 
+import hashlib
 import json
 import os
 import signal
@@ -82,7 +83,14 @@ def test_json_is_the_answer(run, campaign, answer):
     assert code == 0
     assert files() == ["a", "answer.json"]
     text = Path("answer.json").read_text()
-    assert json.loads(text) == json.loads(json.dumps(answer.to_json()))
+    written, expected = json.loads(text), json.loads(json.dumps(answer.to_json()))
+    provenance = written.pop("provenance")
+    expected.pop("provenance")
+    assert written == expected
+    assert provenance["command"].startswith("twin ")
+    digest = hashlib.sha256((campaign / "push.csv").read_bytes()).hexdigest()
+    assert provenance["inputs"]["push.csv"] == digest
+    assert "campaign.toml" in provenance["inputs"]
     assert Path("a/b", ANSWER).read_text() == text
 
 

@@ -310,8 +310,23 @@ def test_trace_is_drawn_where_it_is_known_alone(diagnosis):
 
 def test_partial_explanation_is_not_sold_as_a_whole(diagnosis):
     partial = replace(diagnosis, verdict="outside-library")
-    assert display.headline(partial) == "Cable torsion explains part of it; the rest is outside the library."
+    assert display.headline(partial) == "Cable torsion explains most of it; the rest is outside the library."
+    predictions = {f: _with_weak_effect(p) for f, p in partial.predictions.items()}
+    weak = replace(partial, predictions=predictions)
+    assert display.headline(weak) == "Cable torsion explains part of it; the rest is outside the library."
     assert "The rest follows no effect of the library" in seen(page(partial))
+
+
+def _with_weak_effect(prediction):
+    """The prediction with an effect that takes away a third of the error of the calibrated model."""
+    budget = {
+        c: replace(
+            b, after=replace(b.calibrated, rms_window=b.calibrated.rms_window / 1.5),
+            steps=tuple((name, replace(b.calibrated, rms_window=b.calibrated.rms_window / 1.5)) for name, _ in b.steps),
+        )
+        for c, b in prediction.budget.items()
+    }  # fmt: skip
+    return replace(prediction, budget=budget)
 
 
 def test_outside_the_library_the_traces_are_of_what_remains_and_no_lookup_has_a_reason(diagnosis):
@@ -434,14 +449,60 @@ def test_what_a_patch_gains_stands_beside_the_models_that_have_none():
     assert "with patch" not in summary(odd)
     text = summary(replace(odd, patched=patched))
     assert "with patch" in text
-    assert [line for line in text.splitlines() if "base strain " in line and "3.2" in line]
+    assert [line for line in text.splitlines() if " base strain, µε" in line and " 6.4 " in line]
 
 
 def test_columns_are_aligned(diagnosis):
     lines = summary(diagnosis).splitlines()
     first = next(i for i, line in enumerate(lines) if line.startswith("recording"))
-    ends = {re.match(r"\S*\s+\w+ \w+\s+[\d.]+", line).end() for line in lines[first + 1 : first + 6]}
-    assert ends == {lines[first].index("before") + len("before")}
+    rows = [re.match(r" \w+ \w+, \S+\s+[\d.]+", line) for line in lines[first + 1 : first + 6]]
+    assert {row.end() for row in rows if row} == {lines[first].index("before") + len("before")}
+    assert sum(row is None for row in rows) == 2  # the names of the recordings
+
+
+def test_budget_leads_terminal_and_page_and_names_each_effect(diagnosis):
+    budget = diagnosis.predictions["bang-bang-90.csv"].budget["hub_angle"]
+    shown = [labels.number(180 / np.pi * e.rms_window, 2) for e in budget.models]
+    lines = summary(diagnosis).splitlines()
+    head = next(line for line in lines if line.startswith("recording"))
+    assert head.split("  ")[-1].strip() == "noise"
+    assert [name in head for name in ("before", "calibrated", "+ cable torsion", "whole run", "fit %")] == [
+        True
+    ] * 5
+    [row] = [line.split() for line in lines if line.startswith(" hub angle, °")]
+    whole, noise = (labels.number(180 / np.pi * v, 2) for v in (budget.after.rms, budget.noise))
+    assert row[3:] == [*shown, whole, f"{budget.after.fit_percent:.1f}", noise]
+    text = seen(page(diagnosis))
+    assert text.index("error in windows of 1 s") < text.index("What was measured")
+    assert f"hub angle [°] {' '.join(shown)} " in text
+
+
+def test_a_channel_without_windows_says_so(diagnosis):
+    prediction = diagnosis.predictions["release.csv"]
+    budget = {
+        c: replace(
+            b, **{m: replace(getattr(b, m), rms_window=np.nan) for m in ("before", "calibrated", "after")},
+            steps=tuple((name, replace(e, rms_window=np.nan)) for name, e in b.steps),
+        )
+        for c, b in prediction.budget.items()
+    }  # fmt: skip
+    locked = replace(diagnosis, predictions={"release.csv": replace(prediction, budget=budget)})
+    assert "base strain, µε (whole run)" in summary(locked)
+    assert "base strain [µε] , whole run" in seen(page(locked))
+
+
+def test_provenance_is_told_on_the_page_and_in_the_answer(diagnosis):
+    text = seen(page(diagnosis))
+    assert text.index("Provenance") > text.index("Assumptions and data defects")
+    for told in (
+        "2026-01-02T03:04:05+00:00",
+        "twin diagnose bench",
+        "permutation test: 0",
+        f"SHA-256 {'ab' * 32}",
+    ):
+        assert told in text
+    assert diagnosis.to_json()["provenance"]["inputs"]["bang-bang-90.csv"] == "cd" * 32
+    assert "Provenance" not in seen(page(replace(diagnosis, provenance=None)))
 
 
 def test_ascii_terminal_gets_ascii(diagnosis):

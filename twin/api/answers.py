@@ -70,7 +70,7 @@ class Diagnosis:
         return Table.of_rows(names, rows)
 
     def error_budget(self) -> Table:
-        """What calibration and each effect take away of the errors of the recordings that evaluate the answer, SI units.
+        """What calibration and each effect take away of the errors of held-out recordings, or of all; SI units.
 
         `rms` and `fit_percent` are of the free run of the whole recording, `rms_window` and `fit_percent_window` in
         windows, see `twin.diagnosis.windows`.

@@ -75,7 +75,7 @@ def rig_of(given: RigLike) -> RigFile:
 
 
 def files_of(campaign: FilePath | Campaign, rig: RigLike | None) -> tuple[Path | None, list[Path]]:
-    """Returns the folder of a campaign, None for a value, and the files from which it and the declared rig were read."""
+    """Returns the folder of a campaign, None for a value, and the files from which it and its rig were read."""
     folder = None if isinstance(campaign, Campaign) else Path(campaign)
     files = [] if folder is None else list(campaign_files(folder))
     if isinstance(rig, str | PathLike) and Path(rig).is_file():

@@ -63,7 +63,7 @@ def predict(
 
 
 def models_between(state: SearchState) -> list[Model]:
-    """The models after each adopted effect but the last, with their static friction levels as `FinalModels` has them."""
+    """The models after each adopted effect but the last, their static friction levels found as by `FinalModels`."""
     return [with_static_levels(state.data, r.adopted.fit).model for r in state.adopting[:-1] if r.adopted]
 
 
@@ -78,7 +78,7 @@ def error_budget(
 
     Args:
       effects: names of the adopted effects.
-      simulated: the declared, the calibrated and the final model, the state at the first sample and the free run of each.
+      simulated: the declared, the calibrated and the final model, each with its state at the first sample and free run.
       between: the models after each effect but the last.
       prepared: the recording.
       pool: where the simulations run.

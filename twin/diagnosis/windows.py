@@ -24,9 +24,9 @@ from twin.rigs.simulate import bending_shapes, delivered_torque, sensor_readings
 
 WINDOW = 1.0
 """Length of a window [s]: a few periods of the first bending mode, short beside the drift of a hub."""
-_RUN_INS = (0.25, 0.1)
-"""Spans before a window to whose readings the state is fitted, one after the other until one fits [s]: the longer, the
-less the noise of a rough hub sensor matters, and the more the errors of the model do."""
+_RUN_INS = (0.5, 0.2, 0.1)
+"""Spans before a window to whose readings the state is fitted, one after the other until the model fits [s]: the
+longer, the less the noise of a rough hub sensor matters, and the more the errors of the model do."""
 _FITS = 2.0
 """Residual of every channel in a run-in up to which the model fits it, root mean square [noise levels]."""
 _NEAR = 0.02  # s before and behind the start of a window in which the hub has to be read
@@ -61,13 +61,13 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
     """Free simulations of `WINDOW` each, one behind the other.
 
     A window predicts: no reading behind its first instant is used but for the low-pass. It begins with the measured
-    angle and rate of the hub, low-passed, and with the shape and motion of the modelled link under the measured hub until
-    then; the hub sticks where the recording shows a rest. A motor with backlash begins on the flank to which its torque
-    pushes it.
+    angle and rate of the hub, low-passed, and with the shape and motion of the modelled link under the measured hub
+    until then; the hub sticks where the recording shows a rest. A motor with backlash begins on the flank to which its
+    torque pushes it.
 
     The rate of a rough hub sensor has an error that is visible within a window. Where the model fits the readings of
-    a run-in before the window (`_RUN_INS`), from a state that is as near to the measured one as noise allows, the window
-    continues this run: then it shows no error of the state. Where it does not, the measured state is used.
+    a run-in before the window (`_RUN_INS`), from a state as near to the measured one as noise allows, the window
+    continues this run: then it shows hardly any error of the state. Where it does not, the measured state is used.
 
     There is no window where the hub is not read about its start, and none in the rest behind the last whole window.
 
@@ -144,10 +144,11 @@ class _DrivenRun:
         delivered = float(self.drive.at(np.array([began]))[0])
         phi, omega, mode = self._state(row, shift, delivered)
         held = _commands_from(self.times, self.torques, delivered, began)
-        states = planar.simulate(
+        angles, rates, modes = planar.simulate(
             self.plant, *held, np.r_[began, instants], phi, omega, mode, False, self.model.stable_step
         )
-        return Motion.from_coordinates(instants, *(v[1:] for v in states), len(self.model.chain.lengths))
+        links = len(self.model.chain.lengths)
+        return Motion.from_coordinates(instants, angles[1:], rates[1:], modes[1:], links)
 
     def _state(self, row: int, shift: np.ndarray, torque: float) -> tuple[np.ndarray, np.ndarray, int]:
         """Angles and rates (n + 1 + k) at a row, shifted, and the mode of the hub; `torque` of the motor [N m]."""
@@ -228,7 +229,7 @@ def _off(run: _DrivenRun, channel: str, off: np.ndarray) -> np.ndarray:
 def _commands_from(
     times: np.ndarray, torques: np.ndarray, delivered: float, began: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Instants [s] and torques [N m] that are held from an instant on, when `delivered` is what the drive has reached."""
+    """Instants [s] and torques [N m] held from an instant on, when the drive has reached the torque `delivered`."""
     held = int(np.searchsorted(times, began + 1e-12, side="right")) - 1
     later = slice(held + 1, None)
     return np.r_[began - _LONG_BEFORE, began, times[later]], np.r_[delivered, torques[held], torques[later]]

@@ -95,7 +95,8 @@ def _fit(percent: float) -> str:
 
 def budget_columns(diagnosis: Diagnosis) -> list[str]:
     """Returns the names of the models of the budget: before, calibrated, and each effect."""
-    return ["before", "calibrated", *(f"+ {words(e.name)}" for e in diagnosis.effects)]
+    budgets = [b for p in evaluated_predictions(diagnosis).values() for b in p.budget.values()]
+    return ["before", "calibrated", *(f"+ {words(name)}" for b in budgets[:1] for name, _ in b.steps)]
 
 
 def parameter_rows(effect: AdoptedEffect) -> list[tuple[str, str, str, str]]:
