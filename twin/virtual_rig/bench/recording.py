@@ -105,7 +105,7 @@ def record(bench: Bench, run: Run, generator: np.random.Generator) -> Recorded:
 
 
 def visibility(bench: Bench, recorded: Recorded, name: str) -> float:
-    """Returns the largest root-mean-square change of a channel, in noise levels, that the effect makes in windows of 1 s.
+    """Returns the largest RMS change of a channel that an effect makes in windows of 1 s, in noise levels.
 
     In each window the rig without the effect starts in the state of the one with it. What depends on time begins anew.
     """
