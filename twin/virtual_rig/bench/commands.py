@@ -5,17 +5,22 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.signal import bilinear
+from scipy.signal import bilinear, lfilter
 
 from twin.virtual_rig.beam import Array
 from twin.virtual_rig.experiments import rigid_inertia
 from twin.virtual_rig.plant import quantised
 from twin.virtual_rig.rig import Rig
 
+Role = Literal["fit", "holdout"]
+
 VOLTAGE_STEP = 1e-4  # V, of the commands
 _BIT = 0.2  # s, of the pseudo-random binary sequence
 _STAIR = 0.5  # s
 _FILTER = 0.01  # s, of the derivative in the controller
+_AMPLITUDES = {"a": (0.25, 0.35), "b": (0.4, 0.5), "c": (0.15, 0.25), "d": (0.3, 0.45), "e": (0.25, 0.45)}
+"""Ranges of the amplitudes of steps under feedback [rad]; the last one is held out."""
+_SMOOTHING = 0.05  # s, time constant of the reference, without which its steps would command some 100 V
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,7 @@ class Run:
     """
 
     name: str
-    role: Literal["fit", "holdout"]
+    role: Role
     start_angle: float
     volts: Array
     lead: int
@@ -81,15 +86,10 @@ def open_loop_runs(desk: Desk, generator: np.random.Generator) -> list[Run]:
 
 def closed_loop_runs(desk: Desk, generator: np.random.Generator) -> list[Run]:
     """Returns four runs under feedback to fit, another one and an open-loop square wave to be held out."""
+    amplitudes = {letter: generator.uniform(*limits) for letter, limits in _AMPLITUDES.items()}
     steps = [
-        reference_steps(desk, f"step-{letter}", role, amplitude, generator)
-        for letter, role, amplitude in (
-            ("a", "fit", generator.uniform(0.25, 0.35)),
-            ("b", "fit", generator.uniform(0.4, 0.5)),
-            ("c", "fit", generator.uniform(0.15, 0.25)),
-            ("d", "fit", generator.uniform(0.3, 0.45)),
-            ("e", "holdout", generator.uniform(0.25, 0.45)),
-        )
+        reference_steps(desk, f"step-{letter}", "holdout" if letter == "e" else "fit", amplitude, generator)
+        for letter, amplitude in amplitudes.items()
     ]
     half, swing = generator.uniform(0.6, 1.0), generator.uniform(0.4, 0.8)
     return [*steps, square(desk, "square-f", "holdout", half, swing, generator)]
@@ -98,7 +98,7 @@ def closed_loop_runs(desk: Desk, generator: np.random.Generator) -> list[Run]:
 def square(
     desk: Desk,
     name: str,
-    role: Literal["fit", "holdout"],
+    role: Role,
     half_period: float,
     swing: float,
     generator: np.random.Generator,
@@ -121,7 +121,7 @@ def prbs(desk: Desk, generator: np.random.Generator) -> Run:
 def three_levels(
     desk: Desk,
     name: str,
-    role: Literal["fit", "holdout"],
+    role: Role,
     length: float,
     swing: float,
     generator: np.random.Generator,
@@ -148,13 +148,15 @@ def stairs(desk: Desk, generator: np.random.Generator) -> Run:
 
 
 def reference_steps(
-    desk: Desk, name: str, role: Literal["fit", "holdout"], amplitude: float, generator: np.random.Generator
+    desk: Desk, name: str, role: Role, amplitude: float, generator: np.random.Generator
 ) -> Run:
-    """Steps of the hub's reference from one side to the other."""
+    """Smoothed steps of the hub's reference from one side to the other."""
     lead = generator.uniform(1.5, 4.0)
     half_period = generator.uniform(1.3, 2.5)
     turns = np.floor(desk.times(lead) / half_period)
-    reference = amplitude * generator.choice([-1, 1]) * np.where(turns % 2 == 0, 1.0, -1.0)
+    steps = amplitude * generator.choice([-1, 1]) * np.where(turns % 2 == 0, 1.0, -1.0)
+    decay = math.exp(-1 / (_SMOOTHING * desk.sample_rate))
+    reference = np.asarray(lfilter([1 - decay], [1, -decay], steps))
     run = _run(desk, name, role, np.zeros(len(reference)), lead, generator)
     return replace(run, start_angle=0.0, reference=reference)
 
@@ -170,7 +172,7 @@ def drawn_controller(desk: Desk, generator: np.random.Generator) -> Array:
 def _run(
     desk: Desk,
     name: str,
-    role: Literal["fit", "holdout"],
+    role: Role,
     volts: Array,
     lead: float,
     generator: np.random.Generator,

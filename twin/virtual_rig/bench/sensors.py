@@ -15,6 +15,10 @@ LinkChannel = Literal["strain_base", "tip_deflection"]
 
 GAUGE_POSITION = 0.02  # m from the hub axis
 _GAUGE_STEP = 20.0 / 2**12  # V, of a converter of 12 bits over +-10 V
+_LOOP_RATES = {250: 0.2, 500: 0.5, 1000: 0.3}
+"""Sample rates of a controller [Hz], with their shares."""
+_LOGGER_RATES = {50: 0.05, 100: 0.05, 250: 0.25, 500: 0.45, 1000: 0.2}
+"""The same of a data logger without a controller."""
 _SOFT = 0.15  # N m^2: a stiffer ruler bends too little for a tip sensor
 
 
@@ -41,15 +45,13 @@ class BenchSensors:
 
 def drawn_sensors(rig: Rig, closed: bool, generator: np.random.Generator) -> BenchSensors:
     """Returns random sensors; a controller samples at 250 Hz at least, a simple data logger sometimes slower."""
-    rates, shares = ((250, 500, 1000), (0.2, 0.5, 0.3))
-    if not closed:
-        rates, shares = ((50, 100, 250, 500, 1000), (0.05, 0.05, 0.25, 0.45, 0.2))
+    rates = _LOOP_RATES if closed else _LOGGER_RATES
     on_tip = rig.bending_stiffness < _SOFT and generator.random() < 0.6
     step = float(generator.choice([0.5, 1.0])) if on_tip else _GAUGE_STEP
     noise = step * generator.uniform(0.4, 1.0)
     zero = generator.choice([-1, 1]) * generator.uniform(5.0, 20.0) * _level(noise, step)
     return BenchSensors(
-        sample_rate=float(generator.choice(rates, p=shares)),
+        sample_rate=float(generator.choice(list(rates), p=list(rates.values()))),
         hub_noise=generator.uniform(3e-4, 1e-3),
         hub_step=generator.uniform(6e-4, 1.6e-3),
         link_channel="tip_deflection" if on_tip else "strain_base",

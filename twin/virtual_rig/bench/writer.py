@@ -22,6 +22,7 @@ LEAST_VISIBLE = 3.0
 """Noise levels by which each effect has to change a held-out recording; a bench on which it does not is drawn again."""
 _LEAST_COMPLETE = 0.6
 """Share of a recording before the hub has travelled too far, else it is repeated with less voltage."""
+_DURATIONS = (10.0, 20.0)  # s, of the recordings
 _MOST_TRIES = 50  # benches of a seed, and repetitions of a recording
 _LARGEST_SEED = 2**64 - 1
 _DECIMALS = {"time": 3, "motor_voltage": 4, "pot": 5, "link": 5}
@@ -123,7 +124,7 @@ def _drawn_bench(seed: int, generator: np.random.Generator) -> tuple[Bench, dict
     closed = bool(generator.random() < 0.35)
     sensors = drawn_sensors(base, closed, generator)
     desk = Desk(
-        switch_on(base, effects), torque_per_volt, sensors.sample_rate, log_uniform(10.0, 20.0, generator)
+        switch_on(base, effects), torque_per_volt, sensors.sample_rate, log_uniform(*_DURATIONS, generator)
     )
     bench = Bench(base, effects, torque_per_volt, sensors, drawn_controller(desk, generator))
     runs = closed_loop_runs(desk, generator) if closed else open_loop_runs(desk, generator)
