@@ -114,6 +114,12 @@ def test_rigs_are_small_rulers():
     assert {r.tip_mass > 0 for r in rigs} == {False, True}
 
 
+def test_a_hub_that_breaks_away_slides():
+    rigs = [drawn(seed)[0].rig for seed in range(120)]
+    assert max(r.warming_rise for r in rigs) > 0
+    assert all(r.static_positive >= r.coulomb_positive + r.warming_rise for r in rigs)
+
+
 def test_zeros_lie_5_to_20_noise_levels_off():
     sensors = [drawn(seed)[0].sensors for seed in range(40)]
     off = [abs(s.link_zero * s.link_gain) / s.noise_levels()[s.link_channel] for s in sensors]
@@ -143,3 +149,13 @@ def test_only_where_the_hub_sticks_does_the_static_friction_count():
     slow = replace(runs[3], volts=np.linspace(0.0, runs[3].volts[-1], len(runs[3].volts)))
     assert repeatability(bench, record(bench, slow, generator))["hub_angle"] > 1e-4
     assert repeatability(bench, record(bench, runs[0], generator))["hub_angle"] < 1e-5
+
+
+def test_every_voltage_moves_the_hub():
+    for seed in range(40):
+        bench, _, runs, _ = drawn(seed)
+        rig = bench.rig
+        for run in runs:
+            if run.reference is None:
+                delivered = bench.torque_per_volt * np.abs(run.volts).max() - rig.dead_zone
+                assert delivered > rig.static_positive + rig.friction_ripple

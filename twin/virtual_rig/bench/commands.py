@@ -54,12 +54,23 @@ class Desk:
     duration: float  # s, of a recording
 
     def volts_for(self, swing: float, half_period: float) -> float:
-        """Returns the voltage of a square wave that makes the rigid rig swing so far [rad] about, to 0.05 V."""
+        """Returns the voltage of a square wave that makes the rigid rig swing so far [rad] about, to 0.05 V.
+
+        It breaks the hub away in any case.
+        """
         rig = self.rig
         torque = rig.coulomb_positive + rig.dead_zone + 0.5 * rig.friction_ripple
         torque += (rig.viscous_friction / half_period + rig.cable_stiffness / 2) * swing
         torque += 4 * rigid_inertia(rig) * swing / half_period**2
-        return max(round(max(torque, rig.dead_band) / self.torque_per_volt / 0.05), 2) * 0.05
+        moving = max(1.2 * self.holding_torque, torque)
+        return max(round(moving / self.torque_per_volt / 0.05), 2) * 0.05
+
+    @property
+    def holding_torque(self) -> float:
+        """Largest command under which the hub rests [N m]."""
+        return max(
+            self.rig.static_positive + self.rig.dead_zone + self.rig.friction_ripple, self.rig.dead_band
+        )
 
     def times(self, lead: float) -> Array:
         """Returns the sample times of a run (samples,) [s]."""
@@ -135,13 +146,8 @@ def three_levels(
 
 def stairs(desk: Desk, generator: np.random.Generator) -> Run:
     """From rest, a voltage that rises in steps to about twice that of the break-away."""
-    rig = desk.rig
     times = desk.times(0.0)
-    top = (
-        2.0
-        * (rig.static_positive + rig.dead_zone + rig.friction_ripple + rig.dead_band)
-        / desk.torque_per_volt
-    )
+    top = 2.0 * desk.holding_torque / desk.torque_per_volt
     treads = np.floor(np.maximum(times - 1.0, -_STAIR) / _STAIR + 1e-9) + 1
     height = round(top / treads[-1], 3) * generator.choice([-1, 1])
     return _run(desk, "stairs", "fit", height * treads, 0.0, generator)

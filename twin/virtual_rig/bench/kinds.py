@@ -34,7 +34,7 @@ SIZES: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "stribeck-friction": {"stribeck_velocity": (0.5, 2.5)},
     "sensor-delay": {"delay": (5e-3, 2e-2)},
     "hard-stop": {"angle": (0.25, 0.5), "stiffness": (5.0, 20.0), "damping": (0.01, 0.1)},
-    "warming-friction": {"rise": (0.015, 0.04), "time_constant": (2.0, 6.0)},
+    "warming-friction": {"rise": (0.01, 0.025), "time_constant": (2.0, 6.0)},
     "hardening-cable": {"stiffness": (0.05, 0.4)},
     "dead-band": {"width": (0.03, 0.1)},
     "knocks": {"torque": (0.2, 0.6), "period": (1.0, 3.0)},

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from twin.virtual_rig.bench.kinds import log_uniform
+from twin.virtual_rig.bench.kinds import Effects, log_uniform
 from twin.virtual_rig.rig import Rig, declared_values
 
 VOLTAGE_LIMIT = 10.0  # V, of the amplifier
@@ -36,11 +36,11 @@ _CLAMPED_FREQUENCY = 3.516
 """(beta l)^2 of the first mode of a clamped beam."""
 
 
-def drawn_rig(names: tuple[str, ...], torque_per_volt: float, generator: np.random.Generator) -> Rig:
+def drawn_rig(effects: Effects, torque_per_volt: float, generator: np.random.Generator) -> Rig:
     """Returns a random rig without effects.
 
     Args:
-        names: Its effects: that of Stribeck needs static friction clearly above that of sliding.
+        effects: Those that it will have, which decide how far the static friction exceeds that of sliding.
         torque_per_volt: Of motor and gear at rest [N m/V].
         generator: Of random numbers.
     """
@@ -50,7 +50,7 @@ def drawn_rig(names: tuple[str, ...], torque_per_volt: float, generator: np.rand
     stiffness = density * (2 * math.pi * frequency * length**2 / _CLAMPED_FREQUENCY) ** 2
     tip_mass = generator.uniform(0.03, 0.06) if generator.random() < 0.5 else 0.0
     coulomb = log_uniform(0.02, 0.04, generator)
-    ratio = generator.uniform(1.6, 2.2) if "stribeck-friction" in names else generator.uniform(1.0, 1.5)
+    static = _static_friction(coulomb, effects, generator)
     return Rig(
         bending_stiffness=min(max(stiffness, 0.05), 1.0),
         linear_density=density,
@@ -60,11 +60,19 @@ def drawn_rig(names: tuple[str, ...], torque_per_volt: float, generator: np.rand
         tip_inertia=1e-4 * tip_mass,  # a cylinder of 1.4 cm radius
         damping_ratio=log_uniform(0.005, 0.02, generator),
         torque_limit=VOLTAGE_LIMIT * torque_per_volt,
-        static_positive=ratio * coulomb,
-        static_negative=ratio * coulomb,
+        static_positive=static,
+        static_negative=static,
         coulomb_positive=coulomb,
         coulomb_negative=coulomb,
     )
+
+
+def _static_friction(coulomb: float, effects: Effects, generator: np.random.Generator) -> float:
+    """Returns the static friction [N m]: clearly above that of sliding for Stribeck's, and above a cold bearing's."""
+    if "stribeck-friction" in effects:
+        return coulomb * generator.uniform(1.6, 2.2)
+    cold = coulomb + effects.get("warming-friction", {}).get("rise", 0.0)
+    return cold * generator.uniform(1.0, 1.5)
 
 
 def declared_rig(rig: Rig, generator: np.random.Generator) -> dict[str, float]:

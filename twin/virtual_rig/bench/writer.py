@@ -120,7 +120,7 @@ def _drawn_bench(seed: int, generator: np.random.Generator) -> tuple[Bench, dict
     names = missing_of(seed)
     effects = drawn_effects(names, generator)
     torque_per_volt = float(f"{generator.uniform(0.1, 0.15):.4g}")
-    base = drawn_rig(names, torque_per_volt, generator)
+    base = drawn_rig(effects, torque_per_volt, generator)
     closed = bool(generator.random() < 0.35)
     sensors = drawn_sensors(base, closed, generator)
     desk = Desk(
