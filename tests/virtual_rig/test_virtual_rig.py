@@ -759,7 +759,7 @@ def test_demo_campaign_is_small_and_from_its_script():
 def test_corner_shares_no_model_code_with_the_twin():
     shared = ("twin.errors", "twin.terminal", "twin.files.compiled", "twin.files.whole")  # no models
     allowed = {"numpy", "scipy"} | set(sys.stdlib_module_names)
-    for path in CORNER.glob("*.py"):
+    for path in CORNER.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
