@@ -122,7 +122,7 @@ def _ratios(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> di
     span = _SPAN * check_rig.vibration_period(recording, rig)
     if recording.clamped or "hub_angle" not in recording or recording.duration < _SHORTEST * span:
         return {}
-    slow = _LowPassed(recording, span)
+    slow = LowPassed(recording, span)
     ones = np.ones_like(slow.acceleration)
     nuisance = (ones, slow.mean("hub_angle"), slow.rate, slow.direction)
     ratios = {"torque_command": slow.slope("torque_command", nuisance) / beam.rigid_inertia(rig)}
@@ -152,7 +152,7 @@ def _quasi_static_reading(sensor: Sensor, rig: Rig) -> float:
     return -sensor.half_thickness * (moment + mass * length * (length - x) + inertia) / stiffness
 
 
-class _LowPassed:
+class LowPassed:
     """A recording on a uniform grid, low-passed by a triangular mean that averages vibrations out.
 
     Attributes:
