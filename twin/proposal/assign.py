@@ -69,7 +69,10 @@ def by_data(grids: Sequence[Mapping[str, np.ndarray]], known: list[Found]) -> li
       known: channels that are found.
     """
     votes = Counter(
-        (found.channel, found.column) for grid in grids for found in _by_one_recording(grid, known) if len(grid) > 1
+        (found.channel, found.column)
+        for grid in grids
+        for found in _by_one_recording(grid, known)
+        if len(grid) > 1
     )
     made: dict[str, Found] = {}
     for (channel, column), count in votes.most_common():
@@ -110,7 +113,7 @@ def _by_one_recording(grid: Mapping[str, np.ndarray], known: list[Found]) -> lis
         if measure.computed(grid[best]) or leads[best] > _LEADS:
             take("torque_command", best)
     command = next((f.column for f in (*known, *made) if f.channel == "torque_command"), None)
-    if command in grid and "motor_torque" not in channels and rest:
+    if command is not None and command in grid and "motor_torque" not in channels and rest:
         likeness = {name: measure.alike(grid[name], grid[command]) for name in rest}
         if likeness[best := max(rest, key=lambda name: likeness[name])] > _DELIVERED:
             take("motor_torque", best)

@@ -13,7 +13,11 @@ _GRID = 8192  # samples on which columns are compared
 _ORDER = 8  # of the autoregressive model that whitens a column
 _LAGS = 50  # samples over which one column is seen to lead another
 _FEWEST = 200  # samples
-_SCATTER, _USUAL = 3.0, 0.9  # of the steps between instants so many differ by less than such a factor from the median
+_FEWEST_INSTANTS = 20
+_SCATTER, _USUAL = (
+    3.0,
+    0.9,
+)  # of the steps between instants so many differ by less than such a factor from the median
 _TIMES = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0))
 _SHORTEST, _LONGEST = 1e-5, 0.1
 """Sample periods that the format accepts [s]."""
@@ -21,13 +25,14 @@ _ROUNDED = 5.0  # roundings, of which the fourth difference of rounded numbers i
 _STILL = 6.0  # noise levels of range: what stays within them does not move
 _AT_FIRST, _FEWEST_AT_FIRST = 0.05, 6
 """Time after the first sample [s] and samples in it from which its rate is told."""
+_FAR = 0.25  # of its range from its middle, where a reading of a link begins that was bent
 _CERTAIN = 5.0  # standard errors of a rate that is seen
-_PROMINENT = 20.0  # times the median power of a spectrum has a resonance
+_PROMINENT = 50.0  # times the median power of a spectrum has a resonance
 
 
 def steadiness(values: np.ndarray) -> float:
     """Returns how well values (n) are instants: 0 where they do not increase strictly, 1 where they are uniform."""
-    if len(values) < 2 or not np.isfinite(values).all():
+    if len(values) < _FEWEST_INSTANTS or not np.isfinite(values).all():
         return 0.0
     steps = np.diff(values)
     if not (steps > 0).all():
@@ -59,14 +64,18 @@ def on_grid(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np
 def moves(values: np.ndarray) -> bool:
     """Whether a column (n) changes by more than its noise."""
     known = values[np.isfinite(values)]
-    return len(known) > 1 and float(np.ptp(known)) > _STILL * estimate_noise(known) + 1e-12 * np.abs(known).max()
+    return (
+        len(known) > 1 and float(np.ptp(known)) > _STILL * estimate_noise(known) + 1e-12 * np.abs(known).max()
+    )
 
 
 def computed(values: np.ndarray) -> bool:
     """Whether a column (m) has no noise but its rounding, as a command or reference that was computed."""
     scatter = float(np.median(np.abs(np.diff(values, 4))))
     rounding = np.diff(np.unique(values))
-    return scatter <= max(1e-5 * float(np.ptp(values)), _ROUNDED * float(rounding.min() if len(rounding) else 0.0))
+    return scatter <= max(
+        1e-5 * float(np.ptp(values)), _ROUNDED * float(rounding.min() if len(rounding) else 0.0)
+    )
 
 
 def stepwise(values: np.ndarray) -> bool:
@@ -78,8 +87,8 @@ def stepwise(values: np.ndarray) -> bool:
 def lead(cause: np.ndarray, others: Sequence[np.ndarray]) -> float:
     """Returns how far a column (m) leads others: 1 where they follow it and it never follows them, -1 reversed.
 
-    By the cross-correlation after both are filtered so that the first is white: past values of a prescribed command show
-    in a measurement, and none of a measurement in the command.
+    By the cross-correlation after both are filtered so that the first is white: past values of a prescribed command
+    show in a measurement, and none of a measurement in the command.
     """
     whitener = _whitener(cause)
     white = lfilter(whitener, [1.0], cause - cause[0])[_ORDER:]
@@ -148,6 +157,12 @@ def at_rest_first(time: np.ndarray, values: np.ndarray) -> bool:
     noise = max(estimate_noise(values), float(np.std(y - basis @ coefficients)))
     error = noise * float(np.linalg.norm(inverse[1]))
     return abs(coefficients[1]) <= max(_CERTAIN * error, 0.01 * float(np.ptp(values[np.isfinite(values)])))
+
+
+def bent_first(values: np.ndarray) -> bool:
+    """Whether a reading of the link (n) begins far from its middle, about which it swings."""
+    known = values[np.isfinite(values)]
+    return len(known) > 0 and abs(known[0] - np.median(known)) > _FAR * float(np.ptp(known))
 
 
 def signed(values: np.ndarray) -> bool:

@@ -13,19 +13,43 @@ from twin.recording import CHANNEL_UNITS
 
 SURE, LIKELY, POSSIBLE = 0.9, 0.7, 0.5
 """How well a name fits a channel: it says so; it is usual for it; it may mean it."""
-_UNKNOWN_WORD = 0.05  # less for each word that says nothing of the channel: "stage2_current" fits less than "current"
+_UNKNOWN_WORD = (
+    0.05  # less for each word that says nothing of the channel: "stage2_current" fits less than "current"
+)
 
-_REFERENCE = "reference ref setpoint goal desired target sollwert soll".split()
-_COMMAND = "command cmd commanded demand demanded tau".split()
-_DRIVE = "torque moment voltage volt volts current amps u input".split()
-_MEASURED = "measured actual delivered sensed".split()
-_RATE = "speed rate velocity vel omega tacho".split()
-_LINK = "strain gauge gage bridge tip deflection link flex accel acc acceleration".split()
-_ANGLE = "angle theta position pos encoder pot potentiometer phi".split()
-_OTHER = (
-    "temperature temp enable enabled load supply battery status state mode counter index flag fault error stage2 "
-    "humidity pressure"
-).split()
+_REFERENCE = ["reference", "ref", "setpoint", "goal", "desired", "target", "sollwert", "soll"]
+_COMMAND = ["command", "cmd", "commanded", "demand", "demanded", "tau"]
+_DRIVE = ["torque", "moment", "voltage", "volt", "volts", "current", "amps", "u", "input"]
+_MEASURED = ["measured", "actual", "delivered", "sensed"]
+_RATE = ["speed", "rate", "velocity", "vel", "omega", "tacho"]
+_LINK = [
+    "strain",
+    "gauge",
+    "gage",
+    "bridge",
+    "tip",
+    "deflection",
+    "link",
+    "flex",
+    "accel",
+    "acc",
+    "acceleration",
+]
+_ANGLE = ["angle", "theta", "position", "pos", "encoder", "pot", "potentiometer", "phi"]
+_OTHER = [
+    "temperature",
+    "temp",
+    "enable",
+    "enabled",
+    "load",
+    "supply",
+    "battery",
+    "status",
+    "state",
+    "mode",
+    "counter",
+]
+_OTHER += ["index", "flag", "fault", "error", "humidity", "pressure"]
 
 
 @dataclass(frozen=True)
@@ -50,7 +74,12 @@ _RULES = (
     _Rule("hub_angle", SURE, (["hub", "shaft", "joint", "servo"], _ANGLE), [*_REFERENCE, *_LINK, *_COMMAND]),
     _Rule("hub_angle", LIKELY, (_ANGLE,), [*_REFERENCE, *_LINK, *_COMMAND, "motor"]),
     _Rule("hub_rate", LIKELY, (_RATE,), [*_REFERENCE, *_LINK, *_COMMAND]),
-    _Rule("strain_mid", SURE, (["strain", "gauge", "gage", "bridge"], ["mid", "middle", "centre", "center"]), []),
+    _Rule(
+        "strain_mid",
+        SURE,
+        (["strain", "gauge", "gage", "bridge"], ["mid", "middle", "centre", "center", "2"]),
+        [],
+    ),
     _Rule("strain_base", SURE, (["strain", "gauge", "gage", "bridge"],), []),
     _Rule("tip_angle", SURE, (["tip"], ["angle"]), _REFERENCE),
     _Rule("tip_acceleration", LIKELY, (["acc", "accel", "acceleration", "accelerometer"],), ["hub", "motor"]),
@@ -71,7 +100,7 @@ def words(name: str) -> list[str]:
     """Returns the words of a name, lower case: of snake case, camel case and paths, the unit in brackets left out."""
     plain = _BRACKETS.sub("", name)
     split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
-    return [word.lower() for word in re.findall(r"[^\W\d_]+\d*|\d+", split)]
+    return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", split)]
 
 
 def fits(name: str) -> dict[str, float]:
@@ -87,7 +116,7 @@ def _candidates(name: str) -> Iterator[tuple[str, float]]:
     for channel in (TIME, *CHANNEL_UNITS, *units.DERIVED_UNITS):
         if "_".join(said[-len(channel.split("_")) :]) == channel:
             yield channel, 1.0
-    if set(_OTHER) & set(said):
+    if says_something_else(name):
         return
     for rule in _RULES:
         if all(set(group) & set(said) for group in rule.words) and not set(rule.without) & set(said):
@@ -96,8 +125,9 @@ def _candidates(name: str) -> Iterator[tuple[str, float]]:
 
 
 def says_something_else(name: str) -> bool:
-    """Whether a name means what is no channel: a temperature, a counter."""
-    return bool(set(_OTHER) & set(words(name)))
+    """Whether a name means what is no channel: a temperature, a counter, another stage of the machine."""
+    said = set(words(name))
+    return bool(said & set(_OTHER)) or {"stage", "2"} <= said
 
 
 def unit_of_drive(name: str) -> str:

@@ -36,6 +36,7 @@ class ChannelProposal:
       unit_reason: where the unit comes from.
       gain: -1 where the channel counts the wrong way round; None: not so.
       sign_reason: what is known of its sign; "" for a channel without one.
+      gauge: position and half thickness of a strain gauge that the user gave [m].
     """
 
     found: Found
@@ -43,6 +44,7 @@ class ChannelProposal:
     unit_reason: str
     gain: float | None = None
     sign_reason: str = ""
+    gauge: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,11 @@ def _plausible(found: Found, tables: Mapping[Path, Table]) -> bool:
     """Whether a column can be the channel that its name suggests: a supply voltage is no command."""
     if found.channel not in ("torque_command", "motor_torque") or found.is_sure:
         return True
-    return any(measure.signed(table.columns[found.column]) for table in tables.values() if _varies(table, found.column))
+    return any(
+        measure.signed(table.columns[found.column])
+        for table in tables.values()
+        if _varies(table, found.column)
+    )
 
 
 def _varies(table: Table, name: str) -> bool:
@@ -183,7 +189,9 @@ def _suits(channel: str, unit: str) -> bool:
 
 def _guessed_unit(found: Found, tables: Mapping[Path, Table]) -> str:
     """A unit by the size of the numbers; "" where that does not tell it, as of a command."""
-    largest = max(float(np.nanmax(np.abs(t.columns[found.column]))) for t in tables.values() if _varies(t, found.column))
+    largest = max(
+        float(np.nanmax(np.abs(t.columns[found.column]))) for t in tables.values() if _varies(t, found.column)
+    )
     if found.channel in ("hub_angle", "hub_reference", "motor_angle", "tip_angle"):
         return "rad" if largest < _TURNS else "deg"
     if units.is_strain(found.channel):
@@ -204,7 +212,9 @@ def _resonance(tables: Mapping[Path, Table], channels: Mapping[str, ChannelPropo
         measure.resonance(_seconds(table, time), table.columns[column])
         for column in columns[:1]
         for table in tables.values()
-        if column in table.columns and time.found.column in table.columns and measure.moves(table.columns[column])
+        if column in table.columns
+        and time.found.column in table.columns
+        and measure.moves(table.columns[column])
     ]
     seen = [peak for peak in peaks if peak is not None]
     return float(np.median(seen)) if seen else None
@@ -244,7 +254,11 @@ def _low_passed(
 ) -> check_channels.LowPassed | None:
     """The recording without its vibrations; None where it is too short or its hub does not turn."""
     time, hub = channels[TIME], channels["hub_angle"].found.column
-    if time.found.column not in table.columns or hub not in table.columns or not measure.moves(table.columns[hub]):
+    if (
+        time.found.column not in table.columns
+        or hub not in table.columns
+        or not measure.moves(table.columns[hub])
+    ):
         return None
     stamps = _seconds(table, time)
     if stamps[-1] < 6 * span:
@@ -261,9 +275,13 @@ def _signed(channel: ChannelProposal, slopes: Sequence[float]) -> ChannelProposa
     wrong = sum(slope < 0 for slope in clear)
     if 2 * wrong > len(clear):
         return replace(
-            channel, gain=-1.0, sign_reason=f"it counts the wrong way round in {wrong} of {len(clear)} recordings"
+            channel,
+            gain=-1.0,
+            sign_reason=f"it counts the wrong way round in {wrong} of {len(clear)} recordings",
         )
-    return replace(channel, sign_reason=f"its sign is right in {len(clear) - wrong} of {len(clear)} recordings")
+    return replace(
+        channel, sign_reason=f"its sign is right in {len(clear) - wrong} of {len(clear)} recordings"
+    )
 
 
 # Recordings
@@ -290,16 +308,28 @@ def _recording(
     if clamped:
         still = "there is no hub angle" if hub is None else "the hub stands still"
         reasons.append(f"clamped: {still} while the link swings")
-    time = _seconds(table, channels[TIME])
-    moving = [name for name in ("hub_angle", *ON_LINK) if name in columns and not measure.at_rest_first(time, columns[name])]
-    if moving:
+    why = _moving(_seconds(table, channels[TIME]), columns)
+    if why:
         entry = replace(entry, start="unknown")
-        reasons.append(f"start: {moving[0]} changes in the first tenth of a second")
+        reasons.append(f"start: {why}")
     loop, reason = _loop(columns)
     return replace(entry, loop=loop, reasons=(*reasons, reason) if reason and not clamped else tuple(reasons))
 
 
-def _lacking(columns: Mapping[str, np.ndarray], channels: Mapping[str, ChannelProposal], clamped: bool) -> str:
+def _moving(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> str:
+    """Why a rig is not at rest at the first sample; "" where nothing shows it."""
+    moving = [
+        c for c in ("hub_angle", *ON_LINK) if c in columns and not measure.at_rest_first(time, columns[c])
+    ]
+    if moving:
+        return f"{moving[0]} changes at the first sample"
+    bent = [c for c in ON_LINK if c in columns and measure.bent_first(columns[c])]
+    return f"{bent[0]} begins far from its middle, as that of a bent link" if bent else ""
+
+
+def _lacking(
+    columns: Mapping[str, np.ndarray], channels: Mapping[str, ChannelProposal], clamped: bool
+) -> str:
     """Why a recording cannot be used; "" where it can."""
     if not clamped:
         for channel in ("torque_command", "hub_angle"):
