@@ -13,6 +13,7 @@ from twin.proposal import measure, names
 from twin.recording import ON_LINK
 
 _REPEATS = 0.999  # correlation of two columns of which one repeats the other
+_FOLLOWED = 0.9  # correlation of the hub's angle with its reference
 _DELIVERED = 0.9  # correlation of a measured torque with its command
 _LEADS = 0.3
 """Least lead of a command: 0 is that of two columns that follow each other, 1 of one that was prescribed."""
@@ -85,6 +86,7 @@ def by_data(grids: Sequence[Mapping[str, np.ndarray]], known: list[Found]) -> li
 _REASONS = {
     "torque_command": "leads the other columns",
     "motor_torque": "follows the command at once",
+    "hub_reference": "looks like the angle of the hub, and has no noise",
     "hub_angle": "is the smoothest, as the angle of a heavy hub is",
     "strain_base": "swings faster than the hub, and most",
     "strain_mid": "swings faster than the hub, and less than another",
@@ -94,8 +96,9 @@ _REASONS = {
 def _by_one_recording(grid: Mapping[str, np.ndarray], known: list[Found]) -> list[Found]:
     """Channels by what the columns of one recording do.
 
-    The hub's angle is the smoothest, as it integrates the torque; the command leads the others, or has no noise; what
-    follows it at once is the motor's torque; what swings faster than the hub is on the link.
+    The hub's angle is the smoothest, as it integrates the torque; a reference looks like it and has no noise; the command
+    leads the others, or has no noise; what follows it at once is the motor's torque; what swings faster than the hub is
+    on the link.
     """
     used, channels = {found.column for found in known}, {found.channel for found in known}
     rest = [n for n in grid if n not in used and not names.fits(n) and not names.says_something_else(n)]
@@ -106,7 +109,17 @@ def _by_one_recording(grid: Mapping[str, np.ndarray], known: list[Found]) -> lis
         rest.remove(column)
 
     if not {"hub_angle", "motor_angle"} & channels and rest:
-        take("hub_angle", min(rest, key=lambda name: measure.roughness(grid[name])))
+        smoothest = min(
+            rest, key=lambda name: measure.roughness(grid[name]) + measure.computed(grid[name]) / 1e3
+        )
+        take("hub_angle", next(n for n in rest if measure.alike(grid[n], grid[smoothest]) > _REPEATS))
+    hub = next((f.column for f in (*known, *made) if f.channel == "hub_angle"), None)
+    if hub is not None and hub in grid:
+        likeness = {name: measure.alike(grid[name], grid[hub]) for name in rest}
+        rest = [name for name in rest if likeness[name] <= _REPEATS]
+        reference = [name for name in rest if likeness[name] > _FOLLOWED and measure.computed(grid[name])]
+        if reference and "hub_reference" not in channels:
+            take("hub_reference", reference[0])
     if "torque_command" not in channels and rest:
         leads = {name: measure.lead(grid[name], [grid[o] for o in grid if o != name]) for name in rest}
         best = max(rest, key=lambda name: leads[name] + measure.computed(grid[name]))

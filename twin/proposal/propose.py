@@ -125,7 +125,7 @@ def _grids(tables: Mapping[Path, Table], clock: Found) -> list[dict[str, np.ndar
     return [
         measure.on_grid(
             table.columns[clock.column],
-            {name: v for name, v in table.columns.items() if name in usual and measure.moves(v)},
+            {name: v for name, v in table.columns.items() if name in usual},
         )
         for table in timed
     ]
