@@ -96,8 +96,8 @@ _REASONS = {
 def _by_one_recording(grid: Mapping[str, np.ndarray], known: list[Found]) -> list[Found]:
     """Channels by what the columns of one recording do.
 
-    The hub's angle is the smoothest, as it integrates the torque; a reference looks like it and has no noise; the command
-    leads the others, or has no noise; what follows it at once is the motor's torque; what swings faster than the hub is
+    The hub's angle is the smoothest, as it integrates the torque; a reference looks like it and has no noise; the
+    command leads the others, or has no noise; what follows it at once is the motor's torque; what swings faster is
     on the link.
     """
     used, channels = {found.column for found in known}, {found.channel for found in known}
