@@ -8,6 +8,7 @@ import numpy as np
 from scipy.signal import lfilter, periodogram
 
 from twin.campaigns.readings import estimate_noise
+from twin.recording import ON_LINK
 
 _GRID = 8192  # samples on which columns are compared
 _ORDER = 8  # of the autoregressive model that whitens a column
@@ -145,7 +146,24 @@ def resonance(time: np.ndarray, values: np.ndarray, lowest: float = 0.2) -> floa
     return float(frequency[useful][np.argmax(power[useful])])
 
 
-def at_rest_first(time: np.ndarray, values: np.ndarray) -> bool:
+def moving_first(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> str:
+    """Returns a channel that moves at the first sample of a recording; "" if none does.
+
+    The hub's angle integrates its torque, so that its rate at that instant tells. A reading of the link follows a
+    torque at once, and tells where the command does not change.
+
+    Args:
+      time: (n) instants [s].
+      columns: channel -> (n) readings in any unit.
+    """
+    first = time - time[0] <= _AT_FIRST
+    command = columns.get("torque_command", np.zeros(len(time)))[first]
+    held = np.ptp(command[np.isfinite(command)]) == 0 if np.isfinite(command).any() else True
+    channels = ("hub_angle", *(ON_LINK if held else ()))
+    return next((c for c in channels if c in columns and not _at_rest_first(time, columns[c])), "")
+
+
+def _at_rest_first(time: np.ndarray, values: np.ndarray) -> bool:
     """Whether a column (n) has no visible rate at its first sample, by a parabola through the first samples."""
     first = (time - time[0] <= _AT_FIRST) & np.isfinite(values)
     if np.count_nonzero(first) < _FEWEST_AT_FIRST:

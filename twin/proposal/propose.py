@@ -318,11 +318,8 @@ def _recording(
 
 def _moving(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> str:
     """Why a rig is not at rest at the first sample; "" where nothing shows it."""
-    moving = [
-        c for c in ("hub_angle", *ON_LINK) if c in columns and not measure.at_rest_first(time, columns[c])
-    ]
-    if moving:
-        return f"{moving[0]} changes at the first sample"
+    if moving := measure.moving_first(time, columns):
+        return f"{moving} changes at the first sample"
     bent = [c for c in ON_LINK if c in columns and measure.bent_first(columns[c])]
     return f"{bent[0]} begins far from its middle, as that of a bent link" if bent else ""
 
