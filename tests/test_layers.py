@@ -19,6 +19,7 @@ LAYERS = (
     {"effects"},
     {"rigs"},
     {"campaigns"},
+    {"proposal"},
     {"residuals"},
     {"estimation"},
     {"control", "diagnosis"},

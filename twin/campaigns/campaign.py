@@ -16,12 +16,13 @@ from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.derived_channels import derive, derived_sensors
 from twin.campaigns.drive import check_drive, known_effects, torque_per_command, torque_per_volt
+from twin.campaigns.missing import check_complete
 from twin.errors import InputError, listed, nearest, shown
 from twin.files.readers import read_recording
 from twin.files.table import Table, read_table
 from twin.files.time_column import checked_time
 from twin.files.toml import read_toml
-from twin.parameters import DEFAULTS, PARAMETERS, Parameter, Rig, rig_parameter
+from twin.parameters import DEFAULTS, Parameter, Rig, rig_parameter
 from twin.recording import MEASURED, Recording, Sensor
 from twin.rigs.check import check_parameters
 
@@ -106,6 +107,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     """
     root = _folder(Path(folder))
     content = _content(root)
+    check_complete(content)
     rig = _declared_rig(content)
     check_parameters(rig)
     check_drive(content)
@@ -189,7 +191,7 @@ def _declared_rig(content: schema.CampaignFile) -> Rig:
         # A published uncertainty is of another specimen: the campaign has to declare its own.
         base = {name: replace(parameter, uncertainty=None) for name, parameter in start.items()}
     else:
-        base = _default_parameters(content)
+        base = _default_parameters()
     given = dict(content.parameters)
     if content.drive.limit is not None:
         given.setdefault("torque_limit", content.drive.limit * _limit_scale(content))
@@ -205,15 +207,8 @@ def _limit_scale(content: schema.CampaignFile) -> float:
     return scale * torque_per_command(content.drive)
 
 
-def _default_parameters(content: schema.CampaignFile) -> dict[str, Parameter]:
-    """Returns the default parameters of a rig without a preset; raises InputError where required ones are missing."""
-    required = [name for name in PARAMETERS if name not in DEFAULTS]
-    lacking = [name for name in required if name not in content.parameters]
-    if lacking:
-        raise InputError(
-            f"{schema.FILE}: rig '{content.rig}' is not a preset ({', '.join(rigs.PRESETS)}), so [parameters] "
-            f"must give {', '.join(required)}; missing: {', '.join(lacking)}{nearest(content.rig, rigs.PRESETS)}"
-        )
+def _default_parameters() -> dict[str, Parameter]:
+    """Returns the default parameters of a rig without a preset."""
     return {name: _default_parameter(name, value) for name, value in DEFAULTS.items()}
 
 
@@ -240,11 +235,7 @@ def _with_uncertainty(parameter: Parameter, content: schema.CampaignFile) -> Par
 
 def _check_channels(content: schema.CampaignFile, rig: Rig) -> None:
     for name, channel in content.channels.items():
-        _check_channel(f"{schema.FILE}: channels.{name}", name, channel, content, rig)
-    if _COMMAND not in content.channels:
-        raise InputError(
-            f"{schema.FILE}: channels.{_COMMAND} is missing; expected the torque that drives the rig"
-        )
+        _check_channel(f"{schema.FILE}: channels.{name}", name, channel, rig)
     if not any(name in content.channels for name in MEASURED):
         expected = ", ".join(MEASURED)
         raise InputError(f"{schema.FILE}: channels has no measurement; expected one of: {expected}")
@@ -256,22 +247,12 @@ def _check_channels(content: schema.CampaignFile, rig: Rig) -> None:
         )
 
 
-def _check_channel(
-    where: str, name: str, channel: schema.Channel, content: schema.CampaignFile, rig: Rig
-) -> None:
+def _check_channel(where: str, name: str, channel: schema.Channel, rig: Rig) -> None:
     _check_unit(where, name, channel)
     if name == units.TIME:
         _check_time(where, channel)
     if channel.gain == 0.0:
         raise InputError(f"{where}.gain is 0; expected the physical value of one {channel.unit}")
-    is_raw_command = name == _COMMAND and content.drive.kind != "torque"
-    raw = units.raw_unit(channel.unit)
-    if raw and channel.gain is None and not is_raw_command:
-        si = units.allowed(name)[0]
-        raise InputError(
-            f"{where}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * (raw - offset), "
-            f"the gain in {si} per {raw}"
-        )
     if units.is_strain(name):
         _check_gauge(where, channel, rig)
 
@@ -290,9 +271,6 @@ def _check_unit(where: str, name: str, channel: schema.Channel) -> None:
 
 
 def _check_gauge(where: str, channel: schema.Channel, rig: Rig) -> None:
-    for key in ("position", "half_thickness"):
-        if getattr(channel, key) is None:
-            raise InputError(f"{where}.{key} is missing; a strain gauge needs it, in m")
     if channel.position is not None and channel.position > rig["length"]:
         raise InputError(
             f"{where}.position is {channel.position:g} m; "

@@ -41,7 +41,7 @@ def check_signs_and_units(recordings: Sequence[Recording], sensors: Mapping[str,
     """
     faults: dict[str, dict[str, float]] = {}
     for recording in recordings:
-        for channel, ratio in _faults(_ratios(recording, sensors, rig)).items():
+        for channel, ratio in _faults(clear_ratios(recording, sensors, rig)).items():
             faults.setdefault(channel, {})[recording.name] = ratio
     for channel, ratios in faults.items():
         raise InputError(f"{schema.FILE}: channels.{channel}: {_error_text(channel, ratios)}")
@@ -117,21 +117,21 @@ def _is_unit_error(ratio: float) -> bool:
 # Ratios
 
 
-def _ratios(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> dict[str, float]:
+def clear_ratios(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> dict[str, float]:
     """Channel -> low-passed ratio to the hub's acceleration, or the command, per expected ratio; only clear ones."""
     span = _SPAN * check_rig.vibration_period(recording, rig)
     if recording.clamped or "hub_angle" not in recording or recording.duration < _SHORTEST * span:
         return {}
-    slow = _LowPassed(recording, span)
+    slow = LowPassed(recording, span)
     ones = np.ones_like(slow.acceleration)
     nuisance = (ones, slow.mean("hub_angle"), slow.rate, slow.direction)
-    ratios = {"torque_command": slow.slope("torque_command", nuisance) / beam.rigid_inertia(rig)}
+    found = {"torque_command": slow.slope("torque_command", nuisance) / beam.rigid_inertia(rig)}
     for channel in _SHAPE:
         if channel in recording:
-            ratios[channel] = slow.slope(channel, nuisance[:2]) / _quasi_static_reading(sensors[channel], rig)
+            found[channel] = slow.slope(channel, nuisance[:2]) / _quasi_static_reading(sensors[channel], rig)
     if "motor_torque" in recording:
-        ratios["motor_torque"] = slow.slope("motor_torque", (ones,), slow.mean("torque_command"))
-    return {channel: ratio for channel, ratio in ratios.items() if ratio}
+        found["motor_torque"] = slow.slope("motor_torque", (ones,), slow.mean("torque_command"))
+    return {channel: ratio for channel, ratio in found.items() if ratio}
 
 
 def _quasi_static_reading(sensor: Sensor, rig: Rig) -> float:
@@ -152,7 +152,7 @@ def _quasi_static_reading(sensor: Sensor, rig: Rig) -> float:
     return -sensor.half_thickness * (moment + mass * length * (length - x) + inertia) / stiffness
 
 
-class _LowPassed:
+class LowPassed:
     """A recording on a uniform grid, low-passed by a triangular mean that averages vibrations out.
 
     Attributes:

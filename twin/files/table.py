@@ -19,6 +19,7 @@ from twin.files.text import check_lines, read_text
 _MISSING = ("", "nan")  # fields of a missing sample, lower case
 LARGEST_FILE = 1_000_000_000
 """Accepted size of a file of recorded numbers [bytes]: three hours at 1 kHz with ten columns of ten characters."""
+_LOOKED_AT = 20  # rows by which a column of numbers is known
 _LONGEST_LINE = 1_000_000  # characters
 
 
@@ -54,7 +55,9 @@ class Table:
         return f"{self.name}, {self.rows} {self.lines[row]}"
 
 
-def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> Table:
+def read_table(
+    path: Path, name: str, wanted: Collection[str] | None = None, numeric_only: bool = False
+) -> Table:
     """Reads a text table in UTF-8: names of the columns in a header, separated by commas, semicolons, tabs or blanks.
 
     A preamble of comments and a row of units may stand above the numbers, and numbers have a decimal comma where commas
@@ -64,12 +67,13 @@ def read_table(path: Path, name: str, wanted: Collection[str] | None = None) -> 
       path: the file.
       name: name of the file in messages.
       wanted: columns to read, as far as the file has them; None for all. Other columns need not be numbers.
+      numeric_only: leave out columns that begin with something else than numbers.
 
     Raises:
       InputError: the file cannot be read as such a table.
     """
     try:
-        return parse_table(_text(path, name), name, wanted)
+        return parse_table(_text(path, name), name, wanted, numeric_only)
     except MemoryError:
         raise InputError(f"{name} does not fit into the memory; expected a shorter file") from None
 
@@ -80,18 +84,26 @@ def _text(path: Path, name: str) -> str:
     return text
 
 
-def parse_table(text: str, name: str, wanted: Collection[str] | None) -> Table:
+def parse_table(text: str, name: str, wanted: Collection[str] | None, numeric_only: bool = False) -> Table:
     """Returns the table in a text; see `read_table`."""
     lines = text.split("\n")
     layout = find_layout(lines, name)
     used = [i for i, column in enumerate(layout.header) if wanted is None or column in wanted]
     rows = np.array([i + 1 for i in range(layout.body, len(lines)) if lines[i].strip()], dtype=int)
     body = [lines[i - 1] for i in rows]
+    if numeric_only:
+        used = [i for i in used if _begins_numeric(body[:_LOOKED_AT], layout, i)]
     values = _fast(body, layout, used)
     if values is None:
         values = np.array(list(_slow(body, rows, layout, used, name))).reshape(len(body), len(used))
     columns = {layout.header[i]: values[:, j] for j, i in enumerate(used)}
     return Table(name, layout.header, columns, rows, f"{name}, line {layout.head + 1}", units=layout.units)
+
+
+def _begins_numeric(body: list[str], layout: Layout, column: int) -> bool:
+    """Whether the first fields of a column are numbers, or missing."""
+    cells = [cells[column].strip() for line in body if len(cells := layout.cells(line, "")) > column]
+    return all(cell.lower() in _MISSING or is_number(cell.replace(",", ".")) for cell in cells)
 
 
 def _fast(body: list[str], layout: Layout, used: list[int]) -> np.ndarray | None:

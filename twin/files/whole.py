@@ -6,9 +6,11 @@ process leaves behind is a temporary file, known by its name and removed by the 
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
+import shutil
 import stat
 import sys
 from collections.abc import Iterator, Mapping
@@ -69,6 +71,48 @@ def write_files(contents: Mapping[Path, str | bytes | None]) -> None:
         for temporary in temporaries.values():
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def write_new_files(contents: Mapping[Path, str | Path]) -> None:
+    """Writes files of which none exists; folders are made.
+
+    All are on the disk as temporary files before the first one gets its name, in the order given.
+
+    Args:
+      contents: path -> text, or the path of a file that is copied.
+
+    Raises:
+      InputError: one exists, or cannot be written; those that have their names already stay.
+    """
+    temporaries: dict[Path, Path] = {}
+    try:
+        for path, content in contents.items():
+            with writing(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                temporaries[path] = temporary_path(path.parent)
+                if isinstance(content, Path):
+                    shutil.copyfile(content, temporaries[path])
+                else:
+                    temporaries[path].write_bytes(_encoded(content))
+        for path, temporary in temporaries.items():
+            with writing(path):
+                _name_anew(temporary, path)
+    finally:
+        for temporary in temporaries.values():
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def _name_anew(temporary: Path, path: Path) -> None:
+    """Gives a file a name that no file has."""
+    try:
+        os.link(temporary, path)  # fails where the path exists, unlike a renaming
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
+        os.rename(temporary, path)
 
 
 def is_stream(path: Path) -> bool:

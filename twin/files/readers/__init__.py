@@ -22,13 +22,16 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", *(suffix for r in READERS fo
 """Endings of the names of recordings; a file of any other ending is read as a text table."""
 
 
-def read_recording(path: Path, name: str, wanted: Collection[str] | None = None) -> Table:
+def read_recording(
+    path: Path, name: str, wanted: Collection[str] | None = None, numeric_only: bool = False
+) -> Table:
     """Reads the columns of a recording, in the format that the ending of its name tells.
 
     Args:
       path: the file.
       name: name of the file in messages.
       wanted: columns to read, as far as the file has them; None for all columns of the usual length.
+      numeric_only: leave out columns of text tables that begin with something else than numbers.
 
     Raises:
       InputError: the file cannot be read, a wanted column holds no numbers, or those wanted differ in length.
@@ -36,5 +39,5 @@ def read_recording(path: Path, name: str, wanted: Collection[str] | None = None)
     suffix = path.suffix.lower()
     for reader in READERS:
         if suffix in reader.suffixes:
-            return read_arrays(reader, path, name, wanted)
-    return read_table(path, name, wanted)
+            return read_arrays(reader, path, name, wanted, numeric_only)
+    return read_table(path, name, wanted, numeric_only)

@@ -56,7 +56,7 @@ class Reader:
         """Returns the arrays of a file; may raise anything."""
         raise NotImplementedError
 
-    def table(self, path: Path, name: str, wanted: Collection[str] | None) -> Table:
+    def table(self, path: Path, name: str, wanted: Collection[str] | None, numeric_only: bool) -> Table:
         """Returns the columns of a file; see `read_recording`. May raise anything."""
         return _table(self.read(path), name, wanted)
 
@@ -75,13 +75,15 @@ class Reader:
             ) from None
 
 
-def read_arrays(reader: Reader, path: Path, name: str, wanted: Collection[str] | None) -> Table:
+def read_arrays(
+    reader: Reader, path: Path, name: str, wanted: Collection[str] | None, numeric_only: bool
+) -> Table:
     """Returns the columns of a file; see `read_recording`."""
     check_size(path, name, LARGEST_FILE, reader.kind)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return reader.table(path, name, wanted)
+            return reader.table(path, name, wanted, numeric_only)
     except MemoryError:
         raise InputError(f"{name} does not fit into the memory; expected a shorter file") from None
     except InputError as error:

@@ -22,7 +22,7 @@ class Excel(Reader):
     kind = "an Excel file"
     suffixes = (".xlsx", ".xlsm")
 
-    def table(self, path: Path, name: str, wanted: Collection[str] | None) -> Table:
+    def table(self, path: Path, name: str, wanted: Collection[str] | None, numeric_only: bool) -> Table:
         openpyxl = self.library("openpyxl", "openpyxl")
         with zipfile.ZipFile(path) as archive:
             check_count(sum(part.file_size for part in archive.infolist()) // 8)
@@ -33,7 +33,7 @@ class Excel(Reader):
             book.close()
         if text is None:
             raise InputError(f"{name} has no sheet with two rows; expected a table")
-        return replace(parse_table(text, name, wanted), rows="row")
+        return replace(parse_table(text, name, wanted, numeric_only), rows="row")
 
 
 def _text(sheet: Any) -> str:

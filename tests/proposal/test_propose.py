@@ -1,0 +1,198 @@
+"""Proposals for unknown files: the bundled campaign without its names, units and notes is found again."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from paths import ROOT
+from scipy.io import savemat
+
+from twin.campaigns.campaign import read_campaign
+from twin.errors import InputError
+from twin.files.table import read_table
+from twin.files.toml import read_toml
+from twin.proposal import ask, measure
+from twin.proposal.campaign_text import campaign_text, needed
+from twin.proposal.propose import propose
+
+DEMO = ROOT / "twin" / "data" / "demo-rig"
+FILES = sorted(DEMO.glob("*.csv"))
+COLUMNS = (
+    "time",
+    "torque_command",
+    "hub_angle",
+    "strain_base",
+    "strain_mid",
+    "motor_torque",
+    "hub_reference",
+)
+NAMELESS = {column: f"c{k}" for k, column in enumerate(COLUMNS)}
+FOUND = {channel: f"rec.{NAMELESS[channel]}" for channel in COLUMNS[:-1]}
+
+
+@pytest.fixture(scope="module")
+def nameless(tmp_path_factory):
+    """The bundled recordings as MATLAB structures with fields c0, c1 ..., the gauge at the base turned."""
+    folder = tmp_path_factory.mktemp("nameless")
+    for file in FILES:
+        columns = read_table(file, file.name).columns
+        sign = {"strain_base": -1.0}
+        savemat(
+            folder / f"{file.stem}.mat",
+            {"rec": {NAMELESS[name]: sign.get(name, 1.0) * values for name, values in columns.items()}},
+        )
+    return sorted(folder.glob("*.mat"))
+
+
+def test_channels_without_names_are_found_by_what_they_do(nameless):
+    proposal = propose(nameless, "x")
+    assert {name: c.found.column for name, c in proposal.channels.items()} == FOUND
+    assert {name: c.gain for name, c in proposal.channels.items() if c.gain} == {"strain_base": -1.0}
+    assert not any(c.found.is_sure for c in proposal.channels.values())
+    assert {e.path.stem: e.start for e in proposal.recordings if e.clamped} == {"free-vibration": "unknown"}
+    assert all(e.start == "rest" for e in proposal.recordings if not e.clamped)
+    assert proposal.channels["torque_command"].unit == ""
+
+
+def test_channels_with_names_are_found_with_their_units():
+    proposal = propose(FILES, "x")
+    assert {name: c.found.column for name, c in proposal.channels.items()} == {name: name for name in COLUMNS}
+    units = {name: c.unit for name, c in proposal.channels.items()}
+    assert units["torque_command"] == units["motor_torque"] == "N*m"
+    assert (units["time"], units["hub_angle"], units["strain_base"]) == ("s", "rad", "1")
+    loops = {e.path.stem: e.loop for e in proposal.recordings}
+    assert (loops["step-120"], loops["bang-bang-30"]) == ("closed", "open")
+    roles = [e.role for e in proposal.recordings]
+    assert (roles.count("holdout"), roles.count("fit")) == (2, 6)
+
+
+def test_a_proposal_with_all_answers_is_a_campaign(nameless, tmp_path):
+    declared = read_toml(DEMO / "campaign.toml", "a campaign")["parameters"]
+    gauges = {"strain_base: position": "0.02", "strain_mid: position": "0,21", "half thickness": "0.0008"}
+    answers = {f"{name} [": repr(value) for name, value in declared.items()}
+    answers |= {
+        **gauges,
+        "_command, column": "N*m",
+        "motor_torque, column": "N*m",
+        "step-120.mat: loop": "closed",
+    }
+
+    def answer(question):
+        return next((text for key, text in answers.items() if key in question), "")
+
+    proposal = ask.complete(propose(nameless, "x"), answer)
+    assert needed(proposal) == []
+    for path in nameless:
+        (tmp_path / path.name).symlink_to(path)
+    (tmp_path / "campaign.toml").write_text(campaign_text(proposal), encoding="utf-8")
+    campaign, demo = read_campaign(tmp_path), read_campaign(DEMO)
+    assert dict(campaign.rig)["length"] == declared["length"]
+    expected = {r.name.removesuffix(".csv"): r for r in (*demo.fit, *demo.holdout())}
+    for recording in (*campaign.fit, *campaign.holdout()):
+        true = expected[recording.name.removesuffix(".mat")]
+        assert recording.clamped == true.clamped
+        assert recording.loop == true.loop
+        for channel in recording.measured():
+            np.testing.assert_allclose(recording[channel], true[channel], atol=1e-12)
+
+
+def test_a_campaign_that_waits_for_answers_says_which(nameless, tmp_path):
+    proposal = propose(FILES, "x")
+    for path in FILES:
+        (tmp_path / path.name).symlink_to(path)
+    text = campaign_text(proposal)
+    (tmp_path / "campaign.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_campaign(tmp_path)
+    for key in ("length", "bending_stiffness", "linear_density", "hub_inertia"):
+        assert key in str(caught.value)
+        assert f"parameters.{key}" in needed(proposal)
+    assert "channels.strain_mid.half_thickness is missing" in str(caught.value)
+    assert tomllib.loads(campaign_text(propose(nameless, 'a "b"')))["name"] == 'a "b"'
+
+
+def test_wrong_answers_are_asked_again(nameless):
+    asked = []
+    given = iter(["abc", "-3", "0.4"])
+
+    def answer(question):
+        asked.append(question)
+        return next(given, "") if "length [m]" in question else ""
+
+    proposal = ask.complete(propose(nameless, "x"), answer)
+    assert proposal.parameters == {"length": 0.4}
+    told = [question for question in asked if "length [m]" in question]
+    assert told[1].startswith("'abc' is no number. length [m]")
+    assert told[2].startswith("length is -3 m; expected")
+
+
+def test_a_channel_may_be_refused_or_named_otherwise(nameless):
+    def answer(question):
+        return {"column rec.c4": "none", "column rec.c5": "hub_reference"}.get(question[:13], "")
+
+    channels = ask.complete(propose(nameless, "x"), answer).channels
+    assert "strain_mid" not in channels
+    assert channels["hub_reference"].found.column == "rec.c5"
+
+
+def test_files_without_time_are_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y\n1,2\n0,3\n")
+    with pytest.raises(
+        InputError, match="^no recording among a.csv: none has a column that increases steadily"
+    ):
+        propose([tmp_path / "a.csv"], "x")
+
+
+def test_columns_of_text_do_not_matter(tmp_path):
+    lines = FILES[0].read_text().splitlines()
+    (tmp_path / "a.csv").write_text(
+        "\n".join([f"day,{lines[0]}", *(f"25.11.2026,{line}" for line in lines[1:])])
+    )
+    proposal = propose([tmp_path / "a.csv"], "x")
+    assert proposal.channels["hub_angle"].found.column == "hub_angle"
+    assert proposal.unused == {"day": ""}
+
+
+# Measures
+
+RNG = np.random.default_rng(3)
+
+
+def test_a_command_leads_what_follows_it():
+    command = np.repeat(RNG.choice([-1.0, 0.0, 1.0], 100), 20)
+    follower = np.convolve(command, np.exp(-np.arange(100) / 20))[: len(command)]
+    follower += 1e-3 * RNG.standard_normal(len(command))
+    assert measure.lead(command, [follower]) > 0.7
+    assert measure.lead(command, [follower]) > measure.lead(follower, [command]) + 0.1
+    assert measure.stepwise(command)
+    assert not measure.computed(follower)
+
+
+def test_rounded_numbers_are_computed():
+    sweep = np.round(np.sin(0.01 * np.arange(3000) ** 1.2), 4)
+    assert measure.computed(sweep)
+    assert not measure.stepwise(sweep)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"), [(np.arange(30.0), 1.0), (np.repeat(np.arange(20.0), 2), 0.0)]
+)
+def test_steadiness(values, expected):
+    assert measure.steadiness(values) == expected
+
+
+def test_steadiness_of_a_slew_is_less_than_that_of_a_time():
+    assert measure.steadiness(1e-6 + np.linspace(0, 1, 500) ** 2) < 1.0
+
+
+def test_resonance_of_a_vibration():
+    time = 0.002 * np.arange(4000)
+    bend = np.exp(-0.2 * time) * np.sin(2 * np.pi * 3.7 * time) + 1e-3 * RNG.standard_normal(4000)
+    assert measure.resonance(time, bend) == pytest.approx(3.7, abs=0.15)
+    assert measure.resonance(time, RNG.standard_normal(4000)) is None
+
+
+def test_a_supply_is_no_command():
+    assert not measure.signed(np.array([7.2, 7.4, 7.3]))
+    assert measure.signed(np.array([0.0, 7.4, 7.3]))
+    assert measure.signed(np.array([-1.0, 2.0]))

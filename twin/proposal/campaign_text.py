@@ -1,0 +1,164 @@
+"""A proposal as a commented `campaign.toml`: what is not known stands in it as a comment that says what is needed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+from twin.campaigns import units
+from twin.campaigns.units import TIME
+from twin.parameters import DEFAULTS, PARAMETERS
+from twin.proposal.propose import ChannelProposal, Proposal, RecordingProposal
+
+MEANINGS = {
+    "length": "from the axis of the hub to the tip",
+    "linear_density": "mass of the link per length",
+    "bending_stiffness": "E I of the link: Young's modulus times width times thickness^3 / 12",
+    "hub_inertia": "of all that turns with the hub, the link left out",
+    "tip_mass": "payload at the tip",
+    "tip_inertia": "of the payload about the tip",
+    "damping_ratio": "of every bending mode with the hub free to turn",
+    "static_friction": "torque that a resting hub withstands",
+    "coulomb_friction": "friction torque on a turning hub",
+    "torque_limit": "saturation of the amplifier, both signs",
+}
+"""Parameter -> what it is."""
+REQUIRED = tuple(name for name in PARAMETERS if name not in DEFAULTS)
+"""Parameters without which a rig cannot be simulated."""
+GAUGE = {
+    "position": "m along the link from the axis of the hub",
+    "half_thickness": "m from the neutral axis of the link to the gauge",
+}
+"""Key of a strain gauge -> what it is."""
+
+
+def campaign_text(proposal: Proposal) -> str:
+    """Returns the text of the file."""
+    parts = [
+        _head(proposal),
+        *(_channel(name, channel, proposal) for name, channel in proposal.channels.items()),
+        _missing_channels(proposal),
+        _unused(proposal),
+        *(_recording(entry) for entry in proposal.recordings),
+    ]
+    return "\n\n".join("\n".join(lines) for part in parts if (lines := list(part))) + "\n"
+
+
+def _head(proposal: Proposal) -> Iterator[str]:
+    yield "# Proposed by `twin new` from the files below. Check each line; those that begin with # wait for you."
+    yield "format = 1"
+    yield f"name = {_quoted(proposal.name)}"
+    yield f"rig = {_quoted(proposal.name)}{_behind('no preset: all parameters stand below')}"
+    yield ""
+    yield "[parameters]"
+    for name, (unit, _) in PARAMETERS.items():
+        yield _parameter(name, unit, proposal.parameters.get(name))
+    yield ""
+    yield "[uncertainty]"
+    yield "# relative standard deviation of each value above that is known, say"
+    yield "# length = 0.002"
+    yield "# bending_stiffness = 0.05"
+
+
+def _parameter(name: str, unit: str, value: float | None) -> str:
+    need = "needed: " if name in REQUIRED else ""
+    what = f"{'' if unit == '1' else f'{unit}, '}{MEANINGS[name]}"
+    if value is not None:
+        return f"{name} = {value!r}{_behind(what)}"
+    default = "" if name in REQUIRED else f"; {DEFAULTS[name]:g} if not given" if name in DEFAULTS else ""
+    return f"# {name} = ...{_behind(f'{need}{what}{default}')}"
+
+
+def _channel(name: str, channel: ChannelProposal, proposal: Proposal) -> Iterator[str]:
+    yield f"[channels.{name}]"
+    yield f"column = {_quoted(channel.found.column)}{_behind(channel.found.reason)}"
+    if channel.unit:
+        yield f"unit = {_quoted(channel.unit)}{_behind(channel.unit_reason)}"
+    else:
+        likely = ", ".join(_quoted(unit) for unit in units.allowed(name))
+        yield f"# unit = ...{_behind(f'needed: {likely}, or another unit of the same quantity')}"
+    if name == TIME:
+        return
+    yield from _gain(name, channel)
+    if units.is_strain(name):
+        for key, what in GAUGE.items():
+            value = channel.gauge.get(key)
+            yield (
+                f"# {key} = ...{_behind(f'needed: {what}')}"
+                if value is None
+                else f"{key} = {value!r}{_behind(what)}"
+            )
+
+
+def _gain(name: str, channel: ChannelProposal) -> Iterator[str]:
+    raw = units.raw_unit(channel.unit) if channel.unit else None
+    if raw:
+        turned = "negative, " if channel.gain else ""
+        drive = f"; or [drive], where {raw} drives a motor" if name == "torque_command" else ""
+        yield f"# gain = ...{_behind(f'needed: {turned}{units.allowed(name)[0]} per {raw}{drive}')}"
+    if channel.gain is not None and not raw:
+        yield f"gain = {channel.gain:g}{_behind(channel.sign_reason)}"
+    elif channel.sign_reason:
+        yield f"# {channel.sign_reason}"
+
+
+def needed(proposal: Proposal) -> list[str]:
+    """Returns the keys of the file that have no value yet and need one, as a campaign's messages name them."""
+    channels = proposal.channels
+    keys = [f"parameters.{name}" for name in REQUIRED if name not in proposal.parameters]
+    keys += [f"channels.{name}" for name in ("torque_command", "hub_angle") if name not in channels]
+    for name, channel in channels.items():
+        if not channel.unit:
+            keys.append(f"channels.{name}.unit")
+        elif name != TIME and units.raw_unit(channel.unit):
+            keys.append(f"channels.{name}.gain")
+        if units.is_strain(name):
+            keys += [f"channels.{name}.{key}" for key in GAUGE if key not in channel.gauge]
+    return keys
+
+
+def _missing_channels(proposal: Proposal) -> Iterator[str]:
+    channels = proposal.channels
+    if "torque_command" not in channels:
+        yield "# No column is seen to be the command, without which nothing can be diagnosed:"
+        yield "# [channels.torque_command]"
+        yield '# column = "..."'
+        yield '# unit = "..."                 # "N*m", or "V" or "A" with a gain or [drive]'
+    if not {"hub_angle", "motor_angle"} & channels.keys():
+        yield "# No column is seen to be the angle of the hub:"
+        yield "# [channels.hub_angle]"
+        yield '# column = "..."'
+        yield '# unit = "..."                 # "rad" or "deg"'
+    if not any(name.startswith(("strain", "tip")) for name in channels):
+        yield "# No column is seen to be a strain or the tip: without one, nothing can be said of the link."
+
+
+def _unused(proposal: Proposal) -> Iterator[str]:
+    if proposal.unused:
+        yield "# Columns that are not used:"
+        for column, what in proposal.unused.items():
+            yield f"#   {_quoted(column)}{f', which {what}' if what else ''}"
+
+
+def _recording(entry: RecordingProposal) -> Iterator[str]:
+    lines = ["[[recordings]]", f"file = {_quoted(entry.path.name)}", f"role = {_quoted(entry.role)}"]
+    if entry.clamped:
+        lines.append("clamped = true")
+    lines.append(f"loop = {_quoted(entry.loop)}")
+    lines.append(f"start = {_quoted(entry.start)}")
+    if entry.unusable:
+        yield f"# Not used: {entry.unusable}."
+    yield from (f"# {line}" if entry.unusable else line for line in lines)
+    for reason in entry.reasons:
+        yield f"# {reason}"
+    if entry.clamped and entry.start == "unknown":
+        yield "# initial_tip_deflection = ...   # m, if the tip was held there and released at the first sample"
+
+
+def _quoted(text: str) -> str:
+    # A JSON string is one of TOML, too.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _behind(text: str) -> str:
+    return f"  # {' '.join(text.split())}" if text else ""
