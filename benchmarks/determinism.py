@@ -53,7 +53,7 @@ def main() -> None:
     print(f"`python benchmarks/determinism.py {sys.argv[1]}`, {describe()}\n")
     print("| file | second run, other folder, one thread |\n| --- | --- |")
     for name, equal in same.items():
-        print(f"| `{name}` | {'identical but for the time' if equal else 'DIFFERS'} |")
+        print(f"| `{name}` | {'identical but for time, date and command' if equal else 'DIFFERS'} |")
     sys.exit(0 if all(same.values()) else 1)
 
 

@@ -158,6 +158,28 @@ def test_an_effect_of_ones_own_brakes():
     assert ends["with the brake"] < ends["without"] - 0.5
 
 
+def test_the_error_budget_is_a_table_of_models():
+    import synthetic_diagnosis
+
+    answer = synthetic_diagnosis.diagnosis(duration=0.4)
+    rows = list(twin.Diagnosis(answer, None).error_budget().rows())
+    assert [row["model"] for row in rows[:3]] == ["before", "calibrated", "+ cable torsion"]
+    budget = answer.predictions["bang-bang-90.csv"].budget["hub_angle"]
+    assert (rows[2]["rms_window"], rows[2]["unit"]) == (budget.after.rms_window, "rad")
+
+
+def test_what_a_diagnosis_was_computed_from_is_told_with_it(monkeypatch):
+    import synthetic_diagnosis
+
+    answer = synthetic_diagnosis.diagnosis(duration=0.4)
+    monkeypatch.setattr("twin.diagnosis.diagnose.diagnose", lambda *_: answer)
+    told = twin.diagnose(DEMO).to_json()["provenance"]
+    assert told["command"] is None
+    assert {"campaign.toml", "step-120.csv"} <= told["inputs"].keys()
+    assert "static.csv" not in told["inputs"]
+    assert twin.diagnose(twin.read_campaign(DEMO)).to_json()["provenance"]["inputs"] == {}
+
+
 @pytest.mark.slow
 def test_the_script_and_the_notebook_run(tmp_path, capsys, monkeypatch):
     diagnosis = _example("diagnose").main(str(DEMO), str(tmp_path / "results"))

@@ -18,7 +18,7 @@ def main(campaign: str, results: str) -> twin.Diagnosis:
     diagnosis = twin.diagnose(campaign, progress=print)
     print(diagnosis.summary)
     print(diagnosis.parameters())
-    print(diagnosis.table())
+    print(diagnosis.error_budget())
 
     # The augmented rig takes the place of the declared one everywhere.
     time = np.arange(0.0, 2.0, 2e-3)

@@ -30,7 +30,6 @@ class BudgetRow:
     Attributes:
       file: name of the recording.
       first: whether it is the first row of its recording.
-      span: number of rows of the recording.
       channel, unit: of the errors.
       in_windows: whether `models` are errors in windows, or of whole runs because there are no windows.
       models: of the declared model, of the calibrated one, and after each effect.
@@ -42,7 +41,6 @@ class BudgetRow:
 
     file: str
     first: bool
-    span: int
     channel: str
     unit: str
     in_windows: bool
@@ -74,7 +72,6 @@ def _budget_row(
     return BudgetRow(
         file,
         first,
-        len(budgets),
         shown.label,
         shown.unit,
         in_windows,

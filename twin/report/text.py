@@ -76,10 +76,8 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
     rows = display.budget_rows(diagnosis)
     if rows:
         what = "held-out recordings" if display.by_role(diagnosis, "holdout") else "fit recordings"
-        parts += [
-            line(""),
-            line(f"Error on {what}: in windows of {WINDOW:g} s, and after all over the whole run", "dim"),
-        ]
+        title = f"Error on {what} in windows of {WINDOW:g} s; whole run and fit are of the final model"
+        parts += [line(""), line(title, "dim")]
         parts.append(_budget_table(diagnosis, rows, plain))
     parts += [line(text) for text in _closing_lines(diagnosis)]
     return Group(*parts)
