@@ -1,7 +1,8 @@
 """Held-out recordings that contradict a model which explains the fit recordings.
 
 They choose nothing, and can only withdraw a verdict. Windows are compared, each of which begins anew: a stick or slip
-more than measured changes one of them, a wrong model most.
+more than measured changes one of them, a wrong model most. A window begins with the measured state, whose error can be
+large in a fast motion: a model that predicts the free run of the whole recording is not contradicted by windows.
 """
 
 from __future__ import annotations
@@ -12,15 +13,16 @@ import numpy as np
 
 from twin.diagnosis.answer import Contradiction, Prediction
 from twin.diagnosis.error_budget import ModelError
-from twin.diagnosis.rules import WORST_RESIDUAL
+from twin.diagnosis.rules import LEFT_SHARE, WORST_RESIDUAL
 
 
 def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> tuple[Contradiction, ...]:
     """The contradictions in held-out recordings, the largest over its limit first.
 
-    Where a model is right, its errors in held-out windows are as those in fitted ones. The median window is off by more
-    than `WORST_RESIDUAL` times the noise and the median window of the worst fit recording, or by more than that of the
-    calibrated model and `WORST_RESIDUAL` times the noise.
+    Where a model is right, its errors in held-out windows are as those in fitted ones. Of the median window and of the
+    whole run, less what a right effect may leave (`LEFT_SHARE`), both are larger than `WORST_RESIDUAL` times the noise
+    and the median window of the worst fit recording, or than the errors of the calibrated model and `WORST_RESIDUAL`
+    times the noise.
 
     Args:
       predictions: file -> prediction.
@@ -31,11 +33,11 @@ def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> 
         if prediction.role != "holdout":
             continue
         for channel, budget in prediction.budget.items():
-            noise, size = budget.noise, _median(budget.after)
+            noise, size = budget.noise, _excess(budget.after, budget.before)
             fitted = max(_fitted(predictions, channel), default=noise)
             limits = {"fit": WORST_RESIDUAL * max(noise, fitted)}
             if has_effects:
-                limits["calibrated"] = max(WORST_RESIDUAL * noise, _median(budget.calibrated))
+                limits["calibrated"] = max(WORST_RESIDUAL * noise, _size(budget.calibrated))
             reference = min(limits, key=lambda name: limits[name])
             limit = limits[reference]
             if noise > 0 and np.isfinite(limit) and size > limit:
@@ -62,6 +64,16 @@ def _fitted(predictions: Mapping[str, Prediction], channel: str) -> list[float]:
         _median(p.windows[channel]) for p in predictions.values() if p.role == "fit" and channel in p.windows
     ]
     return [size for size in sizes if np.isfinite(size)]
+
+
+def _excess(after: ModelError, before: ModelError) -> float:
+    """Size of an error [SI] less the share of the error of the declared model that a right effect may leave."""
+    return float(np.sqrt(max(_size(after) ** 2 - (LEFT_SHARE * _size(before)) ** 2, 0.0)))
+
+
+def _size(error: ModelError) -> float:
+    """The smaller of the median window and the whole run, root mean square, SI; NaN without windows."""
+    return float(np.minimum(_median(error), error.rms))
 
 
 def _median(error: ModelError) -> float:
