@@ -7,6 +7,9 @@ import campaign_folder
 import pytest
 from paths import ROOT
 
+from twin.commands import new
+from twin.commands.shared import console
+
 DEMO = ROOT / "twin" / "data" / "demo-rig"
 
 
@@ -89,6 +92,12 @@ def test_a_static_test_is_copied(run, files, tmp_path):
     assert run("new", *files, tmp_path / "static.csv")[0] == 0
     assert (Path("bench-campaign") / "static.csv").exists()
     assert "static.csv" not in (Path("bench-campaign") / "campaign.toml").read_text()
+
+
+def test_a_question_is_shown_with_its_brackets(monkeypatch, capsys):
+    monkeypatch.setattr("builtins.input", lambda: "0.4")
+    assert new._answer(console(), "length [m], [red]column? ") == "0.4"
+    assert "length [m], [red]column?" in capsys.readouterr().out
 
 
 def test_other_formats_are_read(run, tmp_path):

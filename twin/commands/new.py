@@ -99,7 +99,7 @@ def _copies(files: list[Path], folder: Path) -> dict[Path, Path]:
 def _answer(screen: Screen, question: str) -> str:
     """The user's answer; "" at the end of input."""
     try:
-        return screen.input(question)
+        return screen.input(question, markup=False)
     except EOFError:
         return ""
 

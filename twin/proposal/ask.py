@@ -61,7 +61,7 @@ def _renamed(name: str, channel: ChannelProposal, taken: set[str], ask: Ask) -> 
     """The channel of a column whose name does not say it; None for none."""
     column, reason = shown(channel.found.column), channel.found.reason
     known = (TIME, *CHANNEL_UNITS, *DERIVED_UNITS)
-    free = [other for other in known if other == name or other not in taken]
+    free = [other for other in known if other not in taken]
     question = f"column {column} {reason}: which channel, or none [{name}]? "
     answer = _choice(question, (name, "none", *free), ask)
     return None if answer == "none" else answer
