@@ -272,8 +272,8 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
         return "No recording was held out."
     before, after = (sorted(getattr(e, which) / e.noise for e in errors) for which in ("before", "after"))
     middle = len(errors) // 2
-    fell = f"falls from {before[middle]:.3g} to" if before[middle] > after[middle] else "is"
-    return f"Over all channels and whole runs the median error {fell} {after[middle]:.3g} noise levels."
+    fell = f"falls from {labels.ratio(before[middle])} to" if before[middle] > after[middle] else "is"
+    return f"Over all channels and whole runs the median error {fell} {labels.ratio(after[middle])} noise levels."
 
 
 def _place(channel: str) -> str:
