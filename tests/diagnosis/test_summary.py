@@ -2,6 +2,7 @@
 
 import synthetic_diagnosis as synthetic
 
+from twin.diagnosis.answer import Contradiction
 from twin.diagnosis.conclude import _summary
 
 FOUND = synthetic.diagnosis(duration=0.4)
@@ -27,3 +28,10 @@ def test_outside_the_library_says_what_is_taken_away_and_what_is_left_beside_it(
     assert 0 < taken < left
     alone = summary("outside-library", ["hub_torque"], of=synthetic.outside(duration=0.4))
     assert " Something outside the library is missing: " in alone
+
+
+def test_a_held_out_recording_that_contradicts_is_named():
+    contradicted = (Contradiction("bang-bang-90.csv", "hub_angle", 30.0, 2.4, "fit"),)
+    said = _summary("outside-library", FOUND.effects, (), (), FOUND.predictions, contradicted)
+    assert "The held-out bang-bang-90.csv contradicts the model" in said
+    assert "30 noise levels, but 1.2 at most in the fit recordings" in said

@@ -233,7 +233,7 @@ def _summary(
     unexplained: Sequence[str],
     depends: Sequence[str],
     predictions: Mapping[str, Prediction],
-    contradicted: Sequence[Contradiction],
+    contradicted: Sequence[Contradiction] = (),
 ) -> str:
     budget, noise = _budget(predictions, depends if unexplained else ()), _held_out(predictions)
     if answer == "explained":
