@@ -20,9 +20,9 @@ def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> 
     """The contradictions in held-out recordings, the largest over its limit first.
 
     Where a model is right, its errors in held-out windows are as those in fitted ones. Of the median window and of the
-    whole run, less what a right effect may leave (`LEFT_SHARE`), both are larger than `WORST_RESIDUAL` times the noise
-    and the median window of the worst fit recording, or than the errors of the calibrated model and `WORST_RESIDUAL`
-    times the noise.
+    whole run, less what a right effect may leave (`LEFT_SHARE`), both are larger than `WORST_RESIDUAL` times the noise,
+    and than `WORST_RESIDUAL` times the median window of the worst fit recording, where that is explained itself, or
+    than the errors of the calibrated model.
 
     Args:
       predictions: file -> prediction.
@@ -35,11 +35,12 @@ def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> 
         for channel, budget in prediction.budget.items():
             noise, size = budget.noise, _excess(budget.after, budget.before)
             fitted = max(_fitted(predictions, channel), default=noise)
-            limits = {"fit": WORST_RESIDUAL * max(noise, fitted)}
+            limits = {}
+            if fitted < WORST_RESIDUAL * noise:
+                limits["fit"] = WORST_RESIDUAL * max(noise, fitted)
             if has_effects:
                 limits["calibrated"] = max(WORST_RESIDUAL * noise, _size(budget.calibrated))
-            reference = min(limits, key=lambda name: limits[name])
-            limit = limits[reference]
+            reference, limit = min(limits.items(), key=lambda pair: pair[1], default=("", np.inf))
             if noise > 0 and np.isfinite(limit) and size > limit:
                 found.append(Contradiction(file, channel, size / noise, limit / noise, reference))
     return tuple(sorted(found, key=lambda c: -c.size / c.limit))
