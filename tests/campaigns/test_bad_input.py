@@ -481,6 +481,15 @@ def test_torque_in_another_unit_refused(tmp_path, factor, start, limit):
     assert message.endswith("expected N*m at the hub: check the unit or the gain")
 
 
+def test_command_far_beyond_the_limit_is_judged_by_what_the_amplifier_gives(tmp_path):
+    # A controller asks for much more than its amplifier gives.
+    raw = motion()
+    asked = 200.0 * raw["torque_command"]
+    limit = float(np.max(np.abs(asked))) / 40.0
+    toml = toml_text(rig=f"{RIG}\ntorque_limit = {limit:.4g}")
+    assert read_campaign(write(tmp_path, toml, push=raw | {"torque_command": asked})).warnings == ()
+
+
 @pytest.mark.parametrize("factor", [3.0, 1 / 3])
 def test_torque_gain_may_be_off_by_three(tmp_path, factor):
     # A voltage drive has a nominal gain only.

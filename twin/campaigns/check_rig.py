@@ -232,7 +232,9 @@ def _torque_errors(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig
         return
     if not _exceeds_noise(recording["hub_angle"], sensors["hub_angle"]):
         return
-    rms = float(np.sqrt(np.mean(recording["torque_command"] ** 2)))
+    command = recording["torque_command"]
+    given = np.clip(command, -limit, limit) if limit > 0 else command  # what the amplifier gives
+    rms = float(np.sqrt(np.mean(given**2)))
     shown = _largest_torque_shown(recording, sensors, rig)
     if rms > _TOO_LARGE * shown > 0:
         yield f"is {rms:.3g} N*m rms, where motion, bending and declared friction show {shown:.3g} N*m at most"
