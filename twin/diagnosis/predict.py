@@ -36,12 +36,13 @@ def predict(
     models = (polished.declared, polished.calibrated.model, polished.augmented.model)
     between = models_between(state)
     predictions: dict[str, Prediction] = {}
+    held_out = campaign.holdout()
     roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
         ("fit", campaign.fit),
-        ("holdout", campaign.holdout()),
+        ("holdout", held_out),
     )
     for role, recordings in roles:
-        evaluated = role == "holdout" or not campaign.holdout()
+        evaluated = role == "holdout" or not held_out
         for recording in recordings:
             prepared, left_out = prepare_clean(recording, campaign.sensors, state.start.clock, noise)
             starts = first_states(models, prepared, pool)
