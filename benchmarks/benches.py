@@ -32,7 +32,6 @@ from twin.virtual_rig.bench.kinds import PATTERN
 RESULTS = Path(__file__).parent / "results" / "benches.md"
 REFUSED = "refused"
 """Verdict of a campaign that is taken for unusable."""
-_WINDOW = 1.0  # s
 _SIZES_WITHIN = 3.0  # standard errors
 _TURNS = ("phase", "direction")  # parameters that repeat after a turn
 
@@ -65,24 +64,17 @@ def _answer(found: Diagnosis, reach: Mapping[str, Mapping[str, float]]) -> dict:
 def _errors(prediction: Prediction, reach: Mapping[str, float]) -> list[dict[str, float]]:
     """Errors of the final model on a held-out recording by channel, in noise levels.
 
-    `after`: of the whole simulation; `reach`: noise and repeatability of the plant together; `windows`: of the same
-    simulation about its mean error in each second.
+    `after`: of the whole simulation; `reach`: noise and repeatability of the plant together; `windows`: of simulations
+    that begin anew every second, see `twin.diagnosis.windows`.
     """
     return [
         {
             "after": e.after / e.noise,
             "reach": float(np.hypot(1.0, reach[channel] / e.noise)),
-            "windows": _window_error(prediction, channel) / e.noise,
+            "windows": prediction.windows[channel].rms_window / e.noise,
         }
         for channel, e in prediction.errors.items()
     ]
-
-
-def _window_error(prediction: Prediction, channel: str) -> float:
-    off = prediction.after[channel] - prediction.measured[channel]
-    number = ((prediction.measured.time - prediction.measured.time[0]) / _WINDOW).astype(int)
-    parts = [part[np.isfinite(part)] for part in (off[number == k] for k in np.unique(number))]
-    return float(np.sqrt(np.mean(np.concatenate([part - part.mean() for part in parts if len(part)]) ** 2)))
 
 
 def table(answers: Sequence[dict]) -> str:

@@ -93,7 +93,7 @@ class Prediction:
       errors: channel -> prediction errors.
       left_out: parts of the recording that the errors leave out, as sentences.
       budget: channel -> its errors along the steps of the diagnosis; empty for recordings that do not evaluate it.
-      windows: channel -> error of the final model, with that in windows.
+      windows: channel -> error of the final model, with that in windows; empty where the verdict does not ask for it.
     """
 
     role: Literal["fit", "holdout"]

@@ -115,8 +115,12 @@ def model_errors(
     return {c: _error(prepared, model, c, free, windows) for c in prepared.channels}
 
 
-def about_zero(off: np.ndarray, has_zero: bool) -> np.ndarray:
-    """A difference (m) about the zero of its sensor, which is that of the recording: the mean, if it is unknown."""
+def rms_error(off: np.ndarray, has_zero: bool) -> float:
+    """Root mean square of a difference (m), NaN left out, about the zero of its sensor: the mean, if it is unknown."""
+    return float(np.sqrt(np.nanmean(_about_zero(off, has_zero) ** 2)))
+
+
+def _about_zero(off: np.ndarray, has_zero: bool) -> np.ndarray:
     return off - np.nanmean(off) if has_zero else off
 
 
@@ -131,7 +135,7 @@ def _error(
         return ModelError(rms, fit_percent=fit)
     known &= windows.inside
     rms_window, fit_window = _rms_and_fit(measured[known], windows.readings[channel][known], has_zero)
-    squares = about_zero((measured - windows.readings[channel])[known], has_zero) ** 2
+    squares = _about_zero((measured - windows.readings[channel])[known], has_zero) ** 2
     return ModelError(rms, rms_window, fit, fit_window, _by_group(squares, windows.window[known]))
 
 
@@ -139,7 +143,7 @@ def _rms_and_fit(measured: np.ndarray, simulated: np.ndarray, has_zero: bool) ->
     """Root mean square [SI] and fit [per cent] of a simulation (m); NaN without samples."""
     if not len(measured):
         return math.nan, math.nan
-    rms = float(np.sqrt(np.mean(about_zero(measured - simulated, has_zero) ** 2)))
+    rms = rms_error(measured - simulated, has_zero)
     moved = float(np.std(measured))
     return rms, 100 * (1 - rms / moved) if moved > 0 else math.nan
 

@@ -12,7 +12,7 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis import dependence, remainder
 from twin.diagnosis.answer import Patched, Prediction
 from twin.diagnosis.dependence import Unexplained
-from twin.diagnosis.error_budget import about_zero
+from twin.diagnosis.error_budget import rms_error
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
@@ -65,8 +65,10 @@ def fit_patch(
         after = simulate(model, prepared.recording, start)
         before = predictions[prepared.recording.name].errors
         off = {c: prepared.recording[c] - after[c] for c in prepared.channels}
-        off = {c: about_zero(v, has_unknown_zero(model, prepared, c)) for c, v in off.items()}
-        return {c: (before[c].after, _rms(off[c])) for c in prepared.channels}
+        return {
+            c: (before[c].after, rms_error(off[c], has_unknown_zero(model, prepared, c)))
+            for c in prepared.channels
+        }
 
     ready = [prepare_clean(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]
     starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
@@ -132,7 +134,3 @@ def why_no_patch(
             "a simulation evaluates no such function."
         )
     return f"There is no lookup, because too little of the range of the {name} was seen in more than one recording."
-
-
-def _rms(difference: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(difference**2)))

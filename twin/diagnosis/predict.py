@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from twin.campaigns.campaign import Campaign
+from twin.diagnosis import remainder
 from twin.diagnosis.answer import ChannelError, Prediction
-from twin.diagnosis.error_budget import ChannelBudget, ModelError, about_zero, channel_budgets, model_errors
+from twin.diagnosis.error_budget import ChannelBudget, ModelError, channel_budgets, model_errors, rms_error
 from twin.diagnosis.state import SearchState
 from twin.diagnosis.windows import simulate_windows
 from twin.estimation import first_state
@@ -30,13 +32,16 @@ def predict(
 ) -> dict[str, Prediction]:
     """File -> recording and its free-running simulations by the three models of `polished`.
 
-    Recordings that evaluate the answer, the held-out ones or, without any, all, get an error budget.
+    Recordings that evaluate the answer, the held-out ones or, without any, all, get an error budget. Fitted ones beside
+    held-out ones get the errors of the final model in windows where held-out ones can contradict it.
     """
     noise = noise_levels(campaign)
     models = (polished.declared, polished.calibrated.model, polished.augmented.model)
     between = models_between(state)
     predictions: dict[str, Prediction] = {}
+    compared: dict[str, tuple[Prepared, Model, Start, Recording]] = {}
     held_out = campaign.holdout()
+    can_contradict = bool(held_out) and not remainder.unexplained_channels(state)
     roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
         ("fit", campaign.fit),
         ("holdout", held_out),
@@ -54,13 +59,15 @@ def predict(
             }
             simulated = list(zip(models, starts, runs[:3], strict=True))
             budget = error_budget(state.names, simulated, between, prepared, pool) if evaluated else {}
-            windows = (
-                {c: b.after for c, b in budget.items()} if evaluated else _errors(prepared, *simulated[-1])
-            )
+            windows = {c: b.after for c, b in budget.items()}
+            if can_contradict and not evaluated:
+                compared[recording.name] = (prepared, *simulated[-1])
             predictions[recording.name] = Prediction(
                 role, recording, before, calibrated, after, errors, left_out, budget, windows
             )
-    return predictions
+    final = pool.map(lambda run: _errors(*run), compared.values())
+    changed = {name: replace(predictions[name], windows=w) for name, w in zip(compared, final, strict=True)}
+    return predictions | changed
 
 
 def models_between(state: SearchState) -> list[Model]:
@@ -122,7 +129,7 @@ def _error(
     known = np.isfinite(measured)
 
     def rms(a: np.ndarray, b: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(about_zero((a - b)[known], has_zero) ** 2)))
+        return rms_error((a - b)[known], has_zero)
 
     before, calibrated, after = (rms(measured, run[channel]) for run in runs)
     reach = max(rms(runs[-1][channel], run[channel]) for run in nearby)

@@ -182,10 +182,10 @@ def _undetermined(state: SearchState, best: Fit) -> dict[str, Judgement]:
 
 def _one_of(state: SearchState, told: Sequence[str], names: Sequence[str]) -> tuple[list[str], Fit] | None:
     """The effects and the fit in which one of some undetermined effects does as well as all; None without any."""
+    least = NEEDED.limit(Standing(0.0, state.gained))
     for name in names:
         kept = [n for n in state.names if n in told or n == name]
         fit = jackknife.with_jackknife_covariance(state.bench, _fit_of(state, kept))
-        least = NEEDED.limit(Standing(0.0, state.gained))
         if candidates.score_gain(state.bench, fit, state.best) < least and not _undetermined(state, fit):
             return kept, fit
     return None

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from twin.errors import LARGEST, InputError, shown
 
 _COMMENTS = ("#", "%")  # begin a line of the preamble
-_MOST_COLUMNS = 10_000  # a card has some hundreds of channels
+MOST_COLUMNS = 10_000
+"""Columns of a file at most: a card has some hundreds of channels."""
 _BLANKS = " "
 # Words by which a row of units is known: each recording has a time, each static test a length or a load.
 _UNIT_WORDS = (
@@ -149,8 +150,8 @@ def _commented_header(preamble: list[str], separator: str, width: int) -> tuple[
 
 
 def _check_names(header: tuple[str, ...], where: str) -> None:
-    if len(header) > _MOST_COLUMNS:
-        raise InputError(f"{where} has {len(header)} columns; expected at most {_MOST_COLUMNS}")
+    if len(header) > MOST_COLUMNS:
+        raise InputError(f"{where} has {len(header)} columns; expected at most {MOST_COLUMNS}")
     twice = [column for column, count in Counter(header).items() if column and count > 1]
     if twice:
         raise InputError(f"{where}: column '{shown(twice[0])}' occurs twice; expected each name once")

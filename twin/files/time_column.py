@@ -10,12 +10,12 @@ from twin.errors import InputError, exact, nearest, shown
 from twin.files.table import Table
 from twin.recording import SPARSEST
 
-_SHORTEST_PERIOD = 1e-5
+SHORTEST_PERIOD = 1e-5
 """Shortest accepted median sample period [s]: 100 kHz, a thousand samples in a period at 100 Hz, above which the link
 has no mode that matters; a shorter one suggests a time in minutes, hours or days."""
 _SHORTEST_SPAN = 0.1
 """Shortest accepted span [s]: one period at 10 Hz; a shorter one suggests a time in minutes or hours."""
-_LONGEST_PERIOD = 0.1
+LONGEST_PERIOD = 0.1
 """Longest accepted median sample period [s]: five samples per period at 2 Hz; a longer one suggests a time in ms."""
 _ROUNDING = 1e-4  # of a period that is the difference of rounded instants [1]
 _LONGEST_GAP = 86400.0
@@ -89,10 +89,10 @@ def _check_increase(table: Table, column: str, time: np.ndarray) -> None:
 def _check_period(table: Table, column: str, time: np.ndarray, first: float) -> None:
     period = float(np.median(np.diff(time)))
     span = float(time[-1] - time[0])
-    if period > _LONGEST_PERIOD * (1 + _ROUNDING):
-        found, bound = f"the samples are {period:.4g} s apart", f"at most {_LONGEST_PERIOD:g} s"
-    elif period < _SHORTEST_PERIOD:
-        found, bound = f"the samples are {period:.4g} s apart", f"at least {_SHORTEST_PERIOD:g} s"
+    if period > LONGEST_PERIOD * (1 + _ROUNDING):
+        found, bound = f"the samples are {period:.4g} s apart", f"at most {LONGEST_PERIOD:g} s"
+    elif period < SHORTEST_PERIOD:
+        found, bound = f"the samples are {period:.4g} s apart", f"at least {SHORTEST_PERIOD:g} s"
     elif span < _SHORTEST_SPAN:
         found, bound = f"the recording lasts {span:.4g} s", f"at least {_SHORTEST_SPAN:g} s"
     else:
@@ -106,7 +106,7 @@ def _suspicion(first: float, period: float) -> str:
     unit = next((name for low, high, name in _EPOCHS if low <= first <= high), None)
     if unit is None:
         unit = min(_UNITS, key=lambda name: abs(math.log(_UNITS[name] * period / _USUAL_PERIOD)))
-        if unit == "seconds" or not _SHORTEST_PERIOD <= _UNITS[unit] * period <= _LONGEST_PERIOD:
+        if unit == "seconds" or not SHORTEST_PERIOD <= _UNITS[unit] * period <= LONGEST_PERIOD:
             return "is it in s?"
     return f"is it in {unit}? Convert it to s"
 

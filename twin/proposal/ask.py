@@ -15,7 +15,6 @@ from twin.recording import CHANNEL_UNITS
 
 Ask = Callable[[str], str]
 """Shows a question and returns the answer; "" where there is none."""
-_UNSEEN = "cannot be seen"  # in the reason of a loop
 
 
 def complete(proposal: Proposal, ask: Ask) -> Proposal:
@@ -30,7 +29,7 @@ def complete(proposal: Proposal, ask: Ask) -> Proposal:
         replace(
             entry, loop=_choice(f"{entry.path.name}: loop, open or closed [open]? ", ("open", "closed"), ask)
         )
-        if not entry.unusable and any(_UNSEEN in reason for reason in entry.reasons)
+        if not entry.unusable and not entry.is_loop_seen
         else entry
         for entry in proposal.recordings
     )

@@ -15,9 +15,8 @@ from twin.parameters import DEFAULTS
 from twin.proposal import measure
 from twin.recording import ON_LINK, Recording
 
-_FEWEST_PER_PERIOD = (
-    10.0  # samples per period of the first mode: the second, some three times faster, then has three
-)
+_FEWEST_PER_PERIOD = 10.0
+"""Samples per period of the first mode: the second, some three times faster, then has three."""
 _NOISE_FACTOR = 3.0  # of the declared noise, by which that of the readings may differ
 _INERTIA_FACTOR = 2.0
 """Factor by which torque per acceleration may differ from the declared inertia: friction and springs take a part."""

@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.signal import lfilter, periodogram
 
+from twin.campaigns import units
 from twin.campaigns.readings import estimate_noise
+from twin.files.time_column import LONGEST_PERIOD, SHORTEST_PERIOD
 from twin.recording import ON_LINK
 
 _GRID = 8192  # samples on which columns are compared
@@ -15,13 +17,9 @@ _ORDER = 8  # of the autoregressive model that whitens a column
 _LAGS = 50  # samples over which one column is seen to lead another
 _FEWEST = 200  # samples
 _FEWEST_INSTANTS = 20
-_SCATTER, _USUAL = (
-    3.0,
-    0.9,
-)  # of the steps between instants so many differ by less than such a factor from the median
-_TIMES = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0))
-_SHORTEST, _LONGEST = 1e-5, 0.1
-"""Sample periods that the format accepts [s]."""
+_SCATTER, _USUAL = 3.0, 0.9
+"""Factor by which steps between instants differ from the median at most, and the share of them that do not by more."""
+_TIMES = ("s", "ms", "us", "min")  # units of a time, in the order in which they are tried
 _ROUNDED = 5.0  # roundings, of which the fourth difference of rounded numbers is made
 _STILL = 6.0  # noise levels of range: what stays within them does not move
 _AT_FIRST, _FEWEST_AT_FIRST = 0.05, 6
@@ -47,7 +45,8 @@ def steadiness(values: np.ndarray) -> float:
 def time_unit(values: np.ndarray) -> str:
     """Returns the unit in which instants (n) are those of a usual card, seconds if possible; "" if there is none."""
     step = float(np.median(np.diff(values)))
-    return next((unit for unit, size in _TIMES if _SHORTEST <= size * step <= _LONGEST), "")
+    periods = {unit: units.factor(unit, "s") * step for unit in _TIMES}
+    return next((unit for unit, s in periods.items() if SHORTEST_PERIOD <= s <= LONGEST_PERIOD), "")
 
 
 def on_grid(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

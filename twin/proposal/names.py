@@ -13,9 +13,8 @@ from twin.recording import CHANNEL_UNITS
 
 SURE, LIKELY, POSSIBLE = 0.9, 0.7, 0.5
 """How well a name fits a channel: it says so; it is usual for it; it may mean it."""
-_UNKNOWN_WORD = (
-    0.05  # less for each word that says nothing of the channel: "stage2_current" fits less than "current"
-)
+_UNKNOWN_WORD = 0.05
+"""Less for each word that says nothing of the channel: "stage2_current" fits less than "current"."""
 
 _REFERENCE = ["reference", "ref", "setpoint", "goal", "desired", "target", "sollwert", "soll"]
 _COMMAND = ["command", "cmd", "commanded", "demand", "demanded", "tau"]

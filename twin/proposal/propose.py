@@ -54,6 +54,7 @@ class RecordingProposal:
     Attributes:
       path: the file.
       role, clamped, start, loop: as in `campaign.toml`.
+      is_loop_seen: whether the data show the loop.
       reasons: a half sentence for each that the data show, or do not.
       unusable: why it cannot be a recording; "" where it can.
     """
@@ -63,6 +64,7 @@ class RecordingProposal:
     clamped: bool = False
     start: str = "rest"
     loop: str = "open"
+    is_loop_seen: bool = True
     reasons: tuple[str, ...] = ()
     unusable: str = ""
 
@@ -312,8 +314,10 @@ def _recording(
     if why:
         entry = replace(entry, start="unknown")
         reasons.append(f"start: {why}")
-    loop, reason = _loop(columns)
-    return replace(entry, loop=loop, reasons=(*reasons, reason) if reason and not clamped else tuple(reasons))
+    loop, seen, reason = _loop(columns)
+    if clamped:
+        return replace(entry, loop=loop, reasons=tuple(reasons))
+    return replace(entry, loop=loop, is_loop_seen=seen, reasons=(*reasons, reason))
 
 
 def _moving(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> str:
@@ -336,14 +340,14 @@ def _lacking(
     return ""
 
 
-def _loop(columns: Mapping[str, np.ndarray]) -> tuple[str, str]:
-    """Whether a controller computed the command, and how that is seen."""
+def _loop(columns: Mapping[str, np.ndarray]) -> tuple[str, bool, str]:
+    """Whether a controller computed the command, whether that is seen, and how."""
     reference, command = columns.get("hub_reference"), columns.get("torque_command")
     if command is not None and measure.stepwise(command[np.isfinite(command)]):
-        return "open", "loop: the command is piecewise constant, so it was prescribed"
+        return "open", True, "loop: the command is piecewise constant, so it was prescribed"
     if reference is not None and measure.moves(reference):
-        return "closed", "loop: there is a reference that moves"
-    return "open", "loop: open or closed cannot be seen from a smooth command: check this"
+        return "closed", True, "loop: there is a reference that moves"
+    return "open", False, "loop: open or closed cannot be seen from a smooth command: check this"
 
 
 def _with_roles(entries: Sequence[RecordingProposal]) -> tuple[RecordingProposal, ...]:

@@ -102,7 +102,7 @@ def make_campaign(
         table, found = soiled(table, card, kinds, np.random.default_rng([seed, 4, number]))
         if not motor_torque:
             table.pop("motor_torque", None)
-        files[folder / f"{plan.name}.csv"] = _to_csv(table)
+        files[folder / f"{plan.name}.csv"] = to_csv(table)
         if found:
             defects[f"{plan.name}.csv"] = found
     title = name or folder.resolve().name
@@ -178,9 +178,9 @@ def _within_range(angle: Array) -> int:
     return int(np.argmax(outside)) if outside.any() else len(angle)
 
 
-def _to_csv(table: Mapping[str, Array]) -> str:
-    """Returns the columns as CSV with fixed decimals; a missing sample is an empty field."""
-    formats = [f"%.{DECIMALS[name]}f" for name in table]
+def to_csv(table: Mapping[str, Array], decimals: Mapping[str, int] = DECIMALS) -> str:
+    """Returns the columns as CSV with fixed decimals by column; a missing sample is an empty field."""
+    formats = [f"%.{decimals[name]}f" for name in table]
     rows = (
         ",".join("" if value != value else form % value for form, value in zip(formats, row, strict=True))
         for row in zip(*(column.tolist() for column in table.values()), strict=True)

@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 
 from twin.errors import LARGEST, InputError, listed, shown
+from twin.files.layout import MOST_COLUMNS
 from twin.files.table import LARGEST_FILE, Table
 from twin.files.text import check_size
 from twin.foreign import described, from_outside
 
 EXTRA = "flexlink-twin[files]"
 """What installs the libraries of all formats."""
-_MOST_NUMBERS = (
-    LARGEST_FILE // 8
-)  # in a file, which may be compressed: they take as much memory as the largest file
-_MOST_COLUMNS = 10_000
+_MOST_NUMBERS = LARGEST_FILE // 8
+"""Numbers in a file, which may be compressed, at most: they take as much memory as the largest file."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,8 @@ def check_count(numbers: int) -> None:
 
 
 def _table(content: Content, name: str, wanted: Collection[str] | None) -> Table:
-    if len(content.columns) > _MOST_COLUMNS:
-        raise InputError(f"{name} has {len(content.columns)} columns; expected at most {_MOST_COLUMNS}")
+    if len(content.columns) > MOST_COLUMNS:
+        raise InputError(f"{name} has {len(content.columns)} columns; expected at most {MOST_COLUMNS}")
     if not content.columns:
         raise InputError(f"{name} holds no arrays of numbers{content.note}")
     used = _usual(content.columns) if wanted is None else [c for c in content.columns if c in wanted]
@@ -171,9 +170,9 @@ def columns_of(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]
         yield name, array
     if array.ndim > 1:
         across = np.moveaxis(array, int(np.argmax(array.shape)), 0).reshape(max(array.shape), -1)
-        if across.shape[1] > _MOST_COLUMNS:
+        if across.shape[1] > MOST_COLUMNS:
             raise InputError(
-                f"{shown(name)} has the shape {array.shape}; expected at most {_MOST_COLUMNS} columns"
+                f"{shown(name)} has the shape {array.shape}; expected at most {MOST_COLUMNS} columns"
             )
         for k in range(across.shape[1]):
             yield f"{name}[{k}]", across[:, k]

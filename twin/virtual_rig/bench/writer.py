@@ -9,12 +9,12 @@ import numpy as np
 
 from twin.errors import checked_count
 from twin.files.whole import write_files, writing
-from twin.virtual_rig.beam import Array
 from twin.virtual_rig.bench.commands import Desk, Run, closed_loop_runs, drawn_controller, open_loop_runs
 from twin.virtual_rig.bench.kinds import Effects, drawn_effects, kind_of, log_uniform, missing_of
 from twin.virtual_rig.bench.recording import Bench, Recorded, record, repeatability, visibility
 from twin.virtual_rig.bench.ruler import UNCERTAINTY, declared_rig, drawn_rig
 from twin.virtual_rig.bench.sensors import GAUGE_POSITION, BenchSensors, drawn_sensors
+from twin.virtual_rig.campaign_writer import to_csv
 from twin.virtual_rig.effects import switch_on
 from twin.virtual_rig.rig import declared_values
 
@@ -91,7 +91,7 @@ def make_bench(folder: Path | str, seed: int, truth_file: Path | str | None = No
         noise=bench.sensors.noise_levels(),
         repeatability={_file(r.run): repeatability(bench, r) for r in held_out},
     )
-    files = {folder / _file(r.run): _to_csv(r.columns) for r in recordings}
+    files = {folder / _file(r.run): to_csv(r.columns, _DECIMALS) for r in recordings}
     if truth_file is not None:
         files[Path(truth_file)] = truth.to_text()
     # Last: without it the folder is no campaign.
@@ -143,13 +143,6 @@ def _recorded(bench: Bench, run: Run, generator: np.random.Generator) -> Recorde
 
 def _file(run: Run) -> str:
     return f"{run.name}.csv"
-
-
-def _to_csv(columns: Mapping[str, Array]) -> str:
-    """Returns the columns as CSV with fixed decimals."""
-    row = ",".join(f"%.{_DECIMALS[name]}f" for name in columns)
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return "\n".join([",".join(columns), *(row % values for values in rows)]) + "\n"
 
 
 def _campaign_toml(name: str, bench: Bench, declared: Mapping[str, float], runs: Sequence[Run]) -> str:
