@@ -38,7 +38,9 @@ from twin.mechanics import hub_law
 from twin.mechanics.plant import CONTACT_STEP, CONTACT_STIFFNESS, Plant
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
-compiled = cached_njit(error_model="numpy", fastmath=_FAST, nogil=True)
+# Without numba's run-time system, compiled functions count no references to arrays, and cannot make any. Counting at
+# every call, for the 14 arrays of a `Plant`, took three times as long as the equations.
+compiled = cached_njit(error_model="numpy", fastmath=_FAST, nogil=True, _nrt=False)
 # Numba passes a `Plant`, some 70 words, by value: functions called at every stage of a step are inlined.
 _inlined = cached_njit(error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
 
@@ -303,6 +305,13 @@ def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, om
         omega1[0] = 0.0
 
 
+@_inlined
+def _copy_state(phi, omega, to_phi, to_omega):
+    for i in range(phi.size):
+        to_phi[i] = phi[i]
+        to_omega[i] = omega[i]
+
+
 @compiled
 def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
     """Torque [N m] of friction, reversed, that keeps the hub at rest."""
@@ -330,10 +339,9 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
       mode: 0 while the hub sticks, else the direction +1 or -1 in which it slides.
       clamped: the hub is locked.
       h_max: largest step [s].
-      work, scratch: (8, n + 1 + k) and (n + 4 + k, n + 1 + k), of any content.
+      work, scratch: (11, n + 1 + k) and (n + 4 + k, n + 1 + k), of any content.
     """
-    m = phi.size
-    phi1, omega1, acc = np.empty(m), np.empty(m), np.empty(m)
+    phi1, omega1, acc, stages = work[8], work[9], work[10], work[:8]
     left = span
     while left > 1e-12:
         if not clamped:
@@ -344,7 +352,7 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                     mode = 1 if needed > 0 else -1
         locked = clamped or mode == 0
         h = left / max(1.0, np.ceil(left / h_max - 1e-9))
-        _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, scratch)
+        _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, stages, scratch)
         if not clamped:
             crossed = mode != 0 and omega1[0] * mode < 0.0
             slipped = False
@@ -358,7 +366,20 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                 while high - low > EVENT_TOLERANCE:
                     mid = 0.5 * (low + high)
                     _step(
-                        plant, t, phi, omega, u, u_before, age, mode, locked, mid, phi1, omega1, work, scratch
+                        plant,
+                        t,
+                        phi,
+                        omega,
+                        u,
+                        u_before,
+                        age,
+                        mode,
+                        locked,
+                        mid,
+                        phi1,
+                        omega1,
+                        stages,
+                        scratch,
                     )
                     if crossed:
                         beyond = omega1[0] * mode < 0.0
@@ -371,16 +392,14 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
                     else:
                         low = mid
                 h = high
-                _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, work, scratch)
+                _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, stages, scratch)
                 drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
                 if crossed:
                     omega1[0] = 0.0
                 needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
                 onwards = 1 if needed > 0 else -1
                 mode = 0 if crossed and _friction_holds(plant, phi1[0], needed) else onwards
-        for i in range(m):
-            phi[i] = phi1[i]
-            omega[i] = omega1[i]
+        _copy_state(phi1, omega1, phi, omega)
         t += h
         age += h
         left -= h
@@ -433,19 +452,36 @@ def simulate(
     command_time, command, out_time = (
         np.ascontiguousarray(values, dtype=float) for values in (command_time, command, out_time)
     )
-    return _simulate(
-        plant, command_time, command, out_time, phi, omega, mode0, clamped, h_max, observed, anchor
+    size, count = phi.size, out_time.size
+    work, scratch = np.empty((11, size)), np.empty((size + 3, size))
+    out = np.empty((count, size)), np.empty((count, size)), np.empty(count)
+    drive = command_time, command
+    _simulate(
+        plant, drive, out_time, phi, omega, mode0, clamped, h_max, observed, anchor, *out, work, scratch
     )
+    return out
 
 
 @compiled
-def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped, h_max, observed, anchor):
+def _simulate(
+    plant,
+    drive,
+    out_time,
+    phi,
+    omega,
+    mode0,
+    clamped,
+    h_max,
+    observed,
+    anchor,
+    angles,
+    rates,
+    modes,
+    work,
+    scratch,
+):
+    command_time, command = drive
     size = phi.size
-    work = np.empty((8, size))
-    scratch = np.empty((size + 3, size))
-    angles = np.empty((out_time.size, size))
-    rates = np.empty((out_time.size, size))
-    modes = np.empty(out_time.size)
     t = out_time[0]
     pointer = -1
     u, u_before, since = 0.0, 0.0, t
@@ -476,8 +512,7 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
                 omega[0] = 0.0
             elif abs(observed[row]) == 1 and mode == 0:
                 mode = observed[row]
-        angles[row] = phi
-        rates[row] = omega
+        _copy_state(phi, omega, angles[row], rates[row])
         modes[row] = mode
         if (
             observed.size > 0
@@ -488,7 +523,6 @@ def _simulate(plant, command_time, command, out_time, phi, omega, mode0, clamped
             turn = anchor[row] - phi[0]
             for i in range(size):
                 phi[i] += turn
-    return angles, rates, modes
 
 
 def holding_torque(
@@ -505,17 +539,17 @@ def holding_torque(
     Returns:
       (m) [N m], positive where friction keeps the hub from turning to the positive side.
     """
-    return _holding_torque(plant, time, angles, rates, np.ascontiguousarray(drive))
+    size, needed = angles.shape[1], np.empty(len(time))
+    scratch = np.empty((size + 4, size))
+    _holding_torque(plant, time, angles, rates, np.ascontiguousarray(drive), needed, scratch)
+    return needed
 
 
 @compiled
-def _holding_torque(plant, time, angles, rates, drive):
-    size = angles.shape[1]
-    acc, scratch = np.empty(size), np.empty((size + 3, size))
-    needed = np.empty(time.size)
+def _holding_torque(plant, time, angles, rates, drive, needed, scratch):
+    acc, scratch = scratch[0], scratch[1:]
     for row in range(time.size):
         needed[row] = _torque_to_hold(plant, time[row], angles[row], rates[row], drive[row], acc, scratch)
-    return needed
 
 
 def simulate_prescribed_hub(
@@ -545,7 +579,11 @@ def simulate_prescribed_hub(
     time, angle, rate = (np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate))
     acceleration = np.ascontiguousarray(acceleration, dtype=float)
     phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
-    return _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max)
+    size, count = phi.size, time.size
+    out = np.empty((count, size)), np.empty((count, size)), np.empty(count)
+    work, scratch = np.empty((9, size)), np.empty((size + 3, size))
+    _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max, *out, work, scratch)
+    return out
 
 
 @compiled
@@ -567,19 +605,17 @@ def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
 
 
 @compiled
-def _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max):
+def _simulate_prescribed_hub(
+    plant, time, angle, rate, acceleration, phi, omega, h_max, angles, rates, torques, work, scratch
+):
     m = phi.size
-    k1v, k2v, k3v, k4v = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
-    k1a, k2a, k3a, k4a = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
-    p, scratch = np.empty(m), np.empty((m + 3, m))
-    angles, rates, torques = np.empty((time.size, m)), np.empty((time.size, m)), np.empty(time.size)
+    k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a, p = work
     turn = angle[0] - phi[0]
     for i in range(m):
         phi[i] += turn
     omega[0] = rate[0]
     for row in range(time.size):
-        angles[row] = phi
-        rates[row] = omega
+        _copy_state(phi, omega, angles[row], rates[row])
         torques[row] = _prescribed_accelerations(
             plant, time[row], phi, omega, acceleration[row], k1a, scratch
         )
@@ -614,7 +650,6 @@ def _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega,
                 omega[i] += h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
         phi[0] = angle[row + 1]
         omega[0] = rate[row + 1]
-    return angles, rates, torques
 
 
 def hub_torque_along(
@@ -630,17 +665,17 @@ def hub_torque_along(
     time, angle, rate, direction = (
         np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate, direction)
     )
-    return _hub_torque_along(plant, time, angle, rate, direction)
+    torque = np.empty(len(time))
+    _hub_torque_along(plant, time, angle, rate, direction, torque)
+    return torque
 
 
 @compiled
-def _hub_torque_along(plant, time, angle, rate, direction):
-    torque = np.empty(time.size)
+def _hub_torque_along(plant, time, angle, rate, direction, torque):
     for k in range(time.size):
         torque[k] = hub_torque(plant, time[k], angle[k], rate[k])
         if direction[k] != 0:
             torque[k] -= direction[k] * sliding_level(plant, angle[k], rate[k], direction[k])
-    return torque
 
 
 def mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -652,12 +687,13 @@ def mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray, change: np.
       change: (m) change of the rate over the step [rad/s].
     """
     angle, rate, change = (np.ascontiguousarray(v, dtype=float) for v in (angle, rate, change))
-    return _mean_friction(plant, angle, rate, change)
+    torque = np.empty(len(angle))
+    _mean_friction(plant, angle, rate, change, torque)
+    return torque
 
 
 @compiled
-def _mean_friction(plant, angle, rate, change):
-    torque = np.empty(angle.size)
+def _mean_friction(plant, angle, rate, change, torque):
     for k in range(angle.size):
         if abs(change[k]) > 1e-9:
             ends = rate[k] + 0.5 * change[k], rate[k] - 0.5 * change[k]
@@ -667,7 +703,6 @@ def _mean_friction(plant, angle, rate, change):
         else:
             mean = np.sign(rate[k]) * sliding_level(plant, angle[k], rate[k], np.sign(rate[k]))
         torque[k] = -mean
-    return torque
 
 
 @_inlined
@@ -707,11 +742,13 @@ def backlash_torque(
       start: instant of the first cell [s].
     """
     acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
-    return _backlash_torque(plant, period, acceleration, angle, drive, mobility, start)
+    torque = np.zeros(len(drive))
+    _backlash_torque(plant, period, acceleration, angle, drive, mobility, start, torque)
+    return torque
 
 
 @compiled
-def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start):
+def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start, torque):
     half, inverse = 0.5 * plant.motor.gap, 1 / plant.motor.inertia + mobility
     damping = contact_damping(plant)
     # In contact: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
@@ -721,7 +758,6 @@ def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start)
     kept = np.exp(-delta * period)
     cosine, sine = kept * np.cos(omega * period), kept * np.sin(omega * period) / omega
     place = rate = 0.0
-    torque = np.zeros(drive.size)
     for k in range(drive.size):
         turning = (angle[min(k + 1, drive.size - 1)] - angle[max(k - 1, 0)]) / (2 * period) + rate
         own = law_torque(plant, start + k * period, angle[k] + place, turning, True)
@@ -745,7 +781,6 @@ def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start)
                 place, rate = ahead, faster
                 continue
         place, rate, torque[k] = _contact_transition(plant, period, place, rate, pushed, inverse)
-    return torque
 
 
 @compiled

@@ -122,7 +122,7 @@ class CompiledPlant(_SegmentPlant):
         self._plant = model.plant
         self._step = model.stable_step
         size = len(self._plant.link.lengths)
-        self._work, self._scratch = np.empty((8, size)), np.empty((size + 3, size))
+        self._work, self._scratch = np.empty((11, size)), np.empty((size + 3, size))
         self.reset()
 
     def reset(self, hub_angle: float = 0.0) -> None:
