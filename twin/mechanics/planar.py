@@ -148,7 +148,7 @@ def acceleration_field(plant, t):
 
 
 @_inlined
-def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
+def _generalised_forces(plant, t, phi, omega, touching, force, mass, sin, cos):
     """Fills the mass matrix `mass` (lower triangle) and the right-hand side `force` without the torques on the hub."""
     m = phi.size
     _relative_sines(phi, sin, cos)
@@ -182,7 +182,7 @@ def _generalised_forces(plant, t, phi, omega, force, mass, sin, cos):
         moment += plant.link.torsion_damping * (omega[links] - omega[0])
         force[links] -= moment
         force[0] += moment
-    if plant.motor.gap > 0.0:
+    if touching:
         moment = contact_torque(plant, phi[m - 1] - phi[0], omega[m - 1] - omega[0])
         force[m - 1] -= moment
         force[0] += moment
@@ -232,10 +232,10 @@ def _solve(mass, force, first):
 
 
 @compiled
-def _accelerations(plant, t, phi, omega, drive, direction, locked, acc, scratch):
+def _accelerations(plant, t, phi, omega, drive, direction, locked, touching, acc, scratch):
     """Fills `acc` (n + 1) under the motor torque `drive`; returns the torque [N m] that holds a locked hub, else 0."""
     mass, row = scratch[3:], scratch[2]
-    _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
+    _generalised_forces(plant, t, phi, omega, touching, acc, mass, scratch[0], scratch[1])
     m = phi.size
     if plant.motor.gap > 0.0:
         acc[m - 1] += drive + law_torque(plant, t, phi[m - 1], omega[m - 1], True)
@@ -266,37 +266,33 @@ def _lagged_torque(u, u_before, age, lag):
 
 
 @compiled
-def _step(plant, t, phi, omega, u, u_before, age, direction, locked, h, phi1, omega1, work, scratch):
-    """One classical fourth-order Runge-Kutta step of length h from phi, omega to phi1, omega1."""
+def _step(plant, t, phi, omega, held, h, phi1, omega1, work, scratch):
+    """One classical fourth-order Runge-Kutta step of length h from phi, omega to phi1, omega1.
+
+    What is held during it: the command, the torque delivered when it came and the time since then, the direction in
+    which the hub slides, whether it is locked, and whether the motor is on a flank of the backlash.
+    """
+    u, u_before, age, direction, locked, touching = held
     m = phi.size
     k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a = work
+    begin = _lagged_torque(u, u_before, age, plant.motor.lag)
+    half = _lagged_torque(u, u_before, age + h / 2, plant.motor.lag)
+    end = _lagged_torque(u, u_before, age + h, plant.motor.lag)
     for i in range(m):
         k1v[i] = omega[i]
-    _accelerations(
-        plant,
-        t,
-        phi,
-        omega,
-        _lagged_torque(u, u_before, age, plant.motor.lag),
-        direction,
-        locked,
-        k1a,
-        scratch,
-    )
-    half = _lagged_torque(u, u_before, age + h / 2, plant.motor.lag)
+    _accelerations(plant, t, phi, omega, begin, direction, locked, touching, k1a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k1v[i]
         k2v[i] = omega[i] + 0.5 * h * k1a[i]
-    _accelerations(plant, t + h / 2, phi1, k2v, half, direction, locked, k2a, scratch)
+    _accelerations(plant, t + h / 2, phi1, k2v, half, direction, locked, touching, k2a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k2v[i]
         k3v[i] = omega[i] + 0.5 * h * k2a[i]
-    _accelerations(plant, t + h / 2, phi1, k3v, half, direction, locked, k3a, scratch)
+    _accelerations(plant, t + h / 2, phi1, k3v, half, direction, locked, touching, k3a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + h * k3v[i]
         k4v[i] = omega[i] + h * k3a[i]
-    end = _lagged_torque(u, u_before, age + h, plant.motor.lag)
-    _accelerations(plant, t + h, phi1, k4v, end, direction, locked, k4a, scratch)
+    _accelerations(plant, t + h, phi1, k4v, end, direction, locked, touching, k4a, scratch)
     for i in range(m):
         phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
         omega1[i] = omega[i] + h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
@@ -312,16 +308,54 @@ def _copy_state(phi, omega, to_phi, to_omega):
         to_omega[i] = omega[i]
 
 
+@_inlined
+def _touches(plant, phi):
+    """Whether the motor is on a flank of the backlash."""
+    return plant.motor.gap > 0.0 and abs(phi[phi.size - 1] - phi[0]) > 0.5 * plant.motor.gap
+
+
 @compiled
 def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
     """Torque [N m] of friction, reversed, that keeps the hub at rest."""
-    return _accelerations(plant, t, phi, omega, drive, 0, True, acc, scratch)
+    return _accelerations(plant, t, phi, omega, drive, 0, True, _touches(plant, phi), acc, scratch)
 
 
 @compiled
 def _friction_holds(plant, theta, needed):
     """Whether the static level is at least the torque `needed` to keep the hub at rest."""
     return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
+
+
+NO_EVENT, STOP, SLIP, CONTACT = 0, 1, 2, 3
+"""Events within a step: none, the hub's rate crosses zero, friction no longer holds, the motor meets a flank."""
+
+
+@compiled
+def _event(plant, t, held, h, phi, omega, clamped, acc, scratch):
+    """The event that a step of length h to this state has passed; `held` as in `_step`."""
+    u, u_before, age, mode, _, touching = held
+    if not touching and _touches(plant, phi):
+        return CONTACT
+    if clamped:
+        return NO_EVENT
+    if mode != 0:
+        return STOP if omega[0] * mode < 0.0 else NO_EVENT
+    drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
+    needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
+    return NO_EVENT if _friction_holds(plant, phi[0], needed) else SLIP
+
+
+@compiled
+def _mode_after(plant, t, held, h, phi, omega, event, acc, scratch):
+    """The mode of the hub after a stop or slip at the end of a step of length h; a stop sets its rate to zero."""
+    u, u_before, age, _, _, _ = held
+    if event == STOP:
+        omega[0] = 0.0
+    drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
+    needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
+    if event == STOP and _friction_holds(plant, phi[0], needed):
+        return 0
+    return 1 if needed > 0 else -1
 
 
 @compiled
@@ -344,61 +378,33 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
     phi1, omega1, acc, stages = work[8], work[9], work[10], work[:8]
     left = span
     while left > 1e-12:
-        if not clamped:
+        if not clamped and mode == 0:
             drive = _lagged_torque(u, u_before, age, plant.motor.lag)
-            if mode == 0:
-                needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
-                if not _friction_holds(plant, phi[0], needed):
-                    mode = 1 if needed > 0 else -1
+            needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
+            if not _friction_holds(plant, phi[0], needed):
+                mode = 1 if needed > 0 else -1
         locked = clamped or mode == 0
-        h = left / max(1.0, np.ceil(left / h_max - 1e-9))
-        _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, stages, scratch)
-        if not clamped:
-            crossed = mode != 0 and omega1[0] * mode < 0.0
-            slipped = False
-            if mode == 0:
-                drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
-                needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
-                slipped = not _friction_holds(plant, phi[0], needed)
-            if crossed or slipped:
-                # Bisect for the instant of the event, then restart just after it.
-                low, high = 0.0, h
-                while high - low > EVENT_TOLERANCE:
-                    mid = 0.5 * (low + high)
-                    _step(
-                        plant,
-                        t,
-                        phi,
-                        omega,
-                        u,
-                        u_before,
-                        age,
-                        mode,
-                        locked,
-                        mid,
-                        phi1,
-                        omega1,
-                        stages,
-                        scratch,
-                    )
-                    if crossed:
-                        beyond = omega1[0] * mode < 0.0
-                    else:
-                        drive = _lagged_torque(u, u_before, age + mid, plant.motor.lag)
-                        needed = _torque_to_hold(plant, t + mid, phi1, omega1, drive, acc, scratch)
-                        beyond = not _friction_holds(plant, phi[0], needed)
-                    if beyond:
-                        high = mid
-                    else:
-                        low = mid
-                h = high
-                _step(plant, t, phi, omega, u, u_before, age, mode, locked, h, phi1, omega1, stages, scratch)
-                drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
-                if crossed:
-                    omega1[0] = 0.0
-                needed = _torque_to_hold(plant, t + h, phi1, omega1, drive, acc, scratch)
-                onwards = 1 if needed > 0 else -1
-                mode = 0 if crossed and _friction_holds(plant, phi1[0], needed) else onwards
+        touching = _touches(plant, phi)
+        longest = min(h_max, plant.motor.contact_step) if touching else h_max
+        h = left / max(1.0, np.ceil(left / longest - 1e-9))
+        held = u, u_before, age, mode, locked, touching
+        _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
+        event = _event(plant, t + h, held, h, phi1, omega1, clamped, acc, scratch)
+        if event != NO_EVENT:
+            # Bisect for the instant of the first event, then restart just after it.
+            low, high = 0.0, h
+            while high - low > EVENT_TOLERANCE:
+                mid = 0.5 * (low + high)
+                _step(plant, t, phi, omega, held, mid, phi1, omega1, stages, scratch)
+                sooner = _event(plant, t + mid, held, mid, phi1, omega1, clamped, acc, scratch)
+                if sooner != NO_EVENT:
+                    high, event = mid, sooner
+                else:
+                    low = mid
+            h = high
+            _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
+            if event != CONTACT:
+                mode = _mode_after(plant, t + h, held, h, phi1, omega1, event, acc, scratch)
         _copy_state(phi1, omega1, phi, omega)
         t += h
         age += h
@@ -590,7 +596,7 @@ def simulate_prescribed_hub(
 def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     """Fills `acc` (n + 1 + k) under the hub acceleration alpha; returns the hub torque that it takes [N m]."""
     mass, row = scratch[3:], scratch[2]
-    _generalised_forces(plant, t, phi, omega, acc, mass, scratch[0], scratch[1])
+    _generalised_forces(plant, t, phi, omega, False, acc, mass, scratch[0], scratch[1])
     m = phi.size
     hub_force, hub_mass = acc[0], mass[0, 0]
     for j in range(1, m):

@@ -158,7 +158,7 @@ class RestRun:
         """Angles, rates and friction modes of a plant at some instants, the first of them that of the run."""
         lagging, times, torques = self._drive
         plant = plant.with_motor(lag=lagging.motor.lag)
-        return planar.simulate(plant, times, torques, time, *self.state, 0, False, self.model.link_step)
+        return planar.simulate(plant, times, torques, time, *self.state, 0, False, self.model.stable_step)
 
     @functools.cached_property
     def _drive(self) -> tuple[Plant, np.ndarray, np.ndarray]:

@@ -129,7 +129,7 @@ def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) 
             first = first[0], first[1] - omega[0] + hub.rate[0]
         substeps = max(1, round(GRID / model.step))
         fine = planar.simulate_prescribed_hub(
-            plant, *_subdivided(signals.time, hub, substeps), *first, model.link_step
+            plant, *_subdivided(signals.time, hub, substeps), *first, model.stable_step
         )
         return fine[0][::substeps].copy(), fine[1][::substeps].copy(), fine[2][::substeps].copy()
 

@@ -118,14 +118,9 @@ class Model:
         return self.plant._replace(torques=self.plant.torques._replace(since=float(recording.time[0])))
 
     @property
-    def link_step(self) -> float:
-        """Integration step [s] of the link under a given motion of the hub: `step`, or the chain's stability limit."""
-        return min(self.step, self.chain.largest_step())
-
-    @property
     def stable_step(self) -> float:
-        """Integration step [s]: `link_step`, or the limit of the appended coordinates."""
-        return min(self.link_step, self.plant.largest_step)
+        """Integration step [s]: `step`, or the limit at which the chain is stable."""
+        return min(self.step, self.chain.largest_step())
 
     def with_friction(self, **levels: float) -> Model:
         """Returns a model with some fields of its `Friction` set, overriding rig and effects."""
