@@ -103,8 +103,9 @@ def _best_trial(
 ) -> _Point:
     """The first of some steps of growing damping that reduces the cost; without one, `at` itself."""
     damping = at.damping
+    normal, gradient = normal_equations_at(bench, unknowns, at.x, at.residual, J)
     for _ in range(trials):
-        trial = _damped_step(bench, unknowns, at.x, at.residual, J, damping)
+        trial = _damped_step(unknowns, at.x, normal, gradient, damping)
         [r] = bench.residuals([(*model_and_starts_at(model, starts, unknowns, trial), None)])
         cost = cost_of(bench, unknowns, trial, r)
         if cost < at.cost:
@@ -128,15 +129,16 @@ def _broyden_update(J: np.ndarray, moved: np.ndarray, change: np.ndarray, steps:
 
 
 def _damped_step(
-    bench: Workbench,
-    unknowns: Sequence[Unknown],
-    x: np.ndarray,
-    r: np.ndarray,
-    J: np.ndarray,
-    damping: float,
+    unknowns: Sequence[Unknown], x: np.ndarray, normal: np.ndarray, gradient: np.ndarray, damping: float
 ) -> np.ndarray:
-    """Values (p) after a step from x with the diagonal of the information raised by `damping`, within the bounds."""
-    normal, gradient = normal_equations_at(bench, unknowns, x, r, J)
+    """Values (p) after a step from x with the diagonal of the information raised by `damping`, within the bounds.
+
+    Args:
+      unknowns: (p).
+      x: (p) values.
+      normal, gradient: information (p x p) and gradient (p) there.
+      damping: share of the diagonal that is added to it [1].
+    """
     ridge = damping * np.diag(normal) + 1e-12 * np.trace(normal) / len(x)
     low, high = np.array([u.bounds for u in unknowns]).T
     free = np.ones(len(x), dtype=bool)

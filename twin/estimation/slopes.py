@@ -68,10 +68,11 @@ def normal_equations_at(
     bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray, J: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Information (p x p) and gradient (p) of the cost at values x (p) with residual r (n) and Jacobian J (n x p)."""
-    weights = row_weights(bench, r)
     prior = prior_precision(unknowns)
     away = np.array([v - u.start for u, v in zip(unknowns, x, strict=True)])
-    return J.T @ (weights[:, None] * J) + np.diag(prior), J.T @ (weights * r) + prior * away
+    root = np.sqrt(row_weights(bench, r))
+    weighted = root[:, None] * J  # numpy computes half of a product of a matrix with its own transpose
+    return weighted.T @ weighted + np.diag(prior), weighted.T @ (root * r) + prior * away
 
 
 def normal_equations(bench: Workbench, base: Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +152,7 @@ def difference_jacobian(
     Returns:
       The Jacobian (n x p), and for the next one the steps (p) that would change the residual by `_TARGET_CHANGE`.
     """
-    J, steps = np.zeros((len(r), len(unknowns))), steps.copy()
+    J, steps = np.zeros((len(r), len(unknowns)), order="F"), steps.copy()
     jobs, columns = [], []
     for j, u in enumerate(unknowns):
         if u.key in fixed:
