@@ -53,7 +53,9 @@ def _slew(duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_slew_with_sticking_agrees(mechanism):
     plant = changed(PLANT, **MECHANISMS[mechanism])
-    run = (*_slew(1.0), REST, REST, 0, False, STEP)
+    # Friction that falls steeply with the rate takes half the step: with the whole one, both are off by some 6e-5.
+    step = STEP / 2 if mechanism == "stribeck" else STEP
+    run = (*_slew(1.0), REST, REST, 0, False, step)
     angles, rates, modes = planar.simulate(plant, *run)
     found = MujocoChain(RIG, CHAIN, plant, MECHANISMS[mechanism].get("torques", ())).simulate(*run)
     assert np.any(modes[100:] == 0)

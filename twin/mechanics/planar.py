@@ -359,13 +359,36 @@ def _mode_after(plant, t, held, h, phi, omega, event, acc, scratch):
 
 
 @compiled
-def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, work, scratch):
-    """Integrates phi, omega in place over `span` [s] under a held command u; returns the mode at the end.
+def _record(t, h, phi, omega, phi1, omega1, mode, mode1, out, row):
+    """Fills the rows whose instants a step of length h has passed; returns the next row.
+
+    Between the ends of the step, angles are cubic Hermite polynomials of the time.
+    """
+    times, angles, rates, modes = out
+    while row < times.size and times[row] <= t + h + 1e-12:
+        x = (times[row] - t) / h if h > 0 else 1.0
+        if x > 1 - 1e-9:
+            _copy_state(phi1, omega1, angles[row], rates[row])
+            modes[row] = mode1
+        else:
+            y = 1 - x
+            for i in range(phi.size):
+                away = phi1[i] - phi[i]
+                begin, end = h * omega[i] - away, away - h * omega1[i]
+                angles[row, i] = phi[i] + x * (away + y * (y * begin + x * end))
+                rates[row, i] = (away + (y - x) * (y * begin + x * end) + x * y * (end - begin)) / h
+            modes[row] = mode
+        row += 1
+    return row
+
+
+@compiled
+def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, out, row, work, scratch):
+    """Integrates phi, omega in place under a held command u; returns the mode at the end, and the next row.
 
     Args:
       plant: the `Plant`.
-      t: instant at which the span begins [s].
-      span: its length [s].
+      t, end: instants at which the integration begins and ends [s].
       phi, omega: (n + 1 + k) state, overwritten.
       u: command, held [N m].
       u_before: torque that was delivered when the command came [N m].
@@ -373,10 +396,12 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
       mode: 0 while the hub sticks, else the direction +1 or -1 in which it slides.
       clamped: the hub is locked.
       h_max: largest step [s].
+      out: instants (m), angles and rates (m, n + 1 + k) and modes (m), filled from `row` on up to the end.
+      row: the first to be filled.
       work, scratch: (11, n + 1 + k) and (n + 4 + k, n + 1 + k), of any content.
     """
     phi1, omega1, acc, stages = work[8], work[9], work[10], work[:8]
-    left = span
+    left = end - t
     while left > 1e-12:
         if not clamped and mode == 0:
             drive = _lagged_torque(u, u_before, age, plant.motor.lag)
@@ -405,17 +430,22 @@ def advance(plant, t, span, phi, omega, u, u_before, age, mode, clamped, h_max, 
             _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
             if event != CONTACT:
                 mode = _mode_after(plant, t + h, held, h, phi1, omega1, event, acc, scratch)
+        row = _record(t, h, phi, omega, phi1, omega1, held[3], mode, out, row)
         _copy_state(phi1, omega1, phi, omega)
         t += h
         age += h
         left -= h
-    return mode
+    while row < out[0].size and out[0][row] <= end:
+        row = _record(end, 0.0, phi, omega, phi, omega, mode, mode, out, row)
+    return mode, row
 
 
 STUCK, UNDECIDED = 0, 2
 """Flags of the hub at a measured sample: at rest, or neither rest nor motion is certain; +1 and -1: it moves."""
 
 
+NO_ROWS = np.empty(0), np.empty((0, 0)), np.empty((0, 0)), np.empty(0)
+"""Rows that `advance` fills where none are asked for."""
 # Of a free-running simulation.
 _NO_FLAGS, _NO_ANCHOR = np.empty(0, dtype=np.int64), np.empty(0)
 
@@ -461,11 +491,29 @@ def simulate(
     size, count = phi.size, out_time.size
     work, scratch = np.empty((11, size)), np.empty((size + 3, size))
     out = np.empty((count, size)), np.empty((count, size)), np.empty(count)
-    drive = command_time, command
+    changes = np.diff(command, prepend=np.nan) != 0
+    drive = command_time[changes], command[changes]
+    rows = out_time, *out
     _simulate(
-        plant, drive, out_time, phi, omega, mode0, clamped, h_max, observed, anchor, *out, work, scratch
+        plant, drive, out_time, phi, omega, mode0, clamped, h_max, observed, anchor, rows, work, scratch
     )
     return out
+
+
+@compiled
+def _guide(phi, omega, mode, row, observed, anchor, rates, modes):
+    """Imposes the measurement on the state at a row; returns the mode."""
+    if observed[row] == STUCK and mode != 0:
+        mode = 0
+        omega[0] = 0.0
+    elif abs(observed[row]) == 1 and mode == 0:
+        mode = observed[row]
+    rates[row, 0], modes[row] = omega[0], mode
+    if observed[row] == STUCK and (row + 1 == observed.size or observed[row + 1] != STUCK):
+        turn = anchor[row] - phi[0]
+        for i in range(phi.size):
+            phi[i] += turn
+    return mode
 
 
 @compiled
@@ -480,14 +528,12 @@ def _simulate(
     h_max,
     observed,
     anchor,
-    angles,
-    rates,
-    modes,
+    out,
     work,
     scratch,
 ):
     command_time, command = drive
-    size = phi.size
+    _, angles, rates, modes = out
     t = out_time[0]
     pointer = -1
     u, u_before, since = 0.0, 0.0, t
@@ -497,38 +543,28 @@ def _simulate(
         u = command[pointer]
         settled = pointer if command_time[pointer] < t - 1e-9 else pointer - 1
         u_before = command[settled] if settled >= 0 else 0.0
-    mode = mode0
-    for row in range(out_time.size):
-        while t < out_time[row] - 1e-12:
-            end = out_time[row]
-            if pointer + 1 < command_time.size and command_time[pointer + 1] < end:
-                end = command_time[pointer + 1]
-            mode = advance(
-                plant, t, end - t, phi, omega, u, u_before, t - since, mode, clamped, h_max, work, scratch
-            )
-            t = end
-            while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
-                pointer += 1
-                u_before = _lagged_torque(u, u_before, t - since, plant.motor.lag)
-                u = command[pointer]
-                since = t
-        if observed.size > 0 and not clamped:
-            if observed[row] == STUCK and mode != 0:
-                mode = 0
-                omega[0] = 0.0
-            elif abs(observed[row]) == 1 and mode == 0:
-                mode = observed[row]
-        _copy_state(phi, omega, angles[row], rates[row])
-        modes[row] = mode
-        if (
-            observed.size > 0
-            and not clamped
-            and observed[row] == STUCK
-            and (row + 1 == out_time.size or observed[row + 1] != STUCK)
-        ):
-            turn = anchor[row] - phi[0]
-            for i in range(size):
-                phi[i] += turn
+    guided = observed.size > 0 and not clamped
+    _copy_state(phi, omega, angles[0], rates[0])
+    mode, row = mode0, 1
+    modes[0] = mode
+    if guided:
+        mode = _guide(phi, omega, mode, 0, observed, anchor, rates, modes)
+    while row < out_time.size:
+        end = out_time[row] if guided else out_time[out_time.size - 1]
+        if pointer + 1 < command_time.size and command_time[pointer + 1] < end:
+            end = command_time[pointer + 1]
+        age = t - since
+        mode, next_row = advance(
+            plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, out, row, work, scratch
+        )
+        if guided and next_row > row:
+            mode = _guide(phi, omega, mode, row, observed, anchor, rates, modes)
+        t, row = end, next_row
+        while pointer + 1 < command_time.size and command_time[pointer + 1] <= t + 1e-12:
+            pointer += 1
+            u_before = _lagged_torque(u, u_before, t - since, plant.motor.lag)
+            u = command[pointer]
+            since = t
 
 
 def holding_torque(

@@ -136,10 +136,10 @@ class CompiledPlant(_SegmentPlant):
         """Advances by one period under a commanded torque [N m]."""
         self._drive.command(self._time, torque)
         for piece, span in self._drive.constant_spans(self._time, self.period):
-            self._mode = planar.advance(
+            self._mode, _ = planar.advance(
                 self._plant,
                 self._time,
-                span,
+                self._time + span,
                 self._phi,
                 self._omega,
                 piece,
@@ -148,6 +148,8 @@ class CompiledPlant(_SegmentPlant):
                 self._mode,
                 False,
                 self._step,
+                planar.NO_ROWS,
+                0,
                 self._work,
                 self._scratch,
             )
