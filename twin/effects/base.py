@@ -296,6 +296,10 @@ class Effect:
         values = tuple(float(p[q.name]) for q in self.parameters)
         return HubTorque(self.name, self.hub_law, values, self.on_motor, write, self.mjcf_is_exact)
 
+    def placed(self, torque: HubTorque, p: Mapping[str, float]) -> HubTorque:
+        """The torque of another effect, on the side of this one's backlash where it acts."""
+        return torque
+
     def write_mjcf(self, spec: MjSpec, joint: str, p: Mapping[str, float]) -> None:
         """Adds a nonlinear `hub_law` to a MuJoCo specification, at the joint of this name.
 
