@@ -17,6 +17,7 @@ from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubLaw, HubTorque
 from twin.mechanics.plant import Plant
 from twin.parameters import PARAMETERS, Rig
+from twin.recording import Sensor
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -256,6 +257,10 @@ class Effect:
         """Values near neutral, one for each direction in which a search should leave it."""
         neutral = self.neutral(rig)
         return ({p.name: p.turned(p.turned(neutral[p.name]) + p.step) for p in self.parameters},)
+
+    def fits(self, values: Mapping[str, float], sensors: Mapping[str, Sensor]) -> bool:
+        """Whether these values agree with what is declared of the sensors."""
+        return True
 
     def linear_coefficients(self, p: Mapping[str, float]) -> tuple[float, ...]:
         """Coefficients in which the force of the effect is linear; empty if there are none."""
