@@ -305,7 +305,8 @@ def _share_of_oscillation(unexplained: Unexplained) -> float:
     fault of the link spreads over the neighbourhood of a resonance. Frequencies near a mode of the model are left out,
     because any fault of the link excites it.
     """
-    inside = [unexplained.recording == i for i in np.unique(unexplained.recording)]
+    masks = [unexplained.recording == i for i in np.unique(unexplained.recording)]
+    inside = [k for k in masks if np.ptp(unexplained.time[k]) > 0]
     if len(inside) < 2:
         return 0.0
     time = [unexplained.time[k] - unexplained.time[k][0] for k in inside]

@@ -34,11 +34,14 @@ FRICTION_SCATTER = 1e-2
 """Scatter of a break-away torque from one stick to the next, which no model knows."""
 _HUB_SHARE = 0.9
 """Share of the variance of a channel's noise from which its own noise does not matter."""
+_STATIC_ROUNDS = 3  # of the search for the static friction
 _ITERATIONS = 20  # of a fit that may begin far from its minimum, as those of a calibration
 _COULOMB_GRID = np.geomspace(0.7, 1.4, 7)
 """Coulomb friction of the grid over that of the first fit: its error is a few standard errors of a rough hub sensor."""
 _STATIC_GRID = np.array([1.0, 1.15, 1.35, 1.6, 2.0])
 """Static over Coulomb friction of the grid."""
+_FINE_GRID = np.linspace(1.0, 2.0, 41)
+"""The same where the Coulomb friction is known: a stick more or less changes the rest of a run."""
 
 
 class OutputErrorData(FreeData):
@@ -129,8 +132,15 @@ def fit_output_error(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     free = _output_errors(bench)
     states = tuple(first_state(fit.model, p, bench.pool) for p in bench.prepared)
     values = np.array([_value(u, v, states) for u, v in zip(fit.unknowns, fit.values, strict=True)])
-    values = _likeliest_friction(free, fit, states, values)
+    values = _likeliest_friction(free, fit, states, values, _COULOMB_GRID, _STATIC_GRID)
     fitted = minimise(free, fit.model, states, fit.unknowns, values, iterations=_ITERATIONS)
+    # With the sliding friction right, the static one may be seen to be wrong.
+    for _ in range(_STATIC_ROUNDS):
+        again = _likeliest_friction(free, fit, fitted.starts, fitted.values, np.ones(1), _FINE_GRID)
+        other = minimise(free, fit.model, fitted.starts, fit.unknowns, again, iterations=_ITERATIONS)
+        if other.cost >= fitted.cost:
+            break
+        fitted = other
     free, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
@@ -138,8 +148,15 @@ def fit_output_error(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     return free, minimise(free, *at, fixed_jacobian=fitted.jacobian_columns)
 
 
-def _likeliest_friction(free: Workbench, fit: Fit, states: Sequence[Start], values: np.ndarray) -> np.ndarray:
-    """The values (p) with the friction levels at the best point of a grid.
+def _likeliest_friction(
+    free: Workbench,
+    fit: Fit,
+    states: Sequence[Start],
+    values: np.ndarray,
+    coulombs: np.ndarray,
+    statics: np.ndarray,
+) -> np.ndarray:
+    """The values (p) with the friction levels at the best point of a grid: Coulomb over its value, static over Coulomb.
 
     Where the hub sticks decides the rest of a free run: a fit that starts with wrong levels ends in a local minimum.
     """
@@ -147,8 +164,8 @@ def _likeliest_friction(free: Workbench, fit: Fit, states: Sequence[Start], valu
     if not {"static_friction", "coulomb_friction"} <= index.keys():
         return values
     points = [values]
-    for coulomb in _COULOMB_GRID * values[index["coulomb_friction"]]:
-        for static in _STATIC_GRID * coulomb:
+    for coulomb in coulombs * values[index["coulomb_friction"]]:
+        for static in statics * coulomb:
             x = values.copy()
             x[index["coulomb_friction"]], x[index["static_friction"]] = coulomb, static
             points.append(np.clip(x, *np.transpose([u.bounds for u in fit.unknowns])))
