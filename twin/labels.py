@@ -37,7 +37,7 @@ CHANNELS: Mapping[str, Display] = {
     "tip_acceleration": Display("tip acceleration", "m/s²", 1.0),
 }
 """Channel of the recording format -> its display."""
-_VARIABLES: Mapping[str, Display] = {
+VARIABLES: Mapping[str, Display] = {
     "hub_angle": CHANNELS["hub_angle"],
     "hub_rate": Display("hub rate", "rad/s", 1.0),
     "hub_acceleration": Display("hub acceleration", "rad/s²", 1.0),
@@ -60,7 +60,7 @@ def amount(name: str, value: float) -> str:
 
 def variable(name: str) -> Display:
     """Returns the display of a variable on which an unexplained force may depend."""
-    return _VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
+    return VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
 
 
 def with_the(name: str) -> str:
