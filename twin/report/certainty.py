@@ -61,7 +61,9 @@ def why_not(diagnosis: Diagnosis, name: str) -> str:
     failed = diagnosis.failed_rule(name)
     if failed is not None:
         return REASONS[failed.judgement.rule]
-    return REASONS["large-score-test" if name in diagnosis.not_fitted else "best-of-round"]
+    if name in diagnosis.not_fitted:
+        return REASONS["large-score-test"]
+    return REASONS["best-of-round"] if diagnosis.effects else "It gains too little."
 
 
 def _rivals(diagnosis: Diagnosis, names: tuple[str, ...]) -> bool:
@@ -70,19 +72,27 @@ def _rivals(diagnosis: Diagnosis, names: tuple[str, ...]) -> bool:
 
 def _missing(d: Diagnosis) -> tuple[str, str]:
     best, rate = best_score(d), d.false_alarm_rate
-    alarm = f" Where nothing is missing, an alarm is raised in {100 * rate:.3g} % of campaigns." if rate else ""
+    alarm = (
+        f" Where nothing is missing, an alarm is raised in {100 * rate:.3g} % of campaigns." if rate else ""
+    )
     if d.verdict == "no-missing-effect":
         if best is None:
-            return "Not by these recordings.", f"No candidate was needed.{alarm}"
-        reason = why_not(d, best[0])
-        return "Not by these recordings.", f"The best candidate was {labels.words(best[0])}. {reason}{alarm}"
+            return "Not that these recordings show.", f"No candidate was needed.{alarm}"
+        reason = why_not(d, best[0]) if d.failed_rule(best[0]) else ""
+        return (
+            "Not that these recordings show.",
+            f"The best candidate was {labels.words(best[0])}. {reason}".rstrip() + alarm,
+        )
     if d.contradicted and not d.effects:
         return "Probably.", "The fitted recordings are explained, but a held-out one contradicts the model."
     if not d.effects:
         return "Yes.", f"What the model leaves is larger than the noise of the sensors.{alarm}"
     beyond = best is not None and bool(d.threshold) and best[1] > _BEYOND_DOUBT * (d.threshold or math.inf)
     if beyond:
-        return "Beyond doubt.", f"What was found gains far more than chance, or the model's own error, can.{alarm}"
+        return (
+            "Beyond doubt.",
+            f"What was found gains far more than chance, or the model's own error, can.{alarm}",
+        )
     return "Yes.", f"What was found gains more than chance, or the model's own error, does.{alarm}"
 
 
@@ -90,7 +100,11 @@ def _cause(d: Diagnosis) -> list[Answer]:
     if d.verdict == "no-missing-effect":
         return []
     if not d.effects:
-        return [Answer("Which cause is it?", "None that has a name here.", "No effect of the library explains it.")]
+        return [
+            Answer(
+                "Which cause is it?", "None that has a name here.", "No effect of the library explains it."
+            )
+        ]
     found = []
     for effect in d.effects:
         rivals = display.rivals(d, effect.name)
@@ -101,7 +115,9 @@ def _cause(d: Diagnosis) -> list[Answer]:
             why += f" {labels.join_with_and([labels.words(n) for n in rivals]).capitalize()} would explain these "
             why += "recordings nearly as well."
         if d.verdict == "outside-library":
-            why += " It may imitate a part of a cause that the library does not know: its probability is halved."
+            why += (
+                " It may imitate a part of a cause that the library does not know: its probability is halved."
+            )
         found.append(Answer(f"Is it {labels.words(effect.name)}?", word, why.strip()))
     return found
 

@@ -101,7 +101,7 @@ def parameter_rows(effect: AdoptedEffect) -> list[tuple[str, str, str, str]]:
     rows = []
     for name, value in effect.parameters.items():
         si = effect.units.get(name, "")
-        shown = with_error(value, effect.standard_errors.get(name))
+        shown = with_error(value, effect.standard_errors.get(name), labels.PAGE_DIGITS)
         rows.append((name, shown, unit(si), angle_in_degrees(value, si)))
     return rows
 
@@ -176,13 +176,16 @@ def caveat(diagnosis: Diagnosis) -> str:
             "may still be there."
         )
     if diagnosis.verdict == "outside-library":
-        on = f"depends on {with_the(diagnosis.depends_on[0])}" if diagnosis.depends_on else "follows no variable"
+        on = (
+            f"depends on {with_the(diagnosis.depends_on[0])}"
+            if diagnosis.depends_on
+            else "follows no variable"
+        )
         return f"What is left {on}; these recordings show its size and not its cause."
     others = [name for effect in diagnosis.effects for name in rivals(diagnosis, effect.name)]
     if others:
         what = join_with_and([_with_meaning(name) for name in dict.fromkeys(others)])
-        settles = "; one more recording would tell them apart" if diagnosis.next_experiment else ""
-        return f"But {what} would explain these recordings nearly as well{settles}."
+        return f"But {what} would explain these recordings nearly as well."
     if not by_role(diagnosis, "holdout"):
         return "No recording was held out, so nothing tests this on data that it has not seen."
     return "No other effect of the library explains these recordings as well."

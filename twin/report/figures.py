@@ -27,6 +27,7 @@ COLOURS: Mapping[str, str] = {
     "noise": "#e3efe6",
 }
 
+
 def recording_figure(prediction: Prediction, points: int = 2000) -> Figure | None:
     """Returns measured and simulated channels beside their residuals; None if no channel was simulated.
 
@@ -76,7 +77,9 @@ class JoinedTime:
         )
 
 
-def headline_figure(prediction: Prediction, name: str, names: Mapping[str, str], points: int = 2000) -> Figure:
+def headline_figure(
+    prediction: Prediction, name: str, names: Mapping[str, str], points: int = 2000
+) -> Figure:
     """Returns one channel of a recording: measured, and simulated before and after.
 
     Args:
@@ -108,7 +111,7 @@ def trace_figure(trace: Trace, against: str | None, axis: JoinedTime) -> Figure 
       axis: time axis.
     """
     kept = np.flatnonzero(np.isfinite(trace.values))
-    if not len(kept):
+    if len(kept) < 2:
         return None
     page = Panels([1.0], row=340, columns=(0.46, 0.43) if against else (1.0,), linked=False)
     if against:
@@ -121,7 +124,7 @@ def other_variables_figure(trace: Trace, against: str | None) -> Figure | None:
     """Returns an unmodelled quantity over up to four variables other than `against` and time; None without any."""
     kept = np.flatnonzero(np.isfinite(trace.values))
     names = [name for name in trace.variables if name not in (against, "time")][:4]
-    if not len(kept) or not names:
+    if len(kept) < 2 or not names:
         return None
     gap = 0.06
     width = (1.0 - gap * (len(names) - 1)) / len(names)
@@ -131,9 +134,14 @@ def other_variables_figure(trace: Trace, against: str | None) -> Figure | None:
     return page.figure()
 
 
-def patch_figure(patched: Patched) -> Figure:
-    """Returns a lookup table over the range in which it was observed; marker sizes grow with the number of samples."""
+def patch_figure(patched: Patched) -> Figure | None:
+    """Returns a lookup table over the range in which it was observed; marker sizes grow with the number of samples.
+
+    None for a table of a single entry.
+    """
     patch = patched.patch
+    if len(patch.x) < 2:
+        return None
     shown = variable(patch.variable)
     adds = channel(patch.channel) if patch.channel in CHANNEL_UNITS else channel("motor_torque")
     page = Panels([1.0], row=280, columns=(1.0,), linked=False)
@@ -214,6 +222,8 @@ def _residual_panel(page: Panels, row: int, prediction: Prediction, name: str, p
         line = {"x": recording.time[kept].astype("f4"), "y": drawn[kept].astype("f4"), "customdata": real}
         hover = f"measured − {model}: %{{customdata:.3g}} {shown.unit}<br>%{{x:.3f}} s<extra></extra>"
         style = _style(model, -0.5) | {"showlegend": False}
+        # Noise as dots is a cloud.
+        style["line"] |= {"dash": "solid"} if model == "after" else {}
         page.add(row, 1, **line, **style, hovertemplate=hover)
         if model != "calibrated" and np.isfinite(drawn).any():
             largest = max(largest, float(np.nanmax(np.abs(drawn))))

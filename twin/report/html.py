@@ -19,7 +19,9 @@ from twin.report.figures import Figure
 _MOST_NUMBERS = 350_000
 """In the figures of all recordings together, of 5.3 bytes each: pages stay below 4 MB, plotly.js included."""
 _MOST_POINTS, _FEWEST_POINTS = 2000, 200  # of a line
-_NUMBERS = 17  # for each point of a channel: four lines, three residuals, the latter with their value in the unit
+_NUMBERS = (
+    17  # for each point of a channel: four lines, three residuals, the latter with their value in the unit
+)
 _FIT_SHARE = 0.5  # points of a fitted recording, over those of a held-out one
 
 
@@ -39,9 +41,7 @@ def write_report(diagnosis: Diagnosis, path: Path, files: Mapping[str, str] | No
 
 def render(diagnosis: Diagnosis, files: Mapping[str, str] | None = None) -> str:
     """Returns the page; arguments as `write_report`."""
-    return pages.render(
-        "report/report.html.j2", page=_content(diagnosis), files=files or {}, d=diagnosis
-    )
+    return pages.render("report/report.html.j2", page=_content(diagnosis), files=files or {}, d=diagnosis)
 
 
 def _content(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -73,6 +73,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "fit_errors": tables.errors(fit),
         "held_out": list(_recordings(held_out, points)),
         "fit": list(_recordings(fit, max(int(_FIT_SHARE * points), _FEWEST_POINTS))),
+        "not_fitted": [labels.words(name) for name in diagnosis.not_fitted],
         "alternatives": tables.alternatives(diagnosis),
         "scores": tables.scores(diagnosis),
         "calibrated": tables.calibrated(diagnosis),
@@ -130,7 +131,7 @@ def _trace(diagnosis: Diagnosis, trace: Trace, axis: figures.JoinedTime) -> dict
     against = _explaining_variable(diagnosis, trace)
     label = _sentence(labels.unmodelled(trace.channel).label)
     beside = labels.variable(against).label if against else None
-    model = "final" if diagnosis.effects and diagnosis.verdict == "outside-library" else "calibrated"
+    model = "final" if diagnosis.effects and trace.fitted is None else "calibrated"
     most = f"; it depends most on {beside}" if beside and trace.explained_by == against else ""
     fitted = ". Blue: what the effects found explain of it" if trace.fitted is not None else ""
     return {

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from twin.report.prose import prose
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
+    from jinja2 import Environment
 
 INK, BLUE, VERMILION, PURPLE, GREY = "#2b2b2b", "#0072b2", "#d55e00", "#b3558f", "#9aa3ab"
 """Palette of Okabe and Ito, distinguishable with every common kind of colour vision, and in grey."""
@@ -82,6 +84,14 @@ def render(template: str, **content: Any) -> str:
       template: its file, relative to the package `twin`.
       content: name -> value of the template.
     """
+    page = _environment().get_template(template).render(content)
+    # A lone surrogate, from a file name that is not UTF-8, could not be written.
+    return page.encode("utf-8", "replace").decode("utf-8")
+
+
+@cache
+def _environment() -> Environment:
+    """The templates, with what all of them use."""
     # Imported here, because jinja2 takes 0.1 s, which `twin --help` does not need.
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
     from markupsafe import Markup
@@ -93,13 +103,10 @@ def render(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Callable[..., Any]] = {"cell": _as_cell, "prose": prose, "words": labels.words}
-    environment.filters |= filters
+    environment.filters |= {"cell": _as_cell, "prose": prose, "words": labels.words}
     plotly = files("twin").joinpath(_PLOTLY).read_text(encoding="utf-8")
     environment.globals["plotly_js"] = Markup(plotly)
-    page = environment.get_template(template).render(content)
-    # A lone surrogate, from a file name that is not UTF-8, could not be written.
-    return page.encode("utf-8", "replace").decode("utf-8")
+    return environment
 
 
 def _as_cell(value: str | Cell) -> Cell:

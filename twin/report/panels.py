@@ -10,6 +10,7 @@ from twin.report.pages import Figure
 
 _GRID, _AXIS = "#e9ecef", pages.GREY
 _TOP, _BOTTOM = 58, 44  # margins with legend and with the label of the time axis [px]
+_LEGEND_LINE = 26  # of a legend with two lines, on a narrow screen [px]
 _BETWEEN = 22  # between panels with a common time axis [px]
 _BELOW = 66  # below a panel with a labelled axis, and above the caption of the next one [px]
 
@@ -98,7 +99,12 @@ class Panels:
         import plotly.graph_objects as go
 
         legend = {"orientation": "h", "x": 0, "xanchor": "left", "yref": "container", "y": 0.995}
-        legend |= {"yanchor": "top", "itemsizing": "constant", "bgcolor": "rgba(0,0,0,0)", "font": {"size": 13}}
+        legend |= {
+            "yanchor": "top",
+            "itemsizing": "constant",
+            "bgcolor": "rgba(0,0,0,0)",
+            "font": {"size": 13},
+        }
         layout = {
             **self.layout,
             "template": go.layout.Template(),
@@ -125,7 +131,8 @@ class Panels:
         gaps = [_BETWEEN if same else _BELOW for same in follows]
         inner = sum(heights) + sum(gaps)
         tops = [inner - sum(heights[:i]) - sum(gaps[:i]) for i in range(len(places))]
-        changes: dict[str, Any] = {"height": int(inner + _TOP + _BOTTOM), "annotations": []}
+        top_margin = _TOP + _LEGEND_LINE
+        changes: dict[str, Any] = {"height": int(inner + top_margin + _BOTTOM), "annotations": []}
         for (row, column), height, top in zip(places, heights, tops, strict=True):
             suffix = self._suffix(row, column)
             x, y = self.layout[f"xaxis{suffix}"], self.layout[f"yaxis{suffix}"]
@@ -136,7 +143,7 @@ class Panels:
         first = dict(reversed([(column, top / inner) for (_, column), top in zip(places, tops, strict=True)]))
         for column, caption in enumerate(self.layout["annotations"]):
             changes["annotations"].append(caption | {"x": 0.0, "y": first.get(column, 1.0)})
-        return changes | {"margin": {"l": 64, "r": 8, "t": _TOP, "b": _BOTTOM}}
+        return changes | {"margin": {"l": 64, "r": 8, "t": top_margin, "b": _BOTTOM}}
 
 
 def title(label: str, unit: str) -> dict[str, Any]:

@@ -19,7 +19,9 @@ def prose(text: str) -> str:
 
 
 def _in_words(name: str) -> str:
-    known = {name for effect in REGISTRY.values() for name in (effect.name, *(p.name for p in effect.parameters))}
+    known = {
+        name for effect in REGISTRY.values() for name in (effect.name, *(p.name for p in effect.parameters))
+    }
     if name in labels.CHANNELS or name in labels.VARIABLES:
         return labels.variable(name).label
     return labels.words(name) if name in known or name in PARAMETERS or name == HUB_TORQUE else name

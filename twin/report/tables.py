@@ -128,7 +128,9 @@ def numbers(d: Diagnosis) -> Table:
         rows.append(("best score", Cell(_score(best[1]), strong=True), _score_means(best[0])))
     if d.by_chance is not None and d.false_alarm_rate is not None:
         rate = f"{100 * d.false_alarm_rate:.3g} %"
-        means = f"where nothing is missing, chance alone exceeds it in {rate} of all cases, the false-alarm rate"
+        means = (
+            f"where nothing is missing, chance alone exceeds it in {rate} of all cases, the false-alarm rate"
+        )
         rows.append(("threshold by chance", Cell(_score(d.by_chance), strong=True), means))
     if d.least_score is not None:
         means = "whatever chance gives, because the discretisation error of the model has a score, too"
@@ -143,18 +145,16 @@ def numbers(d: Diagnosis) -> Table:
 
 
 def _score_means(name: str) -> str:
-    return (
-        f"{labels.words(name)}: gain in log likelihood by this candidate alone, less the penalty for its parameters"
-    )
+    return f"{labels.words(name)}: gain in log likelihood by this candidate alone, less the penalty for its parameters"
 
 
 def alternatives(diagnosis: Diagnosis) -> Table:
-    """Returns each candidate that was not adopted, and why."""
-    adopted = {effect.name for effect in diagnosis.effects}
-    names = [name for name, _ in diagnosis.ranking if name not in adopted]
+    """Returns each candidate that was fitted and not adopted, and why."""
+    adopted, idle = {effect.name for effect in diagnosis.effects}, set(diagnosis.not_fitted)
     rows = [
         (Cell(labels.words(name), note=effects.meaning(name)), certainty.why_not(diagnosis, name))
-        for name in names
+        for name, _ in diagnosis.ranking
+        if name not in adopted | idle
     ]
     return Table(("candidate", "why it was turned down"), rows)
 
@@ -207,12 +207,16 @@ def _calibrated(name: str, diagnosis: Diagnosis) -> tuple[str | Cell, ...]:
     uncertainty = parameter.uncertainty if parameter else None
     sigma = abs(moved.declared) * uncertainty if uncertainty else 0.0
     change = moved.fitted - moved.declared
-    far = Cell(f"{change / sigma:+.1f}".replace("-", "−"), warns=abs(change) > _FAR * sigma) if sigma > 0 else "–"
+    far = (
+        Cell(f"{change / sigma:+.1f}".replace("-", "−"), warns=abs(change) > _FAR * sigma)
+        if sigma > 0
+        else "–"
+    )
     return (
         labels.words(name).replace(".", ": "),
         labels.number(moved.declared, 4),
         f"{100 * uncertainty:.3g} %" if uncertainty is not None else "not declared",
-        labels.with_error(moved.fitted, moved.standard_error),
+        labels.with_error(moved.fitted, moved.standard_error, labels.PAGE_DIGITS),
         labels.unit(moved.unit),
         f"{100 * change / moved.declared:+.1f} %".replace("-", "−") if moved.declared else "–",
         far,
