@@ -18,6 +18,7 @@ from twin.report.figures import Figure
 
 _MOST_NUMBERS = 350_000
 """In the figures of all recordings together, of 5.3 bytes each: pages stay below 4 MB, plotly.js included."""
+_MOST_FIGURES = 24  # of held-out, and of fitted recordings
 _MOST_POINTS, _FEWEST_POINTS = 2000, 200  # of a line
 _NUMBERS = (
     17  # for each point of a channel: four lines, three residuals, the latter with their value in the unit
@@ -72,6 +73,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "unknown_noise": ", ".join(_unknown_noise(diagnosis)),
         "fit_errors": tables.errors(fit),
         "held_out": list(_recordings(held_out, points)),
+        "not_drawn": sum(max(len(shown) - _MOST_FIGURES, 0) for shown in (held_out, fit)),
         "fit": list(_recordings(fit, max(int(_FIT_SHARE * points), _FEWEST_POINTS))),
         "not_fitted": [labels.words(name) for name in diagnosis.not_fitted],
         "alternatives": tables.alternatives(diagnosis),
@@ -165,14 +167,16 @@ def _patch(patched: Patched | None) -> dict[str, Any] | None:
 
 
 def _recordings(predictions: Mapping[str, Prediction], points: int) -> Iterator[tuple[str, Figure | None]]:
-    for file, prediction in predictions.items():
+    for file, prediction in [*predictions.items()][:_MOST_FIGURES]:
         yield file, figures.recording_figure(prediction, points)
 
 
 def _line_points(held_out: Mapping[str, Prediction], fit: Mapping[str, Prediction]) -> int:
     """Returns how many points a line of a held-out recording keeps."""
-    channels = sum(len(p.errors) for p in held_out.values())
-    channels += _FIT_SHARE * sum(len(p.errors) for p in fit.values())
+    weighted = ((held_out, 1.0), (fit, _FIT_SHARE))
+    channels = sum(
+        weight * len(p.errors) for shown, weight in weighted for p in [*shown.values()][:_MOST_FIGURES]
+    )
     fitting = int(_MOST_NUMBERS / (_NUMBERS * max(channels, 1)))
     return min(max(fitting, _FEWEST_POINTS), _MOST_POINTS)
 

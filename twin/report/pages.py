@@ -59,6 +59,9 @@ class Cell:
     width: float | None = None
 
 
+Row = tuple[str | Cell, ...]
+
+
 @dataclass(frozen=True)
 class Table:
     """A table, which a narrow screen shows as one card for each row.
@@ -70,7 +73,7 @@ class Table:
     """
 
     columns: Sequence[str]
-    rows: Sequence[Sequence[str | Cell]]
+    rows: Sequence[Row]
     groups: Mapping[int, str] = field(default_factory=dict)
 
     def __bool__(self) -> bool:

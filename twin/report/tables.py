@@ -11,7 +11,7 @@ from twin import effects, labels
 from twin.diagnosis.answer import ChannelError, Diagnosis, Patched, Prediction
 from twin.diagnosis.rules import RULES
 from twin.report import certainty, display
-from twin.report.pages import Cell, Table
+from twin.report.pages import Cell, Row, Table
 
 _FAR = 2.0  # declared standard deviations from which a fitted parameter is far from its declared value
 
@@ -22,7 +22,7 @@ def recordings(diagnosis: Diagnosis) -> Table:
     return Table(columns, [_recording(file, p) for file, p in diagnosis.predictions.items()])
 
 
-def _recording(file: str, prediction: Prediction) -> tuple[str | Cell, ...]:
+def _recording(file: str, prediction: Prediction) -> Row:
     measured = prediction.measured
     missing = {
         labels.channel(name).label: float(np.mean(np.isnan(measured[name]))) for name in measured.measured()
@@ -54,7 +54,8 @@ def _percent(share: float) -> str:
 
 def errors(predictions: Mapping[str, Prediction]) -> Table:
     """Returns the errors of each channel over whole recordings, in its unit, and that of the final model over noise."""
-    rows, groups = [], {}
+    rows: list[Row] = []
+    groups = {}
     for file, prediction in predictions.items():
         if prediction.errors:
             groups[len(rows)] = file
@@ -63,7 +64,7 @@ def errors(predictions: Mapping[str, Prediction]) -> Table:
     return Table(columns, rows, groups)
 
 
-def _errors_row(prediction: Prediction, name: str, error: ChannelError) -> tuple[str | Cell, ...]:
+def _errors_row(prediction: Prediction, name: str, error: ChannelError) -> Row:
     over, budget = labels.over_noise(error.after, error.noise), prediction.budget.get(name)
     return (
         labels.channel(name).label,
@@ -82,7 +83,8 @@ def _fit(percent: float) -> str:
 
 def budget(diagnosis: Diagnosis) -> Table:
     """Returns what each step takes away of the error in windows."""
-    rows, groups = [], {}
+    rows: list[Row] = []
+    groups = {}
     for row in display.budget_rows(diagnosis):
         if row.first:
             groups[len(rows)] = row.file
@@ -95,7 +97,7 @@ def budget(diagnosis: Diagnosis) -> Table:
 
 def patch(patched: Patched) -> Table:
     """Returns the errors of held-out recordings without and with a lookup."""
-    rows = [
+    rows: list[Row] = [
         (
             Cell(file, strong=True),
             labels.channel(name).label,
@@ -115,7 +117,7 @@ def patch(patched: Patched) -> Table:
 def numbers(d: Diagnosis) -> Table:
     """Returns probabilities, scores and thresholds, each with what it means."""
     half = ", half of it reserved for causes outside the library" if d.verdict == "outside-library" else ""
-    rows = [
+    rows: list[Row] = [
         (
             f"probability of {labels.words(effect.name)}",
             Cell(labels.probability(effect.probability), strong=True),
@@ -201,7 +203,7 @@ def calibrated(diagnosis: Diagnosis) -> Table:
     return Table(columns, [_calibrated(name, diagnosis) for name in diagnosis.calibrated])
 
 
-def _calibrated(name: str, diagnosis: Diagnosis) -> tuple[str | Cell, ...]:
+def _calibrated(name: str, diagnosis: Diagnosis) -> Row:
     moved = diagnosis.calibrated[name]
     parameter = diagnosis.declared.parameters.get(name)
     uncertainty = parameter.uncertainty if parameter else None
