@@ -5,6 +5,7 @@ import math
 import re
 from concurrent.futures.process import BrokenProcessPool
 
+import browser
 import control
 import numpy as np
 import pytest
@@ -431,6 +432,8 @@ def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
     assert "lqi" in page
     assert "<script src" not in page
     assert sorted(path.name for path in tmp_path.iterdir()) == ["v.html", "v.json"]
+    if browser.CHROMIUM:
+        browser.assert_readable({"validation": page}, tmp_path, figures=2)
 
 
 @pytest.mark.slow

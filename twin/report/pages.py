@@ -126,7 +126,8 @@ def figure(drawn: go.Figure, narrow: go.Figure | Mapping[str, Any] | None = None
     import plotly.graph_objects as go
 
     layout = narrow if isinstance(narrow, Mapping) else narrow.layout.to_plotly_json() if narrow else {}
-    changes = json.loads(go.Figure(layout={**layout, "template": None}).to_json())["layout"]
+    changes = json.loads(go.Figure(layout=layout).to_json())["layout"]
+    changes.pop("template", None)  # which plotly adds
     text = f'{drawn.to_json()[:-1]},"narrow":{json.dumps(changes)}}}'
     # "</script>" or "<!--" inside would end or break the enclosing element.
     safe = text.replace("<", "\\u003c").replace("\u2028", "\\u2028")
