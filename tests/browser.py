@@ -11,7 +11,12 @@ from pathlib import Path
 import pytest
 
 CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome", "chrome") if (path := shutil.which(name))), None
+    (
+        path
+        for name in ("chromium", "chromium-browser", "google-chrome", "chrome")
+        if (path := shutil.which(name))
+    ),
+    None,
 )
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
@@ -87,7 +92,7 @@ def _probed(page: str, key: str) -> str:
 
 
 def assert_readable(pages: Mapping[str, str], folder: Path, figures: int = 1) -> None:
-    """Checks that every page is drawn without an error, with at least so many figures, and not wider than its window."""
+    """Checks that every page is drawn without an error, with so many figures or more, and not wider than its window."""
     for (name, width), told in looked_at(pages, folder).items():
         where = f"{name} at {width} px"
         assert told["errors"] == [], where
