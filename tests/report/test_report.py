@@ -193,6 +193,7 @@ def test_identifiers_are_words_but_not_in_names_of_files():
     assert (
         told == "hub_angle.csv: hub angle and cable torsion, bending stiffness; out/cable-torsion, far-slew."
     )
+    assert prose("1 kg m^2, rho l^3/3, e^23") == "1 kg m², rho l³/3, e^23"
 
 
 def test_false_alarm_rate_is_told_with_what_it_came_to(diagnosis):

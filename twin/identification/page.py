@@ -53,11 +53,29 @@ def _caveat(result: Identification) -> str:
             f"{moved[:1].upper()}{moved[1:]} moved by more than two declared standard deviations: doubt the "
             "declaration, or the model."
         )
+    unseen = _missed(result)
+    if unseen:
+        return unseen
     if result.not_determined:
         return (
             f"They do not determine {labels.join_with_and([_name(name) for name in result.not_determined])}."
         )
     return "All are within two of their declared standard deviations."
+
+
+def _missed(result: Identification) -> str:
+    """Where the identified rig fails most on held-out recordings, in a sentence; "" where it does not."""
+    off = [(labels.over_noise(e.identified, e.noise), e) for e in result.held_out]
+    off = [(over, e) for over, e in off if over > NOISE_LIKE]
+    if not off:
+        return ""
+    _, worst = max(off, key=lambda pair: pair[0])
+    return (
+        f"But the identified rig does not predict what it has not seen: {labels.with_the(worst.channel)} of "
+        f"{worst.recording} is off by {labels.amount(worst.channel, worst.identified)}, and its sensor's noise is "
+        f"{labels.amount(worst.channel, worst.noise)}. If that is more than a stick or slip, twin diagnose says what "
+        "the model lacks."
+    )
 
 
 def _name(name: str) -> str:

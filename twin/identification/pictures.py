@@ -154,7 +154,7 @@ def response(measured: Response) -> Figure:
     line = {"color": MEASURED, "width": 1.2}
     figure.add_scatter(x=measured.frequency, y=measured.coherence, line=line, showlegend=False, row=2, col=1)
     figure.update_yaxes(
-        title_text=f"{labels.channel(measured.channel).label} per N m", type="log", row=1, col=1
+        title_text=f"{labels.channel(measured.channel).label} per N m", type="log", dtick="D2", row=1, col=1
     )
     figure.update_yaxes(title_text="coherence", range=[0, 1.02], row=2, col=1)
     figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
@@ -172,7 +172,7 @@ def compared_responses(comparison: Comparison) -> Figure:
         figure.add_scatter(x=response.frequency, y=y, name=name, line=line)
     for peak in comparison.peaks:
         figure.add_vline(x=peak.frequency_hz, line={"color": SOFT, "dash": "dot"})
-    figure.update_yaxes(title_text=f"{labels.channel(here.channel).label} per N m", type="log")
+    figure.update_yaxes(title_text=f"{labels.channel(here.channel).label} per N m", type="log", dtick="D2")
     figure.update_xaxes(title_text="frequency [Hz]")
     return figure
 
@@ -235,7 +235,9 @@ def moves(parameters: Mapping[str, Identified]) -> Figure | None:
     figure.add_scatter(x=x, y=names, mode="markers", **points)
     figure.add_vrect(x0=-2, x1=2, fillcolor="#e3efe6", line_width=0, layer="below")
     figure.add_vline(x=0, line={"color": SOFT, "width": 1})
-    figure.update_xaxes(title_text="from declared [declared standard deviations]")
+    # The shaded range has an end on both sides.
+    reach = max(2.6, 1.1 * max(abs(value) for value in x))
+    figure.update_xaxes(title_text="declared standard deviations", range=[-reach, reach])
     figure.update_yaxes(autorange="reversed")
     return figure.update_layout(margin={"l": 140})
 

@@ -6,7 +6,7 @@ import math
 
 from twin.identification.estimates import Estimate, normalised_difference
 
-_MIN_DIGITS, _MAX_DIGITS = 4, 9
+_MIN_DIGITS, _MAX_DIGITS = 4, 6
 """Significant digits of a printed value."""
 DISAGREEMENT = 3.0
 """Normalised difference from which two estimates are said to disagree [1]."""
@@ -17,9 +17,9 @@ def format_estimate(estimate: Estimate, unit: str = "") -> str:
     low, high = estimate.interval
     digits = _MIN_DIGITS
     if high > low and estimate.value:
-        # Two digits of half the interval.
+        # One or two digits of half the interval.
         digits = min(
-            max(_MIN_DIGITS, 2 + math.ceil(math.log10(2 * abs(estimate.value) / (high - low)))), _MAX_DIGITS
+            max(_MIN_DIGITS, 1 + math.ceil(math.log10(2 * abs(estimate.value) / (high - low)))), _MAX_DIGITS
         )
     return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {unit}".rstrip()
 

@@ -138,8 +138,11 @@ def figure(drawn: go.Figure, narrow: go.Figure | Mapping[str, Any] | None = None
 def styled(drawn: go.Figure, height: int, margin: Mapping[str, int]) -> go.Figure:
     """Sets height and margins [px] and the common style of a figure; returns the figure."""
     legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    drawn.update_layout(template="plotly_white")
+    titles = {"title": {"font": {"size": 13}}}
     return drawn.update_layout(
-        template="plotly_white",
+        template_layout_xaxis=titles,
+        template_layout_yaxis=titles,
         height=height,
         margin=dict(margin),
         legend=legend,
