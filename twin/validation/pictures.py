@@ -66,11 +66,12 @@ def spreads(result: Validation, columns: int) -> Figure | None:
     for index, v in enumerate(shown):
         place = {"row": index // columns + 1, "col": index % columns + 1}
         values = v.values[np.isfinite(v.values)]
-        counts, edges = np.histogram(values, bins=min(_BINS, max(len(values) // 2, 2)))
+        counts, edges = np.histogram(values, bins=min(_BINS, max(len(values) // 4, 4)))
         bars = {"x": (edges[:-1] + edges[1:]) / 2, "y": counts, "width": np.diff(edges)}
         marker = {"color": MEETS_ALL, "line": {"width": 0}}
         figure.add_bar(**bars, marker=marker, showlegend=False, **place)
-        figure.add_vline(x=v.nominal, line={"color": NOMINAL, "width": 2}, **place)
+        if np.isfinite(v.nominal):
+            figure.add_vline(x=v.nominal, line={"color": NOMINAL, "width": 2}, **place)
         limit = v.requirement.limit
         # A distant limit would compress the histogram: it is left out.
         if min(values) - np.ptp(values) <= limit <= max(values) + np.ptp(values):
