@@ -36,6 +36,7 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
 
 # Plots draw entities in the order of their names: simulated over measured.
 _ENTITY_NAMES = {"measured": "measured", "before": "simulated/before", "after": "simulated/after"}
+_FIRST_ROW = 1.8  # height of the first row of plots, over that of another [1]
 _POINT = 1.5  # radius of the point of a sample [px]
 _LEVER = 0.35  # distance of the torque arrow from the hub, over the length of the link [1]
 _ARROW = 0.5  # length of the arrow of the largest unmodelled torque, over the length of the link [1]
@@ -251,7 +252,10 @@ def _tab(diagnosis: Diagnosis, entry: _RecordingView) -> rrb.Horizontal:
 
     arms = parts.arms_view(entry.root, entry.length)
     left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
-    return rrb.Horizontal(left, rrb.Vertical(*_plots(entry)), column_shares=[4, 7], name=entry.file)
+    rows = list(_plots(entry))
+    # Axes of low plots have a single tick: the first channel is the one to read.
+    plots = rrb.Vertical(*rows, row_shares=[_FIRST_ROW, *[1.0] * (len(rows) - 1)][: len(rows)])
+    return rrb.Horizontal(left, plots, column_shares=[4, 7], name=entry.file)
 
 
 def _plots(entry: _RecordingView) -> Iterator[Any]:
