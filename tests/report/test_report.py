@@ -25,7 +25,7 @@ from twin.report.figures import (
     trace_figure,
 )
 from twin.report.html import render
-from twin.report.prose import prose
+from twin.report.prose import prose, typeset
 from twin.rigs.patch import Patch
 
 VERDICTS = {
@@ -106,7 +106,7 @@ def test_page_tells_the_story_in_order(diagnosis):
 
 def test_page_has_numbers_with_errors_and_units(diagnosis):
     text = seen(page(diagnosis))
-    assert "0.0101 ± 0.0003 N m/rad" in text
+    assert "0.0101 ± 0.0003 N·m/rad" in text
     assert "0.240 ± 0.021 rad (13.8°)" in text
     assert diagnosis.next_experiment in text
     assert "bang-bang-90.csv: 30 samples of hub angle are missing." in text
@@ -193,6 +193,7 @@ def test_identifiers_are_words_but_not_in_names_of_files():
     assert (
         told == "hub_angle.csv: hub angle and cable torsion, bending stiffness; out/cable-torsion, far-slew."
     )
+    assert typeset("2 N m s/rad, 1 kg m², [mN m] a N mine") == "2 N·m·s/rad, 1 kg·m², [mN·m] a N mine"
     assert prose("1 kg m^2, rho l^3/3, e^23") == "1 kg m², rho l³/3, e^23"
 
 
