@@ -79,7 +79,7 @@ def looked_at(pages: Mapping[str, str], folder: Path) -> dict[tuple[str, int], d
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--dump-dom"]
     address = (folder / "frames.html").as_uri()
     command = [str(CHROMIUM), *options, f"--user-data-dir={folder / 'profile'}", address]
-    dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True).stdout
     [told] = re.findall(r'<pre id="found">(.*?)</pre>', dom, flags=re.DOTALL)
     by_page = {entry["page"]: entry for entry in json.loads(html.unescape(told) or "[]")}
     return {place: by_page[key] for _, place, key in frames}
