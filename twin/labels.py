@@ -37,7 +37,7 @@ CHANNELS: Mapping[str, Display] = {
     "tip_acceleration": Display("tip acceleration", "m/s²", 1.0),
 }
 """Channel of the recording format -> its display."""
-_VARIABLES: Mapping[str, Display] = {
+VARIABLES: Mapping[str, Display] = {
     "hub_angle": CHANNELS["hub_angle"],
     "hub_rate": Display("hub rate", "rad/s", 1.0),
     "hub_acceleration": Display("hub acceleration", "rad/s²", 1.0),
@@ -55,12 +55,14 @@ def channel(name: str) -> Display:
 def amount(name: str, value: float) -> str:
     """Returns a value of a channel [SI] with two digits in its displayed unit: "0.017°", "2.0 µε"."""
     shown = channel(name)
+    if not math.isfinite(value):
+        return number(value)
     return f"{number(shown.factor * value, 2)}{'' if shown.unit == '°' else ' '}{shown.unit}"
 
 
 def variable(name: str) -> Display:
     """Returns the display of a variable on which an unexplained force may depend."""
-    return _VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
+    return VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
 
 
 def with_the(name: str) -> str:
@@ -100,18 +102,31 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{max(digits - 1 - exponent, 0)}f}"
 
 
-def with_error(value: float, error: float | None) -> str:
-    """Returns "0.0101 ± 0.0003": one digit of the error, two if the first is 1 or 2, and the value to match."""
+def with_error(value: float, error: float | None, most: int | None = None) -> str:
+    """Returns "0.0101 ± 0.0003": one digit of the error, two if the first is 1 or 2, and the value to match.
+
+    Args:
+      value, error: in one unit.
+      most: significant digits that the value keeps though its error allows more; None for all.
+    """
     if error is None or not math.isfinite(error) or error <= 0.0 or not math.isfinite(value):
         return number(value, 4)
     exponent = math.floor(math.log10(error))
     digits = 1 if error / 10.0**exponent < 3.0 else 0
-    if exponent - digits >= -7 and max(abs(value), error) < 1e6:
-        decimals = max(digits - exponent, 0)
-        return f"{value:.{decimals}f} ± {error:.{decimals}f}"
     power = math.floor(math.log10(max(abs(value), error)))
-    decimals, scale = max(power - exponent + digits, 0), 10.0**-power
-    return f"({value * scale:.{decimals}f} ± {error * scale:.{decimals}f})e{power}"
+    # Decimal places of value and error, counted from the decimal point.
+    value_places = places = digits - exponent
+    if most is not None and value_places > most - 1 - power:
+        value_places, places = most - 1 - power, max(most - 1 - power, -exponent)
+    if exponent - digits >= -7 and power < 6:
+        return f"{value:.{max(value_places, 0)}f} ± {error:.{max(places, 0)}f}"
+    scale = 10.0**-power
+    value_places, places = max(value_places + power, 0), max(places + power, 0)
+    return f"({value * scale:.{value_places}f} ± {error * scale:.{places}f})e{power}"
+
+
+PAGE_DIGITS = 4
+"""Most significant digits of a value on a page; files have all of them."""
 
 
 def over_noise(error: float, noise: float) -> float:

@@ -110,8 +110,15 @@ def controller_file(name: str | None) -> Path | None:
     return Path(file) if file.endswith(".py") else None
 
 
-def require_display(what: str) -> None:
+_FILE_INSTEAD = "write a file with `twin run SCENARIO --rrd FILE` and open it elsewhere with `rerun FILE`"
+
+
+def require_display(what: str, instead: str = _FILE_INSTEAD) -> None:
     """Checks that a window can be opened.
+
+    Args:
+      what: needs it.
+      instead: what can be done without one.
 
     Raises:
       InputError: no display is set, or the one that is set cannot be opened.
@@ -119,9 +126,9 @@ def require_display(what: str) -> None:
     if not sys.platform.startswith("linux"):
         return
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise _no_display(what, "DISPLAY and WAYLAND_DISPLAY are not set")
+        raise _no_display(what, "DISPLAY and WAYLAND_DISPLAY are not set", instead)
     if not _display_opens():
-        raise _no_display(what, "the one that DISPLAY or WAYLAND_DISPLAY names cannot be opened")
+        raise _no_display(what, "the one that DISPLAY or WAYLAND_DISPLAY names cannot be opened", instead)
 
 
 def _display_opens() -> bool:
@@ -134,8 +141,5 @@ def _display_opens() -> bool:
     return opened
 
 
-def _no_display(what: str, why: str) -> InputError:
-    return InputError(
-        f"{what} needs a display, and {why}; "
-        "write a file with `twin run SCENARIO --rrd FILE` and open it elsewhere with `rerun FILE`"
-    )
+def _no_display(what: str, why: str, instead: str) -> InputError:
+    return InputError(f"{what} needs a display, and {why}; {instead}")
