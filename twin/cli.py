@@ -12,6 +12,7 @@ from twin import terminal
 from twin.commands.check import check
 from twin.commands.compare import compare
 from twin.commands.diagnose import demo, diagnose
+from twin.commands.export import export
 from twin.commands.identify import identify
 from twin.commands.new import new
 from twin.commands.plan import plan_experiment
@@ -34,7 +35,7 @@ def root() -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
 
 
-for command in (demo, new, diagnose, check, run, compare, view, identify, validate, plan_experiment):
+for command in (demo, new, diagnose, check, run, compare, view, identify, validate, plan_experiment, export):
     app.command()(command)
 
 if __name__ == "__main__":
