@@ -11,6 +11,7 @@ import typer
 from twin import terminal
 from twin.commands.check import check
 from twin.commands.compare import compare
+from twin.commands.data import data
 from twin.commands.diagnose import demo, diagnose
 from twin.commands.export import export
 from twin.commands.identify import identify
@@ -35,7 +36,20 @@ def root() -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
 
 
-for command in (demo, new, diagnose, check, run, compare, view, identify, validate, plan_experiment, export):
+for command in (
+    demo,
+    new,
+    data,
+    diagnose,
+    check,
+    run,
+    compare,
+    view,
+    identify,
+    validate,
+    plan_experiment,
+    export,
+):
     app.command()(command)
 
 if __name__ == "__main__":

@@ -131,4 +131,4 @@ def _print_next(proposal: Proposal, folder: Path, screen: Screen) -> None:
     screen.print(f"Written: {folder / _FILE}")
     if open_keys := needed(proposal):
         screen.print(f"Fill in there: {', '.join(open_keys)}")
-    screen.print(f"Then: twin check {folder}")
+    screen.print(f"Then: twin data {folder}")

@@ -39,6 +39,9 @@ CampaignFolder = Annotated[
 JsonFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the result here, as JSON.")
 ]
+ReportFile = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE", help="Write a report here, as HTML.")
+]
 RIGS = "bossi2009, bossi2009-printed, or a parameter file (TOML)."
 RigOption = Annotated[str, typer.Option("--rig", metavar="NAME|FILE", help=RIGS)]
 DeclaredRig = Annotated[

@@ -13,6 +13,7 @@ from twin.commands.shared import (
     DEFAULT_RIG,
     RIGS,
     JsonFile,
+    ReportFile,
     console,
     controller_file,
     load_rig,
@@ -56,9 +57,7 @@ def validate(
         ),
     ] = None,
     json_file: JsonFile = None,
-    report_file: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE", help="Write a report here, as HTML.")
-    ] = None,
+    report_file: ReportFile = None,
 ) -> None:
     """Check requirements on a controller on randomly drawn rigs; exit code 1 where it fails them."""
     check_writable(json_file, report_file, read=_read(controller, rig, campaign, requirements))
