@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from twin.commands.shared import RIGS, console, load_rig, progress, rig_file
+from twin.commands.shared import FORMAT_NAMES, RIGS, completed, console, load_rig, progress, rig_file
 from twin.errors import checked_number
 from twin.files.outputs import check_writable
 
@@ -32,6 +32,7 @@ def export(
             metavar="NAME",
             help="mat, matlab, mjcf or fmu.",
             show_default="as the ending of FILE tells",
+            autocompletion=completed(FORMAT_NAMES),
         ),
     ] = None,
     hub_angle: Annotated[

@@ -46,7 +46,7 @@ def new(
         proposal = propose(files, folder.resolve().name)
     screen = console()
     _print(proposal, screen)
-    if not yes and sys.stdin.isatty() and screen.is_terminal:
+    if not (yes or screen.quiet) and sys.stdin.isatty() and screen.is_terminal:
         from twin.proposal.ask import complete
 
         proposal = complete(proposal, lambda question: _answer(screen, question))

@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twin.commands.shared import (
+    CONTROLLER_NAMES,
     CONTROLLERS,
     DEFAULT_RIG,
+    PLANT_NAMES,
+    SCENARIO_NAMES,
     JsonFile,
     RigOption,
+    completed,
     console,
     controller_file,
     load_rig,
@@ -33,6 +37,7 @@ Scenario = Annotated[
     typer.Argument(
         metavar="SCENARIO",
         help="bang-bang-20, -45, -60, -90 or -120; sinus-0.2 or -0.4; filtered-step-120; lq-step-120.",
+        autocompletion=completed(SCENARIO_NAMES),
     ),
 ]
 PlantOption = Annotated[
@@ -41,6 +46,7 @@ PlantOption = Annotated[
         "--plant",
         help="chain (MuJoCo), compiled (the same chain), modal (n modes), or paper (its one mode and friction); "
         "the last two without backlash.",
+        autocompletion=completed(PLANT_NAMES),
     ),
 ]
 ControllerOption = Annotated[
@@ -50,6 +56,7 @@ ControllerOption = Annotated[
         metavar="NAME|FILE.py:NAME",
         help=CONTROLLERS,
         show_default="the scenario's own",
+        autocompletion=completed(CONTROLLER_NAMES),
     ),
 ]
 Noise = Annotated[

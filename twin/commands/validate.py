@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.commands.shared import (
+    CONTROLLER_NAMES,
     CONTROLLERS,
     DEFAULT_RIG,
     RIGS,
     JsonFile,
     ReportFile,
+    completed,
     console,
     controller_file,
     load_rig,
@@ -37,6 +39,7 @@ def validate(
         typer.Argument(
             metavar="CONTROLLER",
             help=CONTROLLERS,
+            autocompletion=completed(CONTROLLER_NAMES),
         ),
     ],
     rig: Annotated[
@@ -136,4 +139,5 @@ def _print(result: Validation) -> None:
     screen.print()
     for line in (*text.worst_cases(result), *text.remarks(result)):
         screen.print(line)
-    screen.print("passed" if result.passed else "failed")
+    screen.print()
+    screen.print(text.conclusion(result))

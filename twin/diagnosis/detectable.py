@@ -81,8 +81,8 @@ def detectable(
     bench, base = declared_fit(campaign, pool)
     names = candidate_names(base.model, bench.channels())
     found: list[Detectable] = []
-    for name in names:
-        progress(f"what the recordings show of {name}")
+    for k, name in enumerate(names, 1):
+        progress(f"what the recordings show of effect {k} of {len(names)}, {name}")
         found += sizes(bench, base, name)
     return tuple(found)
 
