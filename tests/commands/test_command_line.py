@@ -1,12 +1,15 @@
 """What all commands share: version, silence, completion, old names, and how progress tells what is done and left."""
 
 import os
+import re
 import subprocess
 import sys
+from importlib import import_module
 
 import numpy as np
 import pytest
 import typer.main
+from paths import ROOT
 
 import twin as package
 from twin.cli import app
@@ -165,3 +168,12 @@ def test_lines_begin_late_and_are_few():
     show("writing")
     assert [line.split("]")[0] for line in lines] == ["[10 s", "[40 s", "[50 s"]
     assert lines[-1].startswith("[50 s] 3 of 3: writing, about 1")
+
+
+@pytest.mark.parametrize("name", ["diagnose", "identify"])
+def test_stages_of_long_commands_are_messages_of_the_package(name):
+    module = import_module(f"twin.commands.{name}")
+    sources = "\n".join(p.read_text(encoding="utf-8") for p in (ROOT / "twin").rglob("*.py"))
+    assert sum(share for _, share in module._STAGES) == pytest.approx(1.0)
+    for text, _ in module._STAGES:
+        assert re.search(rf'(progress|report)\(f?"{text}', sources), text
