@@ -39,7 +39,7 @@ def export(
         float, typer.Option(metavar="DEGREES", help="Hub angle about which the linear state space is made.")
     ] = 0.0,
 ) -> None:
-    """Write a rig with its effects for MATLAB, Simulink, MuJoCo and other programs."""
+    """Write a rig with its effects for MATLAB, MuJoCo, tools with FMI and python-control."""
     check_writable(out, read=[rig_file(rig)])
     checked_number("--hub-angle", hub_angle, -_FURTHEST, _FURTHEST, "degrees")
     declared, effects = load_rig(rig)

@@ -120,7 +120,7 @@ def _spinner(screen: Screen, followed: Stages) -> Iterator[Callable[[str], None]
 
     class Line(ProgressColumn):
         def render(self, task: Task) -> Text:
-            return Text(printable(followed.line(), plain))
+            return Text(printable(followed.line(), plain), no_wrap=True, overflow="ellipsis")
 
     spinner = SpinnerColumn("line" if plain else "dots")
     with Progress(spinner, TimeElapsedColumn(), Line(), console=screen, transient=True) as display:

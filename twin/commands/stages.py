@@ -34,10 +34,12 @@ class Stages:
 
     def update(self, text: str) -> None:
         """Takes a message; a computation that goes back to an earlier stage stays where it is."""
-        self.text, self._updated = text, self._clock()
+        self.text = text
         begun = [k for k, (start, _) in enumerate(self._stages, 1) if text.startswith(start)]
         self.number = max(self.number, *begun) if begun else self.number
-        self._share = max(self._share, self._done())
+        done = self._done()
+        if done > self._share:
+            self._share, self._updated = done, self._clock()
 
     def _done(self) -> float:
         """Share of the work that is done when the last message comes [1]."""
@@ -64,10 +66,11 @@ class Stages:
         return max(at_update - (self._clock() - self._updated), 0.0)
 
     def line(self) -> str:
-        """Returns stage, message and time left in a line."""
-        where = f"{self.number} of {len(self._stages)}: " if self.number else ""
-        left = "" if self.left is None else f", about {duration(self.left)} left"
-        return f"{where}{self.text}{left}"
+        """Returns stage, time left and message in a line."""
+        where = [f"{self.number} of {len(self._stages)}"] if self.number else []
+        left = [] if self.left is None else [f"about {duration(self.left)} left"]
+        head = ", ".join(where + left)
+        return f"{head}: {self.text}" if head else self.text
 
 
 class Lines:

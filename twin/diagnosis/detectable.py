@@ -82,7 +82,7 @@ def detectable(
     names = candidate_names(base.model, bench.channels())
     found: list[Detectable] = []
     for k, name in enumerate(names, 1):
-        progress(f"what the recordings show of effect {k} of {len(names)}, {name}")
+        progress(f"effect {k} of {len(names)}, {name}")
         found += sizes(bench, base, name)
     return tuple(found)
 
