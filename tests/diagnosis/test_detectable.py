@@ -67,3 +67,8 @@ def test_an_infinite_neutral_value_has_a_found_value_and_no_standard_error(made)
     assert found.neutral == math.inf
     assert found.sigma == math.inf
     assert math.isnan(found.found) or 0 < found.found < math.inf
+
+
+def test_a_coupled_effect_has_one_size_that_of_the_least_visible_direction(made):
+    assert [*sizes(made(), "torsional-mode")] == ["inertia_share"]
+    assert [*sizes(made(), "cable-torsion")] == ["stiffness"]

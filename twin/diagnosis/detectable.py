@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,7 +26,7 @@ from twin.diagnosis.candidates import (
     rays,
     visible_length,
 )
-from twin.effects import REGISTRY, EffectParameter
+from twin.effects import REGISTRY, Effect, EffectParameter
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.fit import Fit
 from twin.estimation.slopes import prior_precision, row_weights
@@ -46,8 +47,8 @@ class Detectable:
       effect, parameter: names.
       unit: of the parameter, SI.
       neutral: value at which the effect does nothing; may be infinite.
-      sigma: standard error of its distance from neutral in the most visible direction; infinite where nothing shows it
-        or `neutral` is infinite.
+      sigma: standard error of its distance from neutral in the least visible direction of the other parameters;
+        infinite where nothing shows it or `neutral` is infinite.
       found: value nearest to neutral at which a diagnosis would adopt the effect; NaN where none in its range.
     """
 
@@ -93,21 +94,41 @@ def sizes(bench: Workbench, base: Fit, name: str) -> Iterator[Detectable]:
     neutral = effect.neutral(base.model.declared)
     free = len(effect.free_parameters(neutral))
     factor = math.sqrt(2 * (rules.MODEL_ERROR_SCORE + penalty(free, bench)))
-    sized = {
-        p.name for p in effect.parameters if _has_size(p, bench) and p.name not in effect.undefined_at_neutral
-    }
-    moves: dict[str, list[tuple[float, float]]] = {}
+    moves: dict[str, list[_Move]] = {name: [] for name in _sized(effect, bench)}
     for ray in rays(bench, effect, neutral, base.model):
         length, change = visible_length(bench, base, name, neutral, ray, SLOPE_FACTOR)
-        along = math.inf if change is None else _standard_error(bench, base, change / length, effect.replaces)
+        if change is None:  # the ray leaves the bounds
+            continue
+        along = _standard_error(bench, base, change / length, effect.replaces)
         least = _resolved_length(bench, name, neutral, ray, factor * along)
-        for parameter in sized:
-            if ray.get(parameter):
-                moves.setdefault(parameter, []).append((along * ray[parameter], least * ray[parameter]))
+        for parameter in moves.keys() & ray.keys():
+            if ray[parameter]:
+                moves[parameter].append(_Move(len(ray) == 1, along * ray[parameter], least * ray[parameter]))
     for p in effect.parameters:
         if p.name in moves:
-            sigma, least = min(moves[p.name], key=lambda move: abs(move[1]))
-            yield _detectable(name, p, neutral[p.name], sigma, least)
+            # A ray that moves other parameters too says nothing of one that has a ray of its own.
+            found = [move for move in moves[p.name] if move.alone] or moves[p.name]
+            worst = max(found, key=lambda move: abs(move.least), default=_Move(False, math.inf, math.inf))
+            yield _detectable(name, p, neutral[p.name], worst.sigma, worst.least)
+
+
+class _Move(NamedTuple):
+    """Moves of a parameter's fitted number along a ray: one standard error, and the least that is found.
+
+    `alone` says whether the ray moves no other parameter.
+    """
+
+    alone: bool
+    sigma: float
+    least: float
+
+
+def _sized(effect: Effect, bench: Workbench) -> list[str]:
+    """Names of the parameters that say how large an effect is; of a coupled effect the first, which scales it."""
+    sized = [
+        p.name for p in effect.parameters if _has_size(p, bench) and p.name not in effect.undefined_at_neutral
+    ]
+    return sized[:1] if effect.is_coupled else sized
 
 
 def _has_size(p: EffectParameter, bench: Workbench) -> bool:
