@@ -72,3 +72,10 @@ def test_an_infinite_neutral_value_has_a_found_value_and_no_standard_error(made)
 def test_a_coupled_effect_has_one_size_that_of_the_least_visible_direction(made):
     assert [*sizes(made(), "torsional-mode")] == ["inertia_share"]
     assert [*sizes(made(), "cable-torsion")] == ["stiffness"]
+
+
+def test_a_parameter_with_a_ray_of_its_own_is_not_judged_by_one_that_moves_others_too(made):
+    # Sliding shows the Coulomb level; the static one acts at rest, where the driven link shows no torque of the hub.
+    found = sizes(made(), "asymmetric-friction")
+    assert not found["static_positive"].is_visible
+    assert found["coulomb_positive"].sigma < found["static_positive"].sigma
