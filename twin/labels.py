@@ -142,6 +142,13 @@ def ratio(value: float) -> str:
     return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}"
 
 
+def duration(seconds: float) -> str:
+    """Returns a time in the unit that suits it: "40 s", "6 min", "2.5 h"."""
+    if seconds < 90:
+        return f"{number(seconds, 1 if seconds < 10 else 2)} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
 def angle_in_degrees(value: float, si: str) -> str:
     """Returns an angle [rad] in degrees, or "" where the unit `si` is not "rad"."""
     degrees = value * _DEGREE

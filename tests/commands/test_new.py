@@ -42,7 +42,7 @@ def test_a_campaign_is_written_with_copies_of_its_files(run, files):
     ]
     assert (folder / files[0].name).read_bytes() == files[0].read_bytes()
     assert "Fill in there: parameters.bending_stiffness" in output
-    assert output.endswith("Then: twin check bench-campaign\n")
+    assert output.endswith("Then: twin data bench-campaign\n")
     code, output, error = run("diagnose", folder)
     assert (code, output) == (2, "")
     assert "missing: bending_stiffness, linear_density, length, hub_inertia" in error

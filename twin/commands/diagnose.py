@@ -25,6 +25,18 @@ from twin.files.outputs import check_writable
 if TYPE_CHECKING:
     from twin.campaigns.campaign import Campaign
 
+_STAGES = (
+    ("reading the recordings", 0.01),
+    ("calibrating", 0.11),
+    ("scoring the effects", 0.26),
+    ("comparing", 0.42),
+    ("computing standard errors", 0.02),
+    ("simulating every recording", 0.17),
+    ("writing the results", 0.01),
+)
+"""Stages with their share of the time of the bundled campaign, in which one effect is found; later rounds of the search
+count with the comparison before them."""
+
 
 def demo(
     out: DiagnosisFolder = None, json_file: JsonFile = None, force: Force = False, opener: Opener = None
@@ -82,7 +94,7 @@ def _diagnose(
     given = read_campaign(campaign)
     if rig is not None:
         given = _with_rig_file(given, rig)
-    with progress() as report:
+    with progress(_STAGES) as report:
         report(COMPILING)
         from twin.diagnosis.diagnose import diagnose as loop
         from twin.diagnosis.permutation import SEEDS

@@ -46,7 +46,7 @@ def new(
         proposal = propose(files, folder.resolve().name)
     screen = console()
     _print(proposal, screen)
-    if not yes and sys.stdin.isatty() and screen.is_terminal:
+    if not (yes or screen.quiet) and sys.stdin.isatty() and screen.is_terminal:
         from twin.proposal.ask import complete
 
         proposal = complete(proposal, lambda question: _answer(screen, question))
@@ -131,4 +131,4 @@ def _print_next(proposal: Proposal, folder: Path, screen: Screen) -> None:
     screen.print(f"Written: {folder / _FILE}")
     if open_keys := needed(proposal):
         screen.print(f"Fill in there: {', '.join(open_keys)}")
-    screen.print(f"Then: twin check {folder}")
+    screen.print(f"Then: twin data {folder}")

@@ -24,6 +24,15 @@ def headline(result: Validation) -> str:
     )
 
 
+def conclusion(result: Validation) -> str:
+    """Returns the share of the rigs that keep every limit beside the one that was asked for."""
+    share = 100 * result.kept / len(result.outcomes)
+    asked = f"{share:.3g} % of rigs keep every limit; {100 * result.required:g} % were asked for"
+    return (
+        f"{asked}." if result.keeps(result.nominal) else f"{asked}, and the nominal rig does not keep them."
+    )
+
+
 def rows(result: Validation) -> Iterator[tuple[str, ...]]:
     """Yields requirement, limit, nominal, median and worst value, number of rigs that miss it, and its drivers."""
     for v in result.verdicts:
