@@ -61,10 +61,11 @@ def sentence(answer: Mapping[str, Any]) -> str:
     found = [effect["name"] for effect in answer["effects"]]
     meaning = " and ".join(REGISTRY[name].meaning for name in found)
     others = sorted({name for names in answer["indistinguishable"] for name in names} - set(found))
-    rest = f" These recordings do not rule out\n{' and '.join(others)}; the answer says what to record." if others else ""
+    rest = f"\nThese recordings do not rule out {' and '.join(others)}; the answer says what to record."
     return (
         f"On a slew that the diagnosis had not seen (`{file}`), the hub of the model is off by **{before}**. `twin`\n"
-        f"finds what is missing, {meaning}, and with it the hub is off by **{after}**.{rest}"
+        f"finds what is missing, {meaning}, and with it the hub is off by **{after}**."
+        f"{rest if others else ''}"
     )
 
 

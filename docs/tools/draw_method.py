@@ -42,7 +42,14 @@ def missing_torque(axes: Axes, diagnosis: twin.Diagnosis, theme: Theme) -> None:
     angle, torque = trace.variables["hub_angle"], trace.values
     use = np.flatnonzero(np.isfinite(torque) & np.isfinite(angle))
     use = use[:: max(1, len(use) // SHOWN)]
-    axes.plot(np.degrees(angle[use]), 1e3 * torque[use], ".", color=theme.faint, ms=2.5, label="recordings that were fitted")
+    axes.plot(
+        np.degrees(angle[use]),
+        1e3 * torque[use],
+        ".",
+        color=theme.faint,
+        ms=2.5,
+        label="recordings that were fitted",
+    )
     spring = diagnosis.effects[0].parameters
     ends = np.array([angle[use].min(), angle[use].max()])
     line = -spring["stiffness"] * (ends - spring["rest_angle"])
@@ -55,7 +62,9 @@ def scores(axes: Axes, diagnosis: twin.Diagnosis, theme: Theme) -> None:
     """Scores of the best candidates of the first round, and the least score that counts."""
     best = [(row["effect"], row["score"]) for row in diagnosis.ranking().rows()][:4][::-1]
     colours = [theme.blue if name == diagnosis.effects[0].name else theme.fill for name, _ in best]
-    bars = axes.barh([name for name, _ in best], [score for _, score in best], color=colours, edgecolor=theme.faint)
+    bars = axes.barh(
+        [name for name, _ in best], [score for _, score in best], color=colours, edgecolor=theme.faint
+    )
     axes.bar_label(bars, fmt="%.0f", padding=4)
     axes.axvline(diagnosis.answer.least_score, color=theme.orange, lw=1.8, ls=(0, (5, 2)))
     axes.set(xlabel="score (dashed: the least that counts)")
@@ -83,7 +92,9 @@ def table(diagnosis: twin.Diagnosis) -> str:
     """Rows of errors of the hub angle on the held-out recording, model by model."""
     names = {"before": "declared", "calibrated": "calibrated", "after": "with the spring"}
     budget = diagnosis.to_json()["error_budget"][HELD_OUT]["hub_angle"]
-    return "\n".join(f"| {name} | {labels.amount('hub_angle', budget[model]['rms'])} |" for model, name in names.items())
+    return "\n".join(
+        f"| {name} | {labels.amount('hub_angle', budget[model]['rms'])} |" for model, name in names.items()
+    )
 
 
 def main() -> None:

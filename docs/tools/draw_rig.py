@@ -50,7 +50,16 @@ def arrow(axes: Axes, start, end, colour: str, bend: float = 0.0) -> None:
 def note(axes: Axes, at, text: str, channel: str, colour: str, align: str = "left") -> None:
     """A label, and below it the name of its channel in the recordings."""
     axes.text(*at, text, ha=align, va="bottom", color=colour, fontsize=12)
-    axes.text(at[0], at[1] - 0.08, channel, ha=align, va="top", color=colour, fontsize=9.5, family="DejaVu Sans Mono")
+    axes.text(
+        at[0],
+        at[1] - 0.08,
+        channel,
+        ha=align,
+        va="top",
+        color=colour,
+        fontsize=9.5,
+        family="DejaVu Sans Mono",
+    )
 
 
 def draw_motion(axes: Axes, theme: Theme) -> None:
@@ -60,7 +69,11 @@ def draw_motion(axes: Axes, theme: Theme) -> None:
     tangent = _turn(ANGLE) @ [LENGTH + 0.35, 0]
     axes.plot([0, tangent[0]], [0, tangent[1]], color=theme.faint, lw=1.2, ls=(0, (6, 4)))
     axes.text(
-        *(tangent + [0.1, 0.0]), "tangent to the link\nat the hub", color=theme.faint, va="center", fontsize=9.5
+        *(tangent + [0.1, 0.0]),
+        "tangent to the link\nat the hub",
+        color=theme.faint,
+        va="center",
+        fontsize=9.5,
     )
 
     axes.add_patch(Arc(HUB, 7.2, 7.2, theta1=0, theta2=np.degrees(ANGLE) - 3, color=theme.blue, lw=2))
@@ -73,7 +86,9 @@ def draw_motion(axes: Axes, theme: Theme) -> None:
 
     foot = _turn(ANGLE) @ [(link(1.0)[0] @ _turn(ANGLE))[0], 0]
     arrow(axes, foot, link(1.0)[0] - 0.33 * normal(1.0), theme.green)
-    note(axes, foot * 0.5 + link(1.0)[0] * 0.5 + [0.2, 0.12], "tip deflection w", "tip_deflection", theme.green)
+    note(
+        axes, foot * 0.5 + link(1.0)[0] * 0.5 + [0.2, 0.12], "tip deflection w", "tip_deflection", theme.green
+    )
 
 
 def draw_body(axes: Axes, theme: Theme) -> None:
@@ -86,7 +101,9 @@ def draw_body(axes: Axes, theme: Theme) -> None:
     tip = link(1.0)[0]
     axes.add_patch(Circle(tip, 0.42, facecolor="none", edgecolor=theme.ink, lw=1.2, ls=(0, (2, 2)), zorder=3))
     axes.add_patch(Circle(tip, 0.28, facecolor=theme.fill, edgecolor=theme.ink, lw=1.6, zorder=5))
-    axes.text(0.0, -1.4, "hub, turned by the motor;\nbearing with friction", ha="center", va="top", fontsize=10.5)
+    axes.text(
+        0.0, -1.4, "hub, turned by the motor;\nbearing with friction", ha="center", va="top", fontsize=10.5
+    )
     axes.text(tip[0] - 0.6, tip[1] + 0.1, "payload on an air-pad", ha="right", va="bottom", fontsize=10.5)
 
 

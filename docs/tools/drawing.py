@@ -52,5 +52,7 @@ def save(figure: Figure, name: str, theme: Theme) -> Path:
     """Writes `pictures/NAME-THEME.svg`, the same bytes for the same drawing."""
     PICTURES.mkdir(exist_ok=True)
     path = PICTURES / f"{name}-{theme.name}.svg"
-    figure.savefig(path, transparent=True, metadata={"Date": None, "Creator": f"matplotlib {matplotlib.__version__}"})
+    figure.savefig(
+        path, transparent=True, metadata={"Date": None, "Creator": f"matplotlib {matplotlib.__version__}"}
+    )
     return path

@@ -192,7 +192,7 @@ class Effect:
       seen_as: how it looks in recordings; for the documentation, as the two below.
       mistaken_for: effect that looks alike -> what tells the two apart.
       source: where the law is from.
-      parameters: the `EffectParameter`s.
+      parameters: an `EffectParameter` for each.
       hub_law: torque on the hub, see `twin.mechanics.hub_law`; its values are the parameters in their order.
       on_motor: whether, with backlash, `hub_law` acts on the motor.
       mjcf_is_exact: whether the element that `write_mjcf` adds is exact with any time step.

@@ -1,0 +1,297 @@
+"""What README and docs/ show runs: Python blocks, notebooks, scripts and commands.
+
+Commands that take minutes (a diagnosis, an identification, a validation, a virtual rig's recordings) are not executed:
+their words are held against the parser of their command. One diagnosis of the bundled campaign serves every block,
+script and notebook that asks for one.
+"""
+
+import importlib.util
+import json
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import fill_readme
+import plotly.graph_objects as go
+import pytest
+import typer.main
+from paths import ROOT
+from planted import PLANTED
+from test_readme import DOCUMENTS, README, blocks
+
+import twin as package
+from twin.cli import app
+from twin.effects import REGISTRY
+from twin.virtual_rig.__main__ import parser as virtual_rig_parser
+
+EXAMPLES = ROOT / "docs" / "examples"
+DEMO = ROOT / "twin" / "data" / "demo-rig"
+COMMANDS = typer.main.get_command(app).commands
+MINUTES = {"demo", "diagnose", "identify", "plan-experiment", "validate", "view"}
+"""Commands that take minutes, or open a window."""
+LINES = [
+    (name, line)
+    for name, text in DOCUMENTS.items()
+    for line in dict.fromkeys(line for block in blocks(text, "sh") for line in block.splitlines())
+    if line.startswith(("twin ", "python -m twin.virtual_rig "))
+]
+AT_ONCE = [
+    (name, line) for name, line in LINES if line.startswith("twin ") and line.split()[1] not in MINUTES
+]
+
+sys.path.insert(0, str(ROOT / "docs" / "tools"))
+import pages  # noqa: E402
+
+import build  # noqa: E402
+
+
+def words(line: str) -> list[str]:
+    """The words of a shell line without its comment, file patterns expanded."""
+    found = []
+    for word in shlex.split(line, comments=True):
+        found += sorted(map(str, Path().glob(word))) if "*" in word else [word]
+    return found
+
+
+def parsed(command: str, arguments: list[str]) -> None:
+    """Raises what the parser of a command has against arguments: an unknown option, a missing value, one too many."""
+    context = COMMANDS[command].make_context(command, [], resilient_parsing=True)
+    context.resilient_parsing = False
+    _, left, _ = COMMANDS[command].make_parser(context).parse_args(arguments)
+    assert left == []
+
+
+# Commands
+
+
+@pytest.mark.parametrize(("name", "line"), LINES)
+def test_command_lines_are_accepted_by_their_parsers(name, line):
+    """Options, their values and the number of arguments, without executing anything."""
+    given = shlex.split(line, comments=True)
+    if given[0] == "twin":
+        parsed(given[1], given[2:])
+    else:
+        options = virtual_rig_parser().parse_args(given[3:])
+        for effect in options.effect:
+            known, _, values = effect.partition(":")
+            assert {v.partition("=")[0] for v in values.split(",")} <= {
+                p.name for p in REGISTRY[known].parameters
+            }
+
+
+def test_a_wrong_option_or_one_argument_too_many_is_found():
+    for arguments in (["--nonsense"], ["one", "two"]):
+        with pytest.raises(Exception, match="nonsense|left|two"):
+            parsed("diagnose", arguments)
+
+
+@pytest.fixture
+def laboratory(tmp_path, monkeypatch):
+    """A folder with the files that the documents speak of."""
+    monkeypatch.chdir(tmp_path)
+    Path("recordings").mkdir()
+    for path in DEMO.glob("*.csv"):
+        shutil.copy(path, "recordings")
+    shutil.copytree(DEMO, "my-rig")
+    Path("mine.py").write_text(blocks(DOCUMENTS["docs/control.md"], "python")[0], encoding="utf-8")
+    Path("my-rig-identification").mkdir()
+    rig = (ROOT / "twin" / "data" / "demo-rig" / "campaign.toml").read_text(encoding="utf-8")
+    assert 'rig = "bossi2009"' in rig  # so the file below is that of the same rig
+    values = "\n".join(
+        f"{name} = {value!r}" for name, value in package.rig().items() if value != float("inf")
+    )
+    text = f'format = 1\nname = "my-rig"\n\n[parameters]\n{values}\n'
+    Path("my-rig-identification/identified-rig.toml").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "line"), AT_ONCE)
+def test_commands_that_take_seconds_do_what_they_say(name, line, laboratory, twin, monkeypatch):
+    given = words(line)[1:]
+    if given[0] == "new":
+        shutil.rmtree("my-rig")
+    monkeypatch.setattr(sys, "stdin", None)  # no terminal: nothing is asked
+    code, printed, error = twin(*given)
+    assert (code, error) == (0, ""), error
+    assert printed
+    for option in ("--rrd", "--out"):
+        if option in given:
+            assert Path(given[given.index(option) + 1]).exists()
+
+
+# Python
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory):
+    """The script of a diagnosis, run on the bundled campaign: its diagnosis and the folder of its results."""
+    results = tmp_path_factory.mktemp("script") / "results"
+    return _example("diagnose").main(str(DEMO), str(results)), results
+
+
+@pytest.mark.slow
+def test_the_script_finds_the_cable(script):
+    diagnosis, results = script
+    assert diagnosis.verdict == "explained"
+    assert [row["turned_down_by"] for row in diagnosis.ranking().rows()][0] is None
+    assert {p.name for p in results.iterdir()} >= {"report.html", "run.rrd", "diagnosis.json"}
+    # The README's sentence is that of this diagnosis: numbers to the last digit but one of another processor.
+    said, found = fill_readme.part(README, "headline"), fill_readme.sentence(diagnosis.to_json())
+    numbers = [[float(n) for n in re.findall(r"\*\*([\d.]+)°", text)] for text in (said, found)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=0.1)
+    assert re.sub(r"[\d.]+°", "", said) == re.sub(r"[\d.]+°", "", found)
+
+
+@pytest.mark.slow
+def test_the_notebook_of_a_diagnosis_runs(script, monkeypatch):
+    asked = []
+    monkeypatch.setattr(package, "diagnose", lambda campaign: asked.append(campaign.name) or script[0])
+    names = _run_notebook("diagnosis")
+    assert asked == ["demo-rig"]
+    assert "cable-torsion" in names["diagnosis"]._repr_html_()
+
+
+@pytest.mark.slow
+def test_the_snippet_of_the_readme_runs(script, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    pictures = []
+    monkeypatch.setattr(package, "diagnose", lambda campaign: script[0])
+    monkeypatch.setattr(go.Figure, "show", lambda figure: pictures.append(figure))
+    (block,) = blocks(README, "python")
+    exec(block, {})
+    assert len(pictures) == 1
+    assert (tmp_path / "results" / "report.html").exists()
+
+
+@pytest.mark.slow
+def test_the_notebook_of_a_controller_runs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    names = _run_notebook("controller")
+    ends = {law: run.metrics["hub_final_deg"] for law, run in names["runs"].items()}
+    pulled = {law: run.metrics["hub_final_deg"] for law, run in names["pulled"].items()}
+    # The text: "some nine degrees short".
+    assert [round(ends[law] - pulled[law]) for law in ("mine", "the paper's")] == [9, 10]
+    assert (tmp_path / "run.rrd").exists()
+
+
+@pytest.mark.slow
+def test_the_notebook_of_the_models_runs():
+    names = _run_notebook("models")
+    metrics = {plant: run.metrics for plant, run in names["runs"].items()}
+    # The text: the paper's 18 mm, half of the time at rest instead of a sixth.
+    assert metrics["paper"]["peak_deflection_mm"] == pytest.approx(18, abs=0.3)
+    assert metrics["chain"]["stuck_fraction"] == pytest.approx(1 / 2, abs=0.02)
+    assert metrics["paper"]["stuck_fraction"] == pytest.approx(1 / 6, abs=0.02)
+    assert names["apart"]["modal"] < 1 < names["apart"]["paper"]
+
+
+@pytest.mark.slow
+def test_blocks_of_the_documents_run(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(DEMO, "try")
+    for name in ("docs/adding-an-effect.md", "docs/control.md", "docs/index.md"):
+        for block in blocks(DOCUMENTS[name], "python"):
+            try:
+                exec(block, {})
+            finally:
+                REGISTRY.pop("eddy-brake", None)
+
+
+def test_every_python_block_is_run_by_one_of_these():
+    having = {name for name, text in DOCUMENTS.items() if blocks(text, "python")}
+    assert having == {"README.md", "docs/adding-an-effect.md", "docs/control.md", "docs/index.md"}
+    assert {p.stem for p in EXAMPLES.glob("*.ipynb")} == {"diagnosis", "controller", "models"}
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_notebooks_are_kept_without_outputs(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    assert all(cell.get("outputs", []) == [] for cell in cells)
+
+
+# The site
+
+
+@pytest.mark.parametrize("name", REGISTRY)
+def test_every_effect_has_its_page(name):
+    effect = REGISTRY[name]
+    assert effect.seen_as
+    assert effect.source
+    assert effect.mistaken_for.keys() <= REGISTRY.keys() - {name}
+    page = pages.effect_page(effect, PLANTED[name])
+    for heading in (
+        "Law",
+        "Parameters",
+        "How it looks in recordings",
+        "What it is mistaken for",
+        "To try it",
+    ):
+        assert f"\n## {heading}\n" in page
+    assert all(f"`{p.name}`" in page for p in effect.parameters)
+    (block,) = blocks(page, "sh")
+    virtual_rig_parser().parse_args(shlex.split(block.splitlines()[0])[3:])
+
+
+def test_what_is_mistaken_for_another_is_on_both_pages():
+    for name, effect in REGISTRY.items():
+        for other in effect.mistaken_for:
+            assert f"[`{name}`]" in pages.effect_page(REGISTRY[other], PLANTED[other])
+
+
+def test_every_effect_is_mistaken_for_some_other_one():
+    named = {other for effect in REGISTRY.values() for other in effect.mistaken_for}
+    assert {
+        name for name, effect in REGISTRY.items() if not effect.mistaken_for and name not in named
+    } == set()
+
+
+def test_every_command_is_on_its_page():
+    page = pages.commands_page()
+    for name, command in COMMANDS.items():
+        assert f"\n## twin {name}\n" in page
+        assert all(
+            f"{o}" in page for p in command.params for o in p.opts if o.startswith("--") and not p.hidden
+        )
+
+
+def test_every_page_is_in_the_table_of_contents():
+    below = {page for children in build.CONTENTS.values() for page in children}
+    listed = {name for name in build.sources() if not name.startswith("benchmarks/results/")}
+    assert listed == below | {"index"}
+
+
+def test_links_lead_to_the_site_or_to_the_repository():
+    known = {"diagnosis", "benchmarks/results/diagnosis", "effects/cogging"}
+    text = "[a](diagnosis.md#method) [b](../benchmarks/results/diagnosis.md) [c](../twin/cli.py) [d](https://x.org)"
+    turned = build.staged("paper", text, ROOT / "docs", known).splitlines()[0]
+    assert turned == (
+        "[a](diagnosis.md#method) [b](benchmarks/results/diagnosis.md) "
+        "[c](https://github.com/flexlink-twin/flexlink-twin/blob/main/twin/cli.py) [d](https://x.org)"
+    )
+
+
+def test_reliability_of_the_readme_is_that_of_the_answers_and_adds_up():
+    table = fill_readme.part(README, "reliability")
+    assert table == fill_readme.reliability(), "python benchmarks/fill_readme.py reliability"
+    rows = [[int(cell) for cell in line.strip("| ").split(" | ")[1:]] for line in table.splitlines()[2:]]
+    assert [sum(column) for column in zip(*rows[:-1], strict=True)] == rows[-1]
+
+
+def _run_notebook(name: str) -> dict:
+    """The variables that the code cells of a notebook of the examples leave."""
+    notebook = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
+    names: dict = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    return names
+
+
+def _example(name: str):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
