@@ -6,6 +6,7 @@ script and notebook that asks for one.
 """
 
 import importlib.util
+import io
 import json
 import re
 import shlex
@@ -97,23 +98,21 @@ def laboratory(tmp_path, monkeypatch):
     shutil.copytree(DEMO, "my-rig")
     Path("mine.py").write_text(blocks(DOCUMENTS["docs/control.md"], "python")[0], encoding="utf-8")
     Path("my-rig-identification").mkdir()
-    rig = (ROOT / "twin" / "data" / "demo-rig" / "campaign.toml").read_text(encoding="utf-8")
-    assert 'rig = "bossi2009"' in rig  # so the file below is that of the same rig
     values = "\n".join(
         f"{name} = {value!r}" for name, value in package.rig().items() if value != float("inf")
     )
     text = f'format = 1\nname = "my-rig"\n\n[parameters]\n{values}\n'
     Path("my-rig-identification/identified-rig.toml").write_text(text, encoding="utf-8")
-    return tmp_path
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "line"), AT_ONCE)
-def test_commands_that_take_seconds_do_what_they_say(name, line, laboratory, twin, monkeypatch):
+@pytest.mark.usefixtures("laboratory")
+def test_commands_that_take_seconds_do_what_they_say(name, line, twin, monkeypatch):
     given = words(line)[1:]
     if given[0] == "new":
         shutil.rmtree("my-rig")
-    monkeypatch.setattr(sys, "stdin", None)  # no terminal: nothing is asked
+    monkeypatch.setattr(sys, "stdin", io.StringIO())  # no terminal: nothing is asked
     code, printed, error = twin(*given)
     assert (code, error) == (0, ""), error
     assert printed
@@ -125,45 +124,35 @@ def test_commands_that_take_seconds_do_what_they_say(name, line, laboratory, twi
 # Python
 
 
-@pytest.fixture(scope="module")
-def script(tmp_path_factory):
-    """The script of a diagnosis, run on the bundled campaign: its diagnosis and the folder of its results."""
-    results = tmp_path_factory.mktemp("script") / "results"
-    return _example("diagnose").main(str(DEMO), str(results)), results
-
-
 @pytest.mark.slow
-def test_the_script_finds_the_cable(script):
-    diagnosis, results = script
+def test_script_notebook_and_snippet_of_a_diagnosis_run(tmp_path, monkeypatch):
+    """One diagnosis for all three, and for the sentence of the README."""
+    monkeypatch.chdir(tmp_path)
+    diagnosis = _example("diagnose").main(str(DEMO), "script")
     assert diagnosis.verdict == "explained"
     assert [row["turned_down_by"] for row in diagnosis.ranking().rows()][0] is None
-    assert {p.name for p in results.iterdir()} >= {"report.html", "run.rrd", "diagnosis.json"}
-    # The README's sentence is that of this diagnosis: numbers to the last digit but one of another processor.
-    said, found = fill_readme.part(README, "headline"), fill_readme.sentence(diagnosis.to_json())
+    assert {p.name for p in Path("script").iterdir()} >= {"report.html", "run.rrd", "diagnosis.json"}
+    _check_headline(fill_readme.sentence(diagnosis.to_json()))
+
+    asked, pictures = [], []
+    monkeypatch.setattr(package, "diagnose", lambda campaign: asked.append(str(campaign)) or diagnosis)
+    names = _run_notebook("diagnosis")
+    assert "cable-torsion" in names["diagnosis"]._repr_html_()
+
+    monkeypatch.setattr(go.Figure, "show", pictures.append)
+    (snippet,) = blocks(README, "python")
+    exec(snippet, {})
+    assert asked[1:] == ["my-rig"]
+    assert len(pictures) == 1
+    assert Path("results", "report.html").exists()
+
+
+def _check_headline(found: str) -> None:
+    """The README's sentence is this one, its numbers to a tenth: another processor rounds otherwise."""
+    said = fill_readme.part(README, "headline")
     numbers = [[float(n) for n in re.findall(r"\*\*([\d.]+)°", text)] for text in (said, found)]
     assert numbers[0] == pytest.approx(numbers[1], rel=0.1)
     assert re.sub(r"[\d.]+°", "", said) == re.sub(r"[\d.]+°", "", found)
-
-
-@pytest.mark.slow
-def test_the_notebook_of_a_diagnosis_runs(script, monkeypatch):
-    asked = []
-    monkeypatch.setattr(package, "diagnose", lambda campaign: asked.append(campaign.name) or script[0])
-    names = _run_notebook("diagnosis")
-    assert asked == ["demo-rig"]
-    assert "cable-torsion" in names["diagnosis"]._repr_html_()
-
-
-@pytest.mark.slow
-def test_the_snippet_of_the_readme_runs(script, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    pictures = []
-    monkeypatch.setattr(package, "diagnose", lambda campaign: script[0])
-    monkeypatch.setattr(go.Figure, "show", lambda figure: pictures.append(figure))
-    (block,) = blocks(README, "python")
-    exec(block, {})
-    assert len(pictures) == 1
-    assert (tmp_path / "results" / "report.html").exists()
 
 
 @pytest.mark.slow
@@ -220,6 +209,9 @@ def test_every_effect_has_its_page(name):
     effect = REGISTRY[name]
     assert effect.seen_as
     assert effect.source
+    assert (ROOT / "docs" / "pictures" / "effects" / f"{name}.svg").exists(), (
+        "python docs/tools/draw_effects.py"
+    )
     assert effect.mistaken_for.keys() <= REGISTRY.keys() - {name}
     page = pages.effect_page(effect, PLANTED[name])
     for heading in (

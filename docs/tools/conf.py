@@ -9,7 +9,7 @@ myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 3
 
 autodoc_member_order = "bysource"
-autodoc_typehints = "signature"
+autodoc_typehints = "description"
 autodoc_typehints_format = "short"
 napoleon_use_ivar = True
 napoleon_custom_sections = [("Class attributes", "Attributes")]

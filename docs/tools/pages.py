@@ -47,6 +47,8 @@ def effect_page(effect: Effect, size: Mapping[str, float]) -> str:
         "## Parameters",
         "\n".join(["| parameter | unit | neutral | range of a search |", "| --- | --- | --- | --- |", *rows]),
         f"## How it looks in recordings\n\n{effect.seen_as}",
+        f"![Hub angle with and without the effect, and what it changes](pictures/effects/{effect.name}.svg)",
+        f"A slew to and fro without the effect (grey) and with it (blue), and the differences; {_values(size)}.",
         "## What it is mistaken for",
         "\n".join(["| effect | what tells the two apart |", "| --- | --- |", *confused])
         if confused
@@ -62,8 +64,11 @@ def _neutral(value: float | None) -> str:
 
 def _trial(effect: Effect, size: Mapping[str, float]) -> str:
     """A command that makes recordings of a virtual rig with the effect."""
-    values = ",".join(f"{name}={value:g}" for name, value in size.items())
-    return f"python -m twin.virtual_rig try --effect {effect.name}:{values}"
+    return f"python -m twin.virtual_rig try --effect {effect.name}:{_values(size, ',')}"
+
+
+def _values(size: Mapping[str, float], between: str = ", ") -> str:
+    return between.join(f"{name}={value:g}" for name, value in size.items())
 
 
 def commands_page() -> str:
