@@ -25,7 +25,6 @@ from planted import PLANTED  # noqa: E402  sizes of effects that a rig may well 
 DOCS = ROOT / "docs"
 STAGED = ROOT / "build" / "pages"
 SITE = ROOT / "build" / "site"
-REPOSITORY = "https://github.com/flexlink-twin/flexlink-twin/blob/main/"
 
 CONTENTS: Mapping[str, tuple[str, ...]] = {
     "index": ("your-rig", "method", "effects", "control", "examples", "paper", "limits", "reference"),
@@ -96,7 +95,7 @@ def _link(found: re.Match[str], folder: Path, up: str, known: set[str]) -> str:
         return f"[{label}]({up}{served}.md{anchor})"
     if image:
         return f"![{label}]({up}{served}{anchor})"
-    return f"[{label}]({REPOSITORY}{place}{anchor})"
+    return f"[{label}]({pages.REPOSITORY}{place}{anchor})"
 
 
 def main() -> int:

@@ -14,6 +14,8 @@ from twin.cli import app
 from twin.effects import REGISTRY, Effect, catalogue
 from twin.labels import unit
 
+REPOSITORY = "https://github.com/flexlink-twin/flexlink-twin/blob/main/"
+
 
 def notebook_page(path: Path) -> str:
     """The cells of a notebook, which is kept without outputs."""
@@ -22,7 +24,7 @@ def notebook_page(path: Path) -> str:
     code = [
         f"```python\n{t}\n```" if c["cell_type"] == "code" else t for c, t in zip(cells, texts, strict=True)
     ]
-    return "\n\n".join([*code, f"[The notebook](../examples/{path.name})"]) + "\n"
+    return "\n\n".join([*code, f"[The notebook]({REPOSITORY}docs/examples/{path.name})"]) + "\n"
 
 
 def effect_page(effect: Effect, size: Mapping[str, float]) -> str:
@@ -48,7 +50,8 @@ def effect_page(effect: Effect, size: Mapping[str, float]) -> str:
         "\n".join(["| parameter | unit | neutral | range of a search |", "| --- | --- | --- | --- |", *rows]),
         f"## How it looks in recordings\n\n{effect.seen_as}",
         f"![Hub angle with and without the effect, and what it changes](pictures/effects/{effect.name}.svg)",
-        f"A slew to and fro without the effect (grey) and with it (blue), and the differences; {_values(size)}.",
+        "A slew to and fro without the effect (grey) and with it (blue), and the differences, on `bossi2009` with "
+        f"little static friction; {_sizes(effect, size)}.",
         "## What it is mistaken for",
         "\n".join(["| effect | what tells the two apart |", "| --- | --- |", *confused])
         if confused
@@ -64,11 +67,14 @@ def _neutral(value: float | None) -> str:
 
 def _trial(effect: Effect, size: Mapping[str, float]) -> str:
     """A command that makes recordings of a virtual rig with the effect."""
-    return f"python -m twin.virtual_rig try --effect {effect.name}:{_values(size, ',')}"
+    values = ",".join(f"{name}={value:g}" for name, value in size.items())
+    return f"python -m twin.virtual_rig try --effect {effect.name}:{values}"
 
 
-def _values(size: Mapping[str, float], between: str = ", ") -> str:
-    return between.join(f"{name}={value:g}" for name, value in size.items())
+def _sizes(effect: Effect, size: Mapping[str, float]) -> str:
+    """The values with their units: "tilt 0.02 rad, direction 1.1 rad"."""
+    units = effect.units(size)
+    return ", ".join(f"`{name}` {value:g} {unit(units[name])}".strip() for name, value in size.items())
 
 
 def commands_page() -> str:
