@@ -8,13 +8,16 @@ script and notebook that asks for one.
 import importlib.util
 import io
 import json
+import math
 import re
 import shlex
 import shutil
 import sys
+import tomllib
 from pathlib import Path
 
 import fill_readme
+import numpy as np
 import plotly.graph_objects as go
 import pytest
 import typer.main
@@ -25,6 +28,7 @@ from test_readme import DOCUMENTS, README, blocks
 import twin as package
 from twin.cli import app
 from twin.effects import REGISTRY
+from twin.validation.requirements import read_requirements
 from twin.virtual_rig.__main__ import parser as virtual_rig_parser
 
 EXAMPLES = ROOT / "docs" / "examples"
@@ -82,6 +86,22 @@ def test_command_lines_are_accepted_by_their_parsers(name, line):
             }
 
 
+@pytest.mark.parametrize("name", [*DOCUMENTS, "CONTRIBUTING.md"])
+def test_other_lines_of_shell_blocks_name_what_is_there(name):
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    text = (ROOT / name).read_text(encoding="utf-8")
+    for line in (line for block in blocks(text, "sh") for line in block.splitlines()):
+        match shlex.split(line, comments=True):
+            case ["twin", *_] | ["python", "-m", "twin.virtual_rig", *_] | [".venv/bin/rerun", _]:
+                pass
+            case ["python", script, *_]:
+                assert (ROOT / script).is_file(), line
+            case ["make", target]:
+                assert re.search(rf"^{target}:", makefile, re.MULTILINE), line
+            case _:
+                pytest.fail(f"{name}: nothing runs {line!r}")
+
+
 def test_a_wrong_option_or_one_argument_too_many_is_found():
     for arguments in (["--nonsense"], ["one", "two"]):
         with pytest.raises(Exception, match="nonsense|left|two"):
@@ -98,11 +118,7 @@ def laboratory(tmp_path, monkeypatch):
     shutil.copytree(DEMO, "my-rig")
     Path("mine.py").write_text(blocks(DOCUMENTS["docs/control.md"], "python")[0], encoding="utf-8")
     Path("my-rig-identification").mkdir()
-    values = "\n".join(
-        f"{name} = {value!r}" for name, value in package.rig().items() if value != float("inf")
-    )
-    text = f'format = 1\nname = "my-rig"\n\n[parameters]\n{values}\n'
-    Path("my-rig-identification/identified-rig.toml").write_text(text, encoding="utf-8")
+    Path("my-rig-identification/identified-rig.toml").write_text(_rig_file(), encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -119,6 +135,46 @@ def test_commands_that_take_seconds_do_what_they_say(name, line, twin, monkeypat
     for option in ("--rrd", "--out"):
         if option in given:
             assert Path(given[given.index(option) + 1]).exists()
+
+
+# Files
+
+
+def test_the_campaign_of_the_readme_is_read_with_its_own_rig(tmp_path):
+    """Its recordings are simulated with the parameters that it gives."""
+    (text,) = blocks(README, "toml")
+    (tmp_path / "campaign.toml").write_text(text, encoding="utf-8")
+    given = tomllib.loads(text)
+    time = np.arange(0.0, 1.0, 5e-3)
+    rig = package.rig().replace(**given["parameters"])
+    runs = [package.model(rig).simulate(time, np.where(time < 0.4, size, -0.1)) for size in (0.2, 0.3)]
+    for entry, run in zip(given["recordings"], runs, strict=True):
+        columns = (time, run["torque_command"], np.degrees(run["hub_angle"]), 1e6 * run["strain_base"])
+        header = "time,torque_command,hub_angle,gauge1"
+        np.savetxt(
+            tmp_path / entry["file"], np.column_stack(columns), delimiter=",", header=header, comments=""
+        )
+    campaign = package.read_campaign(tmp_path)
+    assert {name: campaign.rig[name] for name in given["parameters"]} == given["parameters"]
+    np.testing.assert_allclose(campaign.fit[0]["hub_angle"], runs[0]["hub_angle"], rtol=1e-9, atol=1e-12)
+
+
+def test_a_rig_file_with_the_known_effects_of_the_documents_is_read(tmp_path):
+    (block,) = blocks(DOCUMENTS["docs/identification.md"], "toml")
+    (tmp_path / "my-rig.toml").write_text(_rig_file() + block, encoding="utf-8")
+    assert package.read_rig(tmp_path / "my-rig.toml").effects == {"viscous-friction": {"viscous": 0.069}}
+
+
+def test_the_requirements_of_the_documents_are_read(tmp_path):
+    (block,) = blocks(DOCUMENTS["docs/validation.md"], "toml")
+    (tmp_path / "limits.toml").write_text(block, encoding="utf-8")
+    assert read_requirements(tmp_path / "limits.toml").share == 0.99
+
+
+def test_every_toml_block_is_read_by_one_of_these():
+    """That of docs/recordings.md is read in `test_readme`."""
+    having = {name for name, text in DOCUMENTS.items() if blocks(text, "toml")}
+    assert having == {"README.md", "docs/identification.md", "docs/recordings.md", "docs/validation.md"}
 
 
 # Python
@@ -270,6 +326,13 @@ def test_reliability_of_the_readme_is_that_of_the_answers_and_adds_up():
     assert table == fill_readme.reliability(), "python benchmarks/fill_readme.py reliability"
     rows = [[int(cell) for cell in line.strip("| ").split(" | ")[1:]] for line in table.splitlines()[2:]]
     assert [sum(column) for column in zip(*rows[:-1], strict=True)] == rows[-1]
+
+
+def _rig_file() -> str:
+    """A file of the rig of the examples."""
+    finite = {name: value for name, value in package.rig().items() if math.isfinite(value)}
+    lines = [f"{name} = {value!r}" for name, value in finite.items()]
+    return "\n".join(['format = 1\nname = "my-rig"\n\n[parameters]', *lines, "", ""])
 
 
 def _run_notebook(name: str) -> dict:
