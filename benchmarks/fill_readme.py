@@ -15,7 +15,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,14 +59,19 @@ def sentence(answer: Mapping[str, Any]) -> str:
         labels.amount("hub_angle", budget[file]["hub_angle"][model]["rms"]) for model in ("before", "after")
     )
     found = [effect["name"] for effect in answer["effects"]]
-    meaning = " and ".join(REGISTRY[name].meaning for name in found)
     others = sorted({name for names in answer["indistinguishable"] for name in names} - set(found))
-    rest = f"\nThese recordings do not rule out {' and '.join(others)}; the answer says what to record."
-    return (
-        f"On a slew that the diagnosis had not seen (`{file}`), the hub of the model is off by **{before}**. `twin`\n"
-        f"finds what is missing, {meaning}, and with it the hub is off by **{after}**."
-        f"{rest if others else ''}"
+    rest = (
+        f"\nThese recordings also allow for {_meanings(others)}; the answer says what to record to decide it."
     )
+    return (
+        f"On a slew that the diagnosis had not seen (`{file}`), the hub of the model is off by **{before}** (root\n"
+        f"mean square). `twin` finds what is missing, {_meanings(found)}; with that, the model is off\n"
+        f"by **{after}**.{rest if others else ''}"
+    )
+
+
+def _meanings(effects: Sequence[str]) -> str:
+    return " and ".join(REGISTRY[name].meaning for name in effects)
 
 
 KINDS: Mapping[str, str] = {

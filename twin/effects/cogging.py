@@ -24,7 +24,7 @@ class Cogging(Effect):
     meaning = "a torque of the motor's magnets, periodic in the angle"
     acts_on = "drive"
     seen_as = (
-        "At low speed the hub advances by fits, and rests at preferred angles. The missing torque is a wave over the "
+        "At low speed the hub advances in jerks, and rests at preferred angles. The missing torque is a wave over the "
         "hub angle that does not depend on the rate."
     )
     mistaken_for = {

@@ -245,6 +245,12 @@ def test_blocks_of_the_documents_run(monkeypatch, tmp_path):
                 REGISTRY.pop("eddy-brake", None)
 
 
+def test_the_effect_of_the_documents_is_that_of_the_example():
+    (block,) = blocks(DOCUMENTS["docs/adding-an-effect.md"], "python")
+    definition = block[block.index("@HubLaw") : block.index("\n\n\nregister(")]
+    assert definition in (EXAMPLES / "own_effect.py").read_text(encoding="utf-8")
+
+
 def test_every_python_block_is_run_by_one_of_these():
     having = {name for name, text in DOCUMENTS.items() if blocks(text, "python")}
     assert having == {"README.md", "docs/adding-an-effect.md", "docs/control.md", "docs/index.md"}
@@ -321,11 +327,30 @@ def test_links_lead_to_the_site_or_to_the_repository():
     )
 
 
+def test_the_readme_counts_the_effects_right():
+    counts = [int(n) for n in re.findall(r"(\d+) effects", README)]
+    assert set(counts) == {len(REGISTRY)}
+
+
+def test_pictures_of_the_readme_are_there():
+    targets = re.findall(r'(?:src|srcset)="([^"]+)"', README)
+    assert targets
+    for target in targets:
+        assert (ROOT / target.partition("/main/")[2]).is_file(), target
+
+
 def test_reliability_of_the_readme_is_that_of_the_answers_and_adds_up():
     table = fill_readme.part(README, "reliability")
     assert table == fill_readme.reliability(), "python benchmarks/fill_readme.py reliability"
     rows = [[int(cell) for cell in line.strip("| ").split(" | ")[1:]] for line in table.splitlines()[2:]]
     assert [sum(column) for column in zip(*rows[:-1], strict=True)] == rows[-1]
+    by_kind = dict(zip([*fill_readme.KINDS, "all"], rows, strict=True))
+    assert f"On {by_kind['all'][0]} campaigns" in README
+    total, right = by_kind["nothing"]
+    assert (
+        f"Of the {total} rigs with nothing missing, {['none', 'one', 'two'][total - right]} got a false alarm"
+        in README
+    )
 
 
 def _rig_file() -> str:
