@@ -27,8 +27,8 @@ class Display:
 
 _DEGREE = 180.0 / math.pi
 CHANNELS: Mapping[str, Display] = {
-    "torque_command": Display("commanded torque", "N m", 1.0),
-    "motor_torque": Display("motor torque", "N m", 1.0),
+    "torque_command": Display("commanded torque", "N·m", 1.0),
+    "motor_torque": Display("motor torque", "N·m", 1.0),
     "hub_reference": Display("hub reference", "°", _DEGREE),
     "hub_angle": Display("hub angle", "°", _DEGREE),
     "strain_base": Display("base strain", "µε", 1e6),
@@ -73,7 +73,7 @@ def with_the(name: str) -> str:
 
 def unmodelled(name: str) -> Display:
     """Returns the display of the residual of a channel, or of the hub's torque balance."""
-    shown = Display("hub torque", "N m", 1.0) if name == HUB_TORQUE else channel(name)
+    shown = Display("hub torque", "N·m", 1.0) if name == HUB_TORQUE else channel(name)
     return replace(shown, label=f"unmodelled {shown.label}")
 
 
@@ -83,9 +83,9 @@ def words(name: str) -> str:
 
 
 def unit(si: str) -> str:
-    """Returns a typeset unit: "N*m^2" becomes "N m²"; "" for a dimensionless number."""
+    """Returns a typeset unit: "N*m^2" becomes "N·m²"; "" for a dimensionless number."""
     shown = {"1": "", "-": ""}.get(si, si)
-    for plain, typeset in (("*", " "), ("^2", "²"), ("^3", "³"), ("^4", "⁴")):
+    for plain, typeset in (("*", "·"), ("^2", "²"), ("^3", "³"), ("^4", "⁴")):
         shown = shown.replace(plain, typeset)
     return shown
 
@@ -164,7 +164,7 @@ def probability(value: float) -> str:
 
 _ASCII = {
     "±": "+-", "µ": "u", "μ": "u", "ε": "e", "σ": "sigma", "θ": "theta", "°": " deg", "²": "^2", "³": "^3", "⁴": "^4",
-    "–": "-", "—": "-", "−": "-", "∞": "inf", "≤": "<=", "≥": ">=", "×": "x", "·": "*", "…": "...", "→": "->",
+    "–": "-", "—": "-", "−": "-", "∞": "inf", "≤": "<=", "≥": ">=", "×": "x", "·": " ", "…": "...", "→": "->",
 }  # fmt: skip
 
 

@@ -54,7 +54,7 @@ def missing_torque(axes: Axes, diagnosis: twin.Diagnosis, theme: Theme) -> None:
     ends = np.array([angle[use].min(), angle[use].max()])
     line = -spring["stiffness"] * (ends - spring["rest_angle"])
     axes.plot(np.degrees(ends), 1e3 * line, color=theme.blue, lw=2.2, label="the spring that was found")
-    axes.set(xlabel="hub angle, °", ylabel="missing torque, mN m")
+    axes.set(xlabel="hub angle, °", ylabel="missing torque, mN·m")
     axes.legend(loc="lower left")
 
 

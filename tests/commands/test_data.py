@@ -46,8 +46,8 @@ def test_it_passes_where_nothing_misleads_a_fit_and_something_shows(found, passe
 def test_rows_have_units_and_say_what_does_not_show():
     rows = list(data_check.visible_rows(check(visible=(SEEN, STIFF, UNSEEN, GAIN))))
     assert rows == [
-        ("cable torsion", "stiffness", "0.000030 N m/rad", "0.00025 N m/rad"),
-        ("root compliance", "stiffness", "–", "below 2999 N m/rad"),
+        ("cable torsion", "stiffness", "0.000030 N·m/rad", "0.00025 N·m/rad"),
+        ("root compliance", "stiffness", "–", "below 2999 N·m/rad"),
         ("", "stiffness", "–", "none in its range"),
         ("strain gain", "gain base", "0.00010", "0.010"),
     ]
@@ -59,10 +59,11 @@ def test_the_page_says_the_same():
         "bench does not pass",
         "something moves",
         "cable torsion",
-        "0.00025 N m/rad",
+        "0.00025 N·m/rad",
         "2 min to 2.0 h",
     ):
         assert text in page
+    assert page.count('<table class="cards') == 2
 
 
 def test_the_command_writes_text_page_and_json(twin, tmp_path):

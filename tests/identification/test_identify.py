@@ -73,7 +73,7 @@ def test_table_one_reads_as_in_the_paper_and_says_what_does_not_add_up(table_one
     assert "EI = 0.2422 " in without
     assert "E = 8.21" in without
     assert "tare = 0.186 N (0.019 kg)" in without
-    assert "With that tare row 1 by itself gives EI = 0.2527 N m^2." in said
+    assert "With that tare row 1 by itself gives EI = 0.2527 N·m²." in said
     assert "last decimals, 0.0098 N and 1 mm" in said[0]
 
 

@@ -91,7 +91,7 @@ def test_plots_of_a_recording_share_its_time_window(diagnosis, tmp_path):
 
 def test_summary_has_the_caveat(diagnosis):
     assert display.caveat(diagnosis) in _summary(diagnosis)
-    assert "cable torsion**: stiffness 0.0101 ± 0.0003 N m/rad, rest angle" in _summary(diagnosis)
+    assert "cable torsion**: stiffness 0.0101 ± 0.0003 N·m/rad, rest angle" in _summary(diagnosis)
 
 
 def test_nothing_missing_has_no_arrow(diagnosis, tmp_path):

@@ -25,7 +25,7 @@ from twin.report.figures import (
     trace_figure,
 )
 from twin.report.html import render
-from twin.report.prose import prose, typeset
+from twin.report.prose import prose
 from twin.rigs.patch import Patch
 
 VERDICTS = {
@@ -112,6 +112,13 @@ def test_page_has_numbers_with_errors_and_units(diagnosis):
     assert "bang-bang-90.csv: 30 samples of hub angle are missing." in text
 
 
+def test_the_terminal_says_what_to_record_in_words(diagnosis):
+    told = summary(
+        replace(diagnosis, next_experiment="To tell cable-torsion apart, record: hub_angle differs.")
+    )
+    assert "Next: To tell cable torsion apart, record: hub angle differs." in told
+
+
 def test_one_picture_shows_the_hub_angle_before_and_after(diagnosis):
     error = diagnosis.predictions["bang-bang-90.csv"].errors["hub_angle"]
     before, after = (labels.amount("hub_angle", e) for e in (error.before, error.after))
@@ -193,7 +200,6 @@ def test_identifiers_are_words_but_not_in_names_of_files():
     assert (
         told == "hub_angle.csv: hub angle and cable torsion, bending stiffness; out/cable-torsion, far-slew."
     )
-    assert typeset("2 N m s/rad, 1 kg m², [mN m] a N mine") == "2 N·m·s/rad, 1 kg·m², [mN·m] a N mine"
     assert prose("1 kg m^2, rho l^3/3, e^23") == "1 kg m², rho l³/3, e^23"
 
 

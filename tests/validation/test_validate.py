@@ -485,12 +485,12 @@ def test_stricter_requirements_fail(twin, tmp_path):
     code, out, _ = twin("validate", "lqi", "--rigs", 2, "--requirements", "strict.toml")
     assert code == 1
     # Each figure in its unit; each rig on one line, with all figures in which it is the worst.
-    assert re.search(r"peak torque +≤ 0.1 N m +0.214 N m +0.214 N m +0.214 N m +2", out)
+    assert re.search(r"peak torque +≤ 0.1 N·m +0.214 N·m +0.214 N·m +0.214 N·m +2", out)
     assert re.search(r"disk margin +≥ 0.4( +0.7\d*){3} +none", out)
     worst = re.findall(r"^worst ([^:]*): rig (\d)", out, re.MULTILINE)
     assert len({rig for _, rig in worst}) == len(worst) <= 2
     figures = ", ".join(text for text, _ in worst)
-    for name, unit in (("overshoot", "%"), ("residual vibration", "%"), ("peak torque", "N m")):
+    for name, unit in (("overshoot", "%"), ("residual vibration", "%"), ("peak torque", "N·m")):
         assert re.search(rf"{name} [\d.]+ {unit}", figures)
 
 

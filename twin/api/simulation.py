@@ -53,7 +53,7 @@ class RigModel:
 
         Args:
           time: (n) instants [s], increasing.
-          torque: (n) commanded torque [N m], held from each instant to the next.
+          torque: (n) commanded torque [N·m], held from each instant to the next.
           hub_angle: where the hub starts [rad].
           tip_deflection: the tip is held there by a force until the first instant [m]; None for a link at rest.
           clamped: whether the hub is locked.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from twin import labels
 from twin.commands.shared import DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress, rig_file
 from twin.errors import InputError
 from twin.files.json import write_json
@@ -57,7 +58,11 @@ def _print_check(result: Check) -> None:
     verdicts = Table("quantity", "error", "bound", "", "", box=None)
     for r in result.rows:
         verdicts.add_row(
-            r.quantity, f"{r.error:.2g}", f"{r.bound:.2g}", r.unit, "ok" if r.passed else "FAILED"
+            r.quantity,
+            f"{r.error:.2g}",
+            f"{r.bound:.2g}",
+            labels.unit(r.unit),
+            "ok" if r.passed else "FAILED",
         )
     screen.print(modes)
     screen.print()

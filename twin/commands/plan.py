@@ -61,9 +61,10 @@ def _print(planned: ExperimentPlan) -> None:
     from rich.table import Table
 
     from twin.diagnosis import experiments
+    from twin.report.prose import prose
 
     screen = console()
-    screen.print(planned.recommendation())
+    screen.print(prose(planned.recommendation()))
     table = Table("experiment", "what to do", "noise levels apart", "in", "with another sensor", box=None)
     for row in experiments.rows(planned.plans):
         table.add_row(*row)

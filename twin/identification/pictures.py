@@ -96,7 +96,7 @@ def break_aways(levels: StaticFriction) -> Figure:
             figure.add_scatter(x=x, y=y, error_y=bars, mode="markers", name=name, marker=_dot(colour, symbol))
     figure.update_xaxes(title_text="hub angle [°]")
     # From zero, so that a spread of percents looks small.
-    figure.update_yaxes(title_text="torque at break-away [N m]", rangemode="tozero")
+    figure.update_yaxes(title_text="torque at break-away [N·m]", rangemode="tozero")
     return figure
 
 
@@ -154,7 +154,7 @@ def response(measured: Response) -> Figure:
     line = {"color": MEASURED, "width": 1.2}
     figure.add_scatter(x=measured.frequency, y=measured.coherence, line=line, showlegend=False, row=2, col=1)
     figure.update_yaxes(
-        title_text=f"{labels.channel(measured.channel).label} per N m", type="log", dtick="D2", row=1, col=1
+        title_text=f"{labels.channel(measured.channel).label} per N·m", type="log", dtick="D2", row=1, col=1
     )
     figure.update_yaxes(title_text="coherence", range=[0, 1.02], row=2, col=1)
     figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
@@ -172,7 +172,7 @@ def compared_responses(comparison: Comparison) -> Figure:
         figure.add_scatter(x=response.frequency, y=y, name=name, line=line)
     for peak in comparison.peaks:
         figure.add_vline(x=peak.frequency_hz, line={"color": SOFT, "dash": "dot"})
-    figure.update_yaxes(title_text=f"{labels.channel(here.channel).label} per N m", type="log", dtick="D2")
+    figure.update_yaxes(title_text=f"{labels.channel(here.channel).label} per N·m", type="log", dtick="D2")
     figure.update_xaxes(title_text="frequency [Hz]")
     return figure
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from twin import labels
 from twin.identification.estimates import Estimate, normalised_difference
 
 _MIN_DIGITS, _USUAL_DIGITS, _MAX_DIGITS = 4, 6, 9
@@ -13,10 +14,10 @@ DISAGREEMENT = 3.0
 
 
 def format_estimate(estimate: Estimate, unit: str = "") -> str:
-    """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N m^2`."""
+    """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N·m²`."""
     low, high = estimate.interval
     digits = _digits(estimate.value, low, high)
-    return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {unit}".rstrip()
+    return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {labels.unit(unit)}".rstrip()
 
 
 def _digits(value: float, low: float, high: float) -> int:

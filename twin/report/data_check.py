@@ -18,6 +18,8 @@ from twin.progress import Progress, silent
 from twin.proposal import gate
 from twin.proposal.gate import Finding
 from twin.report import pages
+from twin.report.pages import Cell, Row, Table
+from twin.report.prose import prose
 
 _ROUND = 5.0, 20.0
 """Time of a diagnosis over that of the visible effects [1]: nothing missing, three effects. With one it took 11 times
@@ -92,7 +94,7 @@ def headline(check: DataCheck) -> str:
 def rows(check: DataCheck) -> Iterator[tuple[str, str, str]]:
     """Yields mark, what was looked at, and what was found."""
     for finding in check.findings:
-        yield ("ok" if finding.ok else "FAIL" if finding.fails else "WARN"), finding.what, finding.text
+        yield ("ok" if finding.ok else "FAIL" if finding.fails else "WARN"), finding.what, prose(finding.text)
 
 
 def visible_rows(check: DataCheck) -> Iterator[tuple[str, str, str, str]]:
@@ -140,6 +142,19 @@ def render(check: DataCheck) -> str:
         name=check.campaign,
         headline=headline(check),
         expected=expected(check),
-        findings=list(rows(check)),
-        visible=list(visible_rows(check)),
+        findings=_findings(check),
+        visible=_visible(check),
     )
+
+
+def _findings(check: DataCheck) -> Table:
+    table: list[Row] = [(what, Cell(mark, warns=mark != "ok"), text) for mark, what, text in rows(check)]
+    return Table(("looked at", "", "found"), table)
+
+
+def _visible(check: DataCheck) -> Table:
+    table: list[Row] = [
+        (Cell(labels.words(d.effect), note=parameter), sigma, found)
+        for d, (_, parameter, sigma, found) in zip(check.visible, visible_rows(check), strict=True)
+    ]
+    return Table(("effect", ">standard error", ">found from"), table)

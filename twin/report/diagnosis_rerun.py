@@ -272,7 +272,7 @@ def _plots(entry: _RecordingView) -> Iterator[Any]:
         )
     torques = []
     if "torque_command" in measured:
-        torques.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]", window))
+        torques.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N·m]", window))
     if entry.torque():
         shown = labels.unmodelled(HUB_TORQUE)
         torques.append(parts.series_view(f"{entry.root}/unmodelled", f"{shown.label} [{shown.unit}]", window))

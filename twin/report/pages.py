@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from twin import labels
-from twin.report.prose import prose, typeset
+from twin.report.prose import prose
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -105,7 +105,6 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=lambda value: typeset(value) if type(value) is str else value,
     )
     environment.filters |= {"cell": _as_cell, "prose": prose, "words": labels.words}
     plotly = files("twin").joinpath(_PLOTLY).read_text(encoding="utf-8")
@@ -131,7 +130,7 @@ def figure(drawn: go.Figure, narrow: go.Figure | Mapping[str, Any] | None = None
     changes.pop("template", None)  # which plotly adds
     text = f'{drawn.to_json()[:-1]},"narrow":{json.dumps(changes)}}}'
     # "</script>" or "<!--" inside would end or break the enclosing element.
-    safe = typeset(text).replace("<", "\\u003c").replace("\u2028", "\\u2028")
+    safe = text.replace("<", "\\u003c").replace("\u2028", "\\u2028")
     height = int(drawn.layout.height)
     return Figure(safe, height, int(layout.get("height", height)))
 

@@ -11,7 +11,6 @@ from twin.recording import HUB_TORQUE
 
 # Not a part of a path or of the name of a file, such as "hub_angle.csv" or "runs/cable-torsion".
 _IDENTIFIER = re.compile(r"(?<![\w./-])[a-z][a-z0-9]*(?:[-_][a-z0-9]+)+(?![\w/-]|\.\w)")
-_PRODUCT = re.compile(r"(?<![A-Za-z])(m?N|kg) (m[²³]?)( s)?(?![A-Za-z])")
 _POWER = re.compile(r"(?<=[A-Za-z])\^([234])(?![\d.])")
 _RAISED = {"2": "²", "3": "³", "4": "⁴"}
 
@@ -20,11 +19,6 @@ def prose(text: str) -> str:
     """Returns a text with the identifiers that the package knows in words, "hub angle", and powers typeset: "m²"."""
     said = _IDENTIFIER.sub(lambda found: _in_words(found.group()), text)
     return _POWER.sub(lambda found: _RAISED[found.group(1)], said)
-
-
-def typeset(text: str) -> str:
-    """Returns a text with the products of units as pages have them: "N m s/rad" becomes "N·m·s/rad"."""
-    return _PRODUCT.sub(lambda found: "·".join(part.strip() for part in found.groups() if part), text)
 
 
 def _in_words(name: str) -> str:

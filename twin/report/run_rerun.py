@@ -245,7 +245,7 @@ def _blueprint(tracks: Sequence[Track], length: float) -> rrb.Blueprint:
 
     channels = [c for c in _PLOTTED if any(c in track.channels for track in tracks)]
     plots: list[Any] = [parts.channel_view(f"{_ROOT}/{channel}", channel) for channel in channels]
-    plots.append(parts.series_view(f"{_ROOT}/torque", "torque [N m]"))
+    plots.append(parts.series_view(f"{_ROOT}/torque", "torque [N·m]"))
     if len(tracks) > 1:
         shared = [c for c in _DIFFERENCES if all(c in track.channels for track in tracks[:2])]
         plots += [parts.channel_view(f"{_ROOT}/difference_{c}", c, "difference of ") for c in shared]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin import labels
 from twin.report import pages
 from twin.report.decimate import decimate
 from twin.validation import text
@@ -20,7 +21,7 @@ MEETS_ALL, VIOLATES, NOMINAL = pages.GREY, pages.VERMILION, pages.BLUE
 _CHANNELS: Mapping[str, tuple[str, float]] = {
     "hub_angle": ("hub angle [°]", float(np.degrees(1))),
     "tip_deflection": ("tip deflection [mm]", 1e3),
-    "motor_torque": ("motor torque [N m]", 1.0),
+    "motor_torque": ("motor torque [N·m]", 1.0),
 }
 _BINS = 30  # of a histogram, at most
 _MOST_NUMBERS = 240_000
@@ -81,7 +82,7 @@ def spreads(result: Validation, columns: int) -> Figure | None:
 
 def _title(verdict: Verdict) -> str:
     """Name and unit; for a narrow column in two lines."""
-    unit = "" if verdict.requirement.unit == "1" else f" [{verdict.requirement.unit}]"
+    unit = "" if verdict.requirement.unit == "1" else f" [{labels.unit(verdict.requirement.unit)}]"
     return f"{verdict.requirement.name.replace('_', ' ')}{unit}"
 
 

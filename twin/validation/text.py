@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from twin import labels
 from twin.validation.fleet import Outcome
 from twin.validation.validation import CONFIDENCE, Driver, Validation, Verdict
 
@@ -76,7 +77,7 @@ def value(result: Validation, outcome: Outcome, name: str) -> str:
     """Returns a drawn parameter and its distance from nominal in standard deviations."""
     unknown = next(u for u in result.uncertain if u.name == name)
     away = outcome.drawn.deviations[name]
-    unit = "" if unknown.unit == "1" else f" {unknown.unit.replace('*', ' ')}"
+    unit = "" if unknown.unit == "1" else f" {labels.unit(unknown.unit)}"
     return f"{unknown.value + away * unknown.deviation:.4g}{unit} ({away:+.1f} σ)"
 
 
@@ -109,7 +110,7 @@ def with_unit(verdict: Verdict, metric: float) -> str:
 
 def _unit(verdict: Verdict) -> str:
     unit = verdict.requirement.unit
-    return "" if unit == "1" else f" {unit}"
+    return "" if unit == "1" else f" {labels.unit(unit)}"
 
 
 def _name(verdict: Verdict) -> str:
