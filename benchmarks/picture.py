@@ -5,7 +5,7 @@ python benchmarks/picture.py FILE.rrd PICTURE.png SECONDS
 The pictures of the documentation, after `twin demo` and `twin run lq-step-120 --rrd run.rrd`:
 
 python benchmarks/picture.py demo-rig-diagnosis/run.rrd docs/pictures/diagnosis.png 6.3
-python benchmarks/picture.py run.rrd docs/pictures/run.png 0.9
+python benchmarks/picture.py run.rrd docs/pictures/run.png 0.09
 """
 
 import argparse
@@ -18,8 +18,8 @@ from pathlib import Path
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-ZOOM_STEPS = 6  # of the viewer's "zoom in": text that is legible at half the size
-TOP_BAR = 58  # px, blank once the panel with menu and notices about the graphics driver is hidden
+ZOOM_STEPS = 3  # of the viewer's "zoom in": text that is legible at half the size
+TOP_BAR = 46  # px, blank once the panel with menu and notices about the graphics driver is hidden
 WIDTH = 1600  # px
 
 
