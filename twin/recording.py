@@ -49,6 +49,7 @@ class Sensor:
       half_thickness: distance of a strain gauge from the neutral axis [m]; strain = half_thickness * w''.
       zero_is_certain: whether its reading without load is 0 for certain. If not, that of a sensor on the link is a
         nuisance parameter of each recording.
+      sees_gain: of `motor_torque`, whether it sees an error of the drive's gain; None where not declared.
     """
 
     channel: str
@@ -56,6 +57,7 @@ class Sensor:
     position: float = 0.0
     half_thickness: float = 0.0
     zero_is_certain: bool = False
+    sees_gain: bool | None = None
 
     @property
     def has_unknown_zero(self) -> bool:

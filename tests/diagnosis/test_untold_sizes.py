@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rig_campaigns import planned
 
-from twin.diagnosis import candidates, revise
+from twin.diagnosis import candidates, contest, revise
 from twin.diagnosis.conclude import explanatory_variables, verdict_of
 from twin.diagnosis.dependence import unexplained_residuals
 from twin.diagnosis.diagnose import with_errors, with_unnamed, with_whole_orders
@@ -29,6 +29,7 @@ def picked(rig_campaign):
         start = calibrate(rig_campaign(effects, 12, experiments=slews).read(), pool)
         cable = candidates.try_effect(start.bench, start.base, "cable-torsion")
         both = candidates.try_effect(start.bench, cable.fit, "cogging")
+        both = contest.fit_fully(start.bench, cable.fit, both, both.fit.values)
         rounds = (Round((c,), 0.0, 30.0, np.zeros(400), {}, c, start.bench) for c in (cable, both))
         return with_errors(SearchState(start, tuple(rounds)), start.bench)
 

@@ -1,11 +1,14 @@
 """The torque that a drive delivers: its impulse is its integral."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
+from twin.effects import REGISTRY
 from twin.effects.base import Drive
+from twin.recording import Sensor
 
 NODES, WEIGHTS = leggauss(20)
 TORQUES = st.floats(-1.0, 1.0)
@@ -33,3 +36,18 @@ def test_the_impulse_is_the_integral_of_the_delivered_torque(drive, shares):
     integral = np.r_[0.0, np.cumsum(parts)][np.searchsorted(edges, instants)]
     impulse = drive.impulse(instants)
     np.testing.assert_allclose(impulse - impulse[0], integral, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("behind", "read"), [(0.0, 0.095), (1.0, 0.1)])
+def test_a_sensor_of_current_does_not_see_the_gain_behind_it(behind, read):
+    effect, values = REGISTRY["torque-gain"], {"gain": 0.95, "behind_sensor": behind}
+    delivered = np.array([0.095])
+    channels = effect.sensing(np.zeros(1), {"motor_torque": delivered}, values)
+    assert channels["motor_torque"] == pytest.approx([read])
+
+
+def test_what_is_declared_of_the_torque_sensor_decides():
+    effect = REGISTRY["torque-gain"]
+    for sees, possible in ((None, [True, True]), (True, [True, False]), (False, [False, True])):
+        sensors = {"motor_torque": Sensor("motor_torque", sees_gain=sees)}
+        assert [effect.fits(s, sensors) for s in effect.starts({})] == possible

@@ -287,7 +287,9 @@ def _sensor(name: str, channel: schema.Channel) -> Sensor:
     raw = abs(channel.gain or 1.0) if units.raw_unit(channel.unit) else 1.0
     noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
     certain = channel.offset_uncertainty == 0
-    return Sensor(name, noise, channel.position or 0.0, channel.half_thickness or 0.0, certain)
+    return Sensor(
+        name, noise, channel.position or 0.0, channel.half_thickness or 0.0, certain, channel.sees_gain
+    )
 
 
 def _zero_noise_warnings(content: schema.CampaignFile) -> Iterator[str]:

@@ -278,10 +278,14 @@ def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float
     choices = [p.name for p in effect.parameters if p.choice]
     if not choices:
         return dict(values)
-    others = [{**values, **{c: s[c] for c in choices}} for s in effect.starts(fit.model.declared)]
-    jobs = [(with_effect(fit.model, name, v), fit.starts, None) for v in (dict(values), *others)]
+    # Of choices that make no difference, the one at neutral.
+    neutral = effect.neutral(fit.model.declared)
+    chosen = [{c: s[c] for c in choices} for s in (neutral, values, *effect.starts(fit.model.declared))]
+    different = [{**values, **c} for k, c in enumerate(chosen) if c not in chosen[:k]]
+    options = [v for v in different if effect.fits(v, fit.model.sensors)] or [dict(values)]
+    jobs = [(with_effect(fit.model, name, v), fit.starts, None) for v in options]
     costs = [bench.cost(r) for r in bench.residuals(jobs)]
-    return (dict(values), *others)[int(np.argmin(costs))]
+    return options[int(np.argmin(costs))]
 
 
 def try_effect(bench: Workbench, base: Fit, name: str) -> Candidate:
@@ -378,6 +382,7 @@ def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -
     to_starts = [
         {k: turn[k](v) - turn[k](neutral[k]) for k, v in start.items()}
         for start in effect.starts(model.declared)
+        if effect.fits(start, model.sensors)
     ]
     single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.is_coupled else []
     return to_starts + single

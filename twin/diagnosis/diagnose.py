@@ -121,15 +121,20 @@ def search(
 
 
 def _final_state(state: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
-    """The state at the end of the search, revised in one of two ways if either is justified.
+    """The state at the end of the search, revised in one of three ways if one is justified.
 
-    Effects of undetermined size are withdrawn. Otherwise an effect takes the place of a significant smooth function if
-    it explains the residuals.
+    Effects of undetermined size are withdrawn. Otherwise a declared parameter that the recordings contradict becomes an
+    effect where all else is explained, or an effect takes the place of a significant smooth function if it explains the
+    residuals.
     """
     fewer = revise.without_undetermined(state)
     if fewer is not None:
         return with_unnamed(with_errors(fewer, fewer.bench), fewer.bench, false_alarm_rate)
     state = with_unnamed(with_whole_orders(state, sound), sound, false_alarm_rate)
+    if len(state.adopted) < MOST_EFFECTS:
+        more = revise.with_contradicted_declaration(state, false_alarm_rate)
+        if more is not None:
+            return with_unnamed(with_errors(more, more.bench), more.bench, false_alarm_rate)
     named = revise.replace_function_by_effect(state)
     if named is None:
         return state

@@ -9,6 +9,7 @@ disc repeat after one turn. Behind a belt or a gear an order may be any number; 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -17,7 +18,15 @@ import numpy as np
 from twin.diagnosis import candidates, contest, remainder, rules
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement
-from twin.diagnosis.rules import DETERMINED, NEEDED, REPLACEABLE, SIZE_DETERMINED, Standing
+from twin.diagnosis.rules import (
+    CONTRADICTED,
+    DETERMINED,
+    NEEDED,
+    REPLACEABLE,
+    SIZE_DETERMINED,
+    Declaration,
+    Standing,
+)
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation import jackknife
@@ -26,6 +35,7 @@ from twin.estimation.minimise import minimise
 from twin.estimation.slopes import normal_equations
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
+from twin.parameters import relative_uncertainty
 from twin.progress import Progress, silent
 
 _QUICK_ITERATIONS = 5  # of a fit that decides whether a fit to convergence is needed
@@ -33,6 +43,7 @@ _CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which s
 _CLOSE = 0.8  # share of the best score of a round from which another candidate may replace the adopted one
 _FUNCTION_PARAMETERS = 2  # hyperparameters of a smooth function: standard deviation and length scale
 _WHOLE_ORDER_ITERATIONS = 5
+_DIFFERENCE = 1e-4  # step of a difference quotient relative to the value
 _AT_END = 1e-3  # relative distance within which a parameter is at its bound
 
 
@@ -172,11 +183,7 @@ def without_undetermined(state: SearchState) -> SearchState | None:
 def _undetermined(state: SearchState, best: Fit) -> dict[str, Judgement]:
     """Adopted effect of a fit -> the judgement of its size, of those whose size is not determined."""
     names = [name for name in state.names if name in best.model.effects]
-    sizes = {name: size_in_errors(best, name) for name in names}
-    count = sum(size < DETERMINED for size in sizes.values())
-    judged = {
-        name: SIZE_DETERMINED.judge(Standing(size=size, undetermined=count)) for name, size in sizes.items()
-    }
+    judged = {name: SIZE_DETERMINED.judge(Standing(size=size_in_errors(best, name))) for name in names}
     return {name: judgement for name, judgement in judged.items() if not judgement.passed}
 
 
@@ -200,19 +207,40 @@ def _fit_of(state: SearchState, names: Sequence[str]) -> Fit:
 def size_in_errors(best: Fit, name: str) -> float:
     """Distance of an effect from neutral in standard errors, the largest of its parameters that vanish at neutral.
 
-    0 if one of these is at the end of its range: then its size is that of the range.
+    0 if one of these is at the end of its range: then its size is that of the range. What a sensor reads of an effect
+    on the rig is not its size. Of an effect that is linear in some coefficients, their joint distance counts: that of
+    each alone is small where the standard error of the other makes it so, as of a cable and its rest angle.
     """
     effect = REGISTRY[name]
     neutral = effect.neutral(best.model.declared)
     moving = [p for p in effect.parameters if p.name not in effect.undefined_at_neutral]
     at_neutral = {p.name: p.turned(neutral[p.name]) for p in moving}
+    own = {p.name for p in moving if p.channel is None} or set(at_neutral)
     sizes = [DETERMINED] if not at_neutral else []
     for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True):
         if u.effect == name and u.name in at_neutral:
             if is_at_end(u, value):
                 return 0.0
-            sizes.append(abs(value - at_neutral[u.name]) / error if error > 0 else 0.0)
-    return max(sizes, default=DETERMINED)
+            if u.name in own:
+                sizes.append(abs(value - at_neutral[u.name]) / error if error > 0 else 0.0)
+    return max([*sizes, _joint_size(best, name)], default=DETERMINED)
+
+
+def _joint_size(best: Fit, name: str) -> float:
+    """Root of the Wald statistic of the coefficients in which an effect is linear; 0 where there are none."""
+    effect, values = REGISTRY[name], dict(best.model.effects[name])
+    coefficients = np.array(effect.linear_coefficients(values))
+    fitted = [k for k, u in enumerate(best.unknowns) if u.effect == name and not u.inverse]
+    if not coefficients.size or not fitted:
+        return 0.0
+    columns = []
+    for k in fitted:
+        step = _DIFFERENCE * max(abs(best.values[k]), best.unknowns[k].scale)
+        moved = effect.linear_coefficients({**values, best.unknowns[k].name: best.values[k] + step})
+        columns.append((np.array(moved) - coefficients) / step)
+    J = np.column_stack(columns)
+    covariance = J @ best.covariance[np.ix_(fitted, fitted)] @ J.T
+    return float(np.sqrt(max(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients, 0.0)))
 
 
 def is_at_end(u: Unknown, value: float) -> bool:
@@ -254,6 +282,59 @@ def replace_function_by_effect(state: SearchState) -> SearchState | None:
         bench=bench,
     )
     return replace(state, rounds=(*state.rounds[:-1], adopting), instead=smooth)
+
+
+def with_contradicted_declaration(state: SearchState, rate: float) -> SearchState | None:
+    """The state with an effect that replaces a declared parameter which the recordings contradict; None without one.
+
+    A calibration moves a parameter away from its declared value without a word, and what it gains by that is small:
+    half the square of the deviations. Where everything else is explained, their number is a test of its own.
+
+    Args:
+      state: with standard errors.
+      rate: the false-alarm rate of all such parameters together.
+    """
+    names = [n for n in REGISTRY if _replaced_alone(n) in {u.name for u in state.best.unknowns if u.prior}]
+    strained = [n for n in names if candidates.strained_parameters(state.best, REGISTRY[n].replaces)]
+    if not strained or remainder.unexplained_channels(state):
+        return None
+    tried = [candidates.try_effect(state.bench, state.best, n) for n in strained]
+    fitted = [contest.fit_fully(state.bench, state.best, c, c.fit.values) for c in tried]
+    deviations = [_deviations(state, c) for c in fitted]
+    choice = fitted[int(np.argmax(deviations))]
+    judgement = CONTRADICTED.judge(Declaration(max(deviations), rate, len(names)))
+    if not judgement.passed:
+        return None
+    done = state.last or Round(())
+    others = (c for c in done.ranked if c.name != choice.name)
+    adopting = replace(
+        done,
+        ranked=(choice, *others),
+        judgements={**done.judgements, choice.name: (judgement,)},
+        adopted=choice,
+        bench=state.bench,
+    )
+    return replace(state, rounds=(*state.adopting, adopting))
+
+
+def _replaced_alone(name: str) -> str | None:
+    """The declared parameter that an effect is, without its prior; None for any other effect."""
+    parameters = REGISTRY[name].parameters
+    alone = len(parameters) == 1 and parameters[0].name in REGISTRY[name].replaces
+    return parameters[0].name if alone else None
+
+
+def _deviations(state: SearchState, candidate: Candidate) -> float:
+    """Distance of an effect's value from the declared one, in standard deviations of their difference, log-normal."""
+    name = candidate.name
+    declared = state.start.declared.declared.parameters[REGISTRY[name].replaces[0]]
+    for u, value, error in zip(
+        candidate.fit.unknowns, candidate.fit.values, candidate.fit.errors, strict=True
+    ):
+        if u.effect == name and value > 0 and declared.value > 0:
+            spread = math.hypot(relative_uncertainty(declared), error / value)
+            return abs(math.log(value / declared.value)) / spread
+    return 0.0
 
 
 def _has_fitted_best(last: Round) -> bool:

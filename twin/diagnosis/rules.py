@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
 
 from twin.diagnosis import permutation
 from twin.diagnosis.candidates import Candidate, is_resolved
@@ -203,14 +204,11 @@ class Standing:
       difference: score that the model loses without it, or gains with another candidate in its place.
       gained: sum of the scores of all adopted effects, or the score of its own round.
       size: distance of the effect from neutral, in standard errors; 0 at the end of its range.
-      undetermined: number of adopted effects whose size is not determined. One alone may be needed all the same: with
-        its rest angle free, the stiffness of a slack cable has a large standard error.
     """
 
     difference: float = 0.0
     gained: float = 0.0
     size: float = math.inf
-    undetermined: int = 0
 
 
 NEEDED: Rule[Standing] = Rule(
@@ -236,16 +234,43 @@ REPLACEABLE: Rule[Standing] = Rule(
 )
 SIZE_DETERMINED: Rule[Standing] = Rule(
     "size-is-determined",
-    "Is its size within its range, and determined if there is another effect whose size is not?",
+    "Is its size determined, and within its range?",
     "distance from neutral [standard errors], 0 at the end of its range",
-    lambda s: s.size if s.undetermined > 1 or s.size == 0 else math.inf,
+    lambda s: s.size,
     lambda s: DETERMINED,
     f"{DETERMINED:g}",
     "assumed",
     "two-sided normal probability 0.3 %",
 )
-REVISION = (NEEDED, REPLACEABLE, SIZE_DETERMINED)
-"""Whether an adopted effect stays."""
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A declared parameter beside its value in a fit without its prior.
+
+    Attributes:
+      deviations: distance of the two in standard deviations of their difference.
+      rate: the false-alarm rate.
+      tested: number of declared parameters that an effect replaces.
+    """
+
+    deviations: float
+    rate: float
+    tested: int
+
+
+CONTRADICTED: Rule[Declaration] = Rule(
+    "declaration-contradicted",
+    "Do the recordings contradict a declared parameter that an effect replaces?",
+    "distance of the fitted from the declared value [standard deviations of their difference]",
+    lambda d: d.deviations,
+    lambda d: float(norm.isf(0.5 * d.rate / max(d.tested, 1))),
+    "two-sided normal quantile of the false-alarm rate over the number of such parameters",
+    "derived",
+    "the declared uncertainty is the deviation of a normal distribution; Bonferroni",
+)
+REVISION = (NEEDED, REPLACEABLE, SIZE_DETERMINED, CONTRADICTED)
+"""Whether an adopted effect stays, and whether one joins because a declaration is contradicted."""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubLaw, HubTorque
 from twin.mechanics.plant import Plant
 from twin.parameters import PARAMETERS, Rig
+from twin.recording import Sensor
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -264,6 +265,10 @@ class Effect:
         neutral = self.neutral(rig)
         return ({p.name: p.turned(p.turned(neutral[p.name]) + p.step) for p in self.parameters},)
 
+    def fits(self, values: Mapping[str, float], sensors: Mapping[str, Sensor]) -> bool:
+        """Whether these values agree with what is declared of the sensors."""
+        return True
+
     def linear_coefficients(self, p: Mapping[str, float]) -> tuple[float, ...]:
         """Coefficients in which the force of the effect is linear; empty if there are none."""
         return ()
@@ -302,6 +307,10 @@ class Effect:
         write = functools.partial(self.write_mjcf, p=p) if writes else None
         values = tuple(float(p[q.name]) for q in self.parameters)
         return HubTorque(self.name, self.hub_law, values, self.on_motor, write, self.mjcf_is_exact)
+
+    def placed(self, torque: HubTorque, p: Mapping[str, float]) -> HubTorque:
+        """The torque of another effect, on the side of this one's backlash where it acts."""
+        return torque
 
     def write_mjcf(self, spec: MjSpec, joint: str, p: Mapping[str, float]) -> None:
         """Adds a nonlinear `hub_law` to a MuJoCo specification, at the joint of this name.

@@ -4,7 +4,11 @@ from twin.effects.base import GAIN_ERRORS, Effect, EffectParameter
 
 
 class TorqueGain(Effect):
-    """Delivered torque = gain * commanded torque, after its saturation."""
+    """Delivered torque = gain * commanded torque, after its saturation.
+
+    A sensor of the torque reads it. With `behind_sensor` 1 it reads the torque before the gain, as a current sensor
+    does behind which the motor constant is wrong.
+    """
 
     name = "torque-gain"
     meaning = "a gain error of the drive"
@@ -18,7 +22,23 @@ class TorqueGain(Effect):
         "hub-sensor-gain": "a torque sensor at the shaft, or the frequencies of the link beside its strains",
     }
     source = "a definition; torque constants in data sheets have a tolerance"
-    parameters = (EffectParameter("gain", "1", 1.0, (0.1, 10.0), 1e-2, possible=GAIN_ERRORS),)
+    parameters = (
+        EffectParameter("gain", "1", 1.0, (0.1, 10.0), 1e-2, possible=GAIN_ERRORS),
+        EffectParameter("behind_sensor", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),
+    )
+    undefined_at_neutral = ("behind_sensor",)
+
+    def starts(self, rig):
+        return tuple({"gain": 1.01, "behind_sensor": choice} for choice in (0.0, 1.0))
+
+    def fits(self, values, sensors):
+        declared = sensors["motor_torque"].sees_gain if "motor_torque" in sensors else None
+        return declared is None or values.get("behind_sensor", 0.0) == float(not declared)
 
     def drive(self, drive, p):
         return drive.replace(torque=drive.torque * p["gain"], before=drive.before * p["gain"])
+
+    def sensing(self, time, channels, p):
+        if "motor_torque" not in channels or p.get("behind_sensor", 0.0) != 1.0:
+            return channels
+        return {**channels, "motor_torque": channels["motor_torque"] / p["gain"]}

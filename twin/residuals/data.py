@@ -19,14 +19,13 @@ from twin.residuals.groups import Group, split_into_blocks
 from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import residual
-from twin.residuals.view import END_MARGIN, before_end
+from twin.residuals.view import END_MARGIN, SETTLING, before_end
 from twin.rigs.model import Model
 
 BLOCK_SPAN = 1.5
 """Length of the blocks in each of which the size of the residual is estimated [s]."""
 EVENT_CHANNELS = ("break_away", "departure")
 """Residuals at single instants, independent of one another; those of other channels are correlated by the filter."""
-_SETTLING = 0.5  # s left out at the start of a rig that was already moving
 
 
 class DrivenData:
@@ -67,7 +66,7 @@ class DrivenData:
         """
         groups, weights, row = [], [], 0
         for i, (view, p) in enumerate(zip(self.views, self.prepared, strict=True)):
-            compared = view.time >= view.time[0] + (_SETTLING if p.recording.start == "unknown" else 0.0)
+            compared = view.time >= view.time[0] + (SETTLING if p.recording.start == "unknown" else 0.0)
             if p.hub is not None:
                 compared &= before_end(view.time, END_MARGIN)
             masks = {c: view.known[c] & compared for c in view.measured}

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from twin.campaigns.rests import HubMotion
 from twin.mechanics.planar import STUCK
-from twin.recording import Recording
+from twin.recording import ON_LINK, Recording
 from twin.residuals import backlash, creep, resample, ringing
 from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth_spline
 from twin.residuals.hub_balance import usable_break_aways
@@ -24,7 +24,7 @@ from twin.residuals.noise import (
     whitening_filters,
 )
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import END_MARGIN, NoiseModel, Signals, View, before_end, move_link
+from twin.residuals.view import END_MARGIN, SETTLING, NoiseModel, Signals, View, before_end, move_link
 from twin.rigs.model import Model
 
 _MAX_NOISE = 0.5
@@ -48,10 +48,13 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     if not np.isfinite(torque).all():
         return _diverged_view(signals, NoiseModel(noise=noise, whitening=whitening))
     slow, _ = _noise_limits(prepared, signals.band)
-    unknown = backlash.undetermined(signals, prepared, model, float(np.std(torque)), slow)
-    signals = replace(signals, sliding=signals.sliding & ~unknown)
+    undetermined = backlash.undetermined(signals, prepared, model, float(np.std(torque)), slow)
+    signals = replace(signals, sliding=signals.sliding & ~undetermined)
     density = prepared.noise["hub_angle"] ** 2 * prepared.recording.period
-    modes = ringing.ringing_modes(model, signals.time, signals.direction != 0, density, BAND)
+    usual = float(np.std(signals.acceleration))
+    gaps = resample.gaps_of(prepared.recording, "hub_angle")
+    unknown = [(begin, usual * (end - begin)) for begin, end in gaps]
+    modes = ringing.ringing_modes(model, signals.time, signals.direction != 0, density, BAND, unknown)
     noise["hub_torque"], torque_ringing = torque_noise(signals, modes, torque)
     rings = {"hub_torque": torque_ringing, **strain_ringing(signals, whitening, model, modes)}
     stationary = NoiseModel(noise=noise, whitening=whitening, ringing=rings)
@@ -133,12 +136,27 @@ def hub_signals(
     rate, acceleration = spline(time, 1), spline(time, 2)
     stuck = np.interp(time, recording.time, (hub.observed == STUCK).astype(float)) > 0.5
     unclear = stuck | ~read | _may_stick(rate, acceleration, _noise_limits(prepared, band), model)
-    sliding = before_end(time, END_MARGIN) & ~binary_dilation(unclear, iterations=round(REACH / GRID))
+    settled = _settled(recording, time)
+    known = {c: values & settled if c in ON_LINK else values for c, values in known.items()}
+    sliding = (
+        before_end(time, END_MARGIN) & ~binary_dilation(unclear, iterations=round(REACH / GRID)) & settled
+    )
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in hub.onsets]
     onsets = usable_break_aways(ends, stuck, model.drive(recording).at(time))
     direction = np.where(stuck, 0.0, np.sign(rate))
     motion = reading, rate, acceleration, direction, sliding
     return Signals(time, *motion, measured, known, onsets, band, with_gaps)
+
+
+def _settled(recording: Recording, time: np.ndarray) -> np.ndarray:
+    """Whether no reading of the hub is missing at instants (m) or less than `SETTLING` before.
+
+    What the hub did in a gap is unknown, and the link rings at first as no linear response to it tells.
+    """
+    settled = np.ones(len(time), dtype=bool)
+    for begin, end in resample.gaps_of(recording, "hub_angle"):
+        settled &= (time < begin) | (time > end + SETTLING)
+    return settled
 
 
 def with_rests_held(recording: Recording, hub: HubMotion) -> Recording:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.fft import rfftfreq
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from twin.recording import Recording
 from twin.residuals import ringing
@@ -158,9 +158,18 @@ def strain_ringing(
     for channel, gain in whitening.items():
         row = model.sensors[channel].half_thickness * model.curvature_rows[channel]
         strains = [row @ s.shape[1:] * s.coordinate for s in modes]
-        columns = filtered(np.hstack([np.zeros((len(signals.time), 0)), *strains]).T, gain).T
+        unseen = _unseen(signals.time, signals.known[channel]) * np.std(signals.measured[channel])
+        columns = filtered(np.hstack([unseen, *strains]).T, gain).T
         of_channel[channel] = ringing.from_columns(columns * signals.known[channel][:, None])
     return of_channel
+
+
+def _unseen(time: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Hat functions (m x k) over the gaps of a channel and what the low-pass reaches beside them: any course there."""
+    reach = binary_dilation(~known, iterations=round(1 / (BAND * GRID)))
+    centres = np.arange(time[0], time[-1], 1 / (2 * BAND))
+    hats = np.maximum(1 - np.abs(time[:, None] - centres) * 2 * BAND, 0.0)
+    return hats[:, hats[reach].sum(axis=0) > 0] if reach.any() else hats[:, :0]
 
 
 def whitening_filters(signals: Signals, prepared: Prepared, model: Model) -> dict[str, np.ndarray]:

@@ -52,6 +52,13 @@ def resample_hub_angle(model: Model, recording: Recording, time: np.ndarray) -> 
     return rest + commanded(np.clip(time, recording.time[0], recording.time[-1])), known
 
 
+def gaps_of(recording: Recording, channel: str) -> list[tuple[float, float]]:
+    """First and last instant of each span without readings of a channel that a polynomial fills [s]."""
+    at = recording.time[np.isfinite(recording[channel])]
+    before = np.flatnonzero(np.diff(at) > _GAP * recording.period)
+    return [(float(at[g]), float(at[g + 1])) for g in before]
+
+
 def _with_gaps_filled(time: np.ndarray, values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Instants and values of known samples (n), with gaps filled by the polynomial fitted to both sides."""
     side = max(_SIDE_SAMPLES, round(_SIDE_SPAN / period))

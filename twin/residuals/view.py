@@ -27,6 +27,8 @@ _CACHED_MOTIONS = 12  # of each recording
 _MIN_SPLINE_POINTS = 8
 END_MARGIN = 0.06
 """Span at the end of a recording that is not compared [s]: the filters continue the signal by its mirror image."""
+SETTLING = 0.5
+"""Span that is not compared where the state of the link is unknown [s]: at the start of a moving rig, after a gap."""
 
 
 @dataclass(frozen=True)

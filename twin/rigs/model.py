@@ -111,7 +111,10 @@ class Model:
         """Torques on the hub that effects and patch add."""
         torques = [REGISTRY[name].hub_torque(p) for name, p in self.effects.items()]
         torques += [self.patch.hub_torque()] if self.patch is not None else []
-        return tuple(torque for torque in torques if torque is not None)
+        acting = [torque for torque in torques if torque is not None]
+        for name, p in self.effects.items():
+            acting = [REGISTRY[name].placed(torque, p) for torque in acting]
+        return tuple(acting)
 
     def plant_of(self, recording: Recording) -> Plant:
         """Returns the plant with the time of its hub torques counted from the first sample of a recording."""

@@ -1,0 +1,59 @@
+"""Declared parameters that the recordings contradict, and effects whose size is not told."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin.diagnosis import revise
+from twin.diagnosis.rules import CONTRADICTED, SIZE_DETERMINED, Declaration, Standing
+from twin.estimation.unknowns import effect_unknowns
+
+
+@pytest.mark.parametrize(
+    ("deviations", "rate", "found"), [(3.1, 0.01, True), (2.7, 0.01, False), (2.7, 0.05, True)]
+)
+def test_a_declaration_is_contradicted_at_the_rate_that_is_asked_for(deviations, rate, found):
+    assert CONTRADICTED.judge(Declaration(deviations, rate, 2)).passed is found
+
+
+def fit(name, values, errors, correlation=0.0):
+    unknowns = effect_unknowns(name, values, {"strain_base", "strain_mid", "hub_angle"})
+    errors = np.array([errors[u.name] for u in unknowns])
+    covariance = np.diag(errors**2)
+    covariance[0, 1] = covariance[1, 0] = correlation * errors[0] * errors[1]
+    model = SimpleNamespace(effects={name: values}, declared={})
+    at = np.array([u.turned(values[u.name]) for u in unknowns])
+    return SimpleNamespace(unknowns=unknowns, values=at, errors=errors, covariance=covariance, model=model)
+
+
+def told(size):
+    return SIZE_DETERMINED.judge(Standing(size=size)).passed
+
+
+def test_what_a_gauge_reads_of_a_mode_is_not_its_size():
+    values = {
+        "frequency": 18.4,
+        "damping_ratio": 0.07,
+        "inertia_share": 1e-4,
+        "strain_base": 0.0,
+        "strain_mid": 1e-5,
+    }
+    errors = {
+        "frequency": 0.1,
+        "damping_ratio": 0.03,
+        "inertia_share": 5e-5,
+        "strain_base": 1e-6,
+        "strain_mid": 1e-6,
+    }
+    assert not told(revise.size_in_errors(fit("torsional-mode", values, errors), "torsional-mode"))
+    clear = {**values, "inertia_share": 0.1}
+    assert told(revise.size_in_errors(fit("torsional-mode", clear, errors), "torsional-mode"))
+
+
+def test_a_cable_is_told_by_stiffness_and_rest_angle_together():
+    values = {"stiffness": 0.01, "rest_angle": 0.3}
+    # Its torque at zero, stiffness times rest angle, is known ten times as well as either.
+    errors = {"stiffness": 0.01, "rest_angle": 0.3}
+    assert told(revise.size_in_errors(fit("cable-torsion", values, errors, -0.99), "cable-torsion"))
+    assert not told(revise.size_in_errors(fit("cable-torsion", values, errors), "cable-torsion"))

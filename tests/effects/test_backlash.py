@@ -1,0 +1,21 @@
+"""The backlash: on which side of it the torques act."""
+
+import pytest
+
+from twin.mechanics import chain
+from twin.rigs import bossi2009
+from twin.rigs.model import Model
+
+RIG = bossi2009.reconciled()
+
+
+@pytest.mark.parametrize(("choice", "on_motor"), [({}, False), ({"damped_motor": 1.0}, True)])
+def test_viscous_friction_acts_on_the_side_that_is_chosen(choice, on_motor):
+    effects = {
+        "viscous-friction": {"viscous": 0.01},
+        "cable-torsion": {"stiffness": 0.01, "rest_angle": 0.0},
+        "backlash": {"gap": 0.01, "motor_inertia_share": 0.4, **choice},
+    }
+    model = Model(RIG, {}, chain.fit_shape(RIG, 4), effects)
+    sides = {torque.name: torque.on_motor for torque in model.hub_torques}
+    assert sides == {"viscous-friction": on_motor, "cable-torsion": False}
