@@ -1,35 +1,106 @@
-"""Writes the generated parts of README.md: the output of `twin demo`, and tables.
+"""Writes the generated parts of README.md and docs/: the output of `twin demo`, and tables.
 
-    python benchmarks/fill_readme.py [demo] [effects] [accuracy] [screening] [adoption] [revision] [explanation]
+    python benchmarks/fill_readme.py [demo] [headline] [reliability] [effects] [accuracy] [screening] [adoption]
+                                     [revision] [explanation]
 
-Without names, all of them. Each part stands between <!-- NAME --> and <!-- end -->, the first three in README.md, the
-rules in docs/diagnosis.md.
+Without names, all of them; `demo` fills `headline`, too, from the same run. Each part stands between <!-- NAME --> and
+<!-- end --> in the document that `PARTS` names.
 """
 
 from __future__ import annotations
 
+import functools
+import json
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from twin import labels
 from twin.diagnosis import judgement, rules
-from twin.effects import catalogue
+from twin.effects import REGISTRY, catalogue
 
 ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "README.md"
-DIAGNOSIS = ROOT / "docs" / "diagnosis.md"
+DOCS = ROOT / "docs"
+DIAGNOSIS = DOCS / "diagnosis.md"
+ANSWERS = ROOT / "benchmarks" / "results" / "diagnosis.jsonl"
+
+
+@functools.cache
+def demo_run() -> tuple[str, dict[str, Any]]:
+    """Runs the demo, and returns what it prints and its diagnosis.json."""
+    with tempfile.TemporaryDirectory() as folder:
+        twin = [sys.executable, "-m", "twin.cli", "demo"]
+        printed = subprocess.run(twin, cwd=folder, check=True, capture_output=True, text=True).stdout
+        answer = Path(folder) / "demo-rig-diagnosis" / "diagnosis.json"
+        return printed, json.loads(answer.read_text(encoding="utf-8"))
 
 
 def demo() -> str:
     """Returns the output of the demo as a code block."""
-    with tempfile.TemporaryDirectory() as folder:
-        twin = [sys.executable, "-m", "twin.cli", "demo"]
-        printed = subprocess.run(twin, cwd=folder, check=True, capture_output=True, text=True).stdout
-    lines = "\n".join(line.rstrip() for line in printed.splitlines())
+    lines = "\n".join(line.rstrip() for line in demo_run()[0].splitlines())
     return f"```console\n$ twin demo\n{lines}\n```"
+
+
+def headline() -> str:
+    """Returns what the demo finds, in a sentence."""
+    return sentence(demo_run()[1])
+
+
+def sentence(answer: Mapping[str, Any]) -> str:
+    """Returns the error of the hub on the held-out recording where it is largest, before and after."""
+    budget = answer["error_budget"]
+    file = max(budget, key=lambda name: budget[name]["hub_angle"]["before"]["rms"])
+    before, after = (
+        labels.amount("hub_angle", budget[file]["hub_angle"][model]["rms"]) for model in ("before", "after")
+    )
+    found = [effect["name"] for effect in answer["effects"]]
+    others = sorted({name for names in answer["indistinguishable"] for name in names} - set(found))
+    rest = (
+        f"\nThese recordings also allow for {_meanings(others)}; the answer says what to record to decide it."
+    )
+    return (
+        f"On a slew that the diagnosis had not seen (`{file}`), the hub of the model is off by **{before}** (root\n"
+        f"mean square). `twin` finds what is missing, {_meanings(found)}; with that, the model is off\n"
+        f"by **{after}**.{rest if others else ''}"
+    )
+
+
+def _meanings(effects: Sequence[str]) -> str:
+    return " and ".join(REGISTRY[name].meaning for name in effects)
+
+
+KINDS: Mapping[str, str] = {
+    "single": "one effect of a usual size",
+    "small": "one effect down to the noise",
+    "pair": "two effects",
+    "triple": "three effects",
+    "nothing": "nothing",
+    "outside": "a fault that the library has no name for",
+}
+"""Kind of a campaign in the answers of the benchmark -> what its model lacks."""
+
+
+def reliability() -> str:
+    """Returns how many answers of the benchmark are exactly right, by what is missing, as a table."""
+    answers = [json.loads(line)["answer"] for line in ANSWERS.read_text(encoding="utf-8").splitlines()]
+    lines = ["| what the model lacks | campaigns | exactly right |", "| --- | ---: | ---: |"]
+    for kind, meaning in KINDS.items():
+        mine = [answer for answer in answers if answer["kind"] == kind]
+        lines.append(f"| {meaning} | {len(mine)} | {sum(map(_is_right, mine))} |")
+    return "\n".join([*lines, f"| all | {len(answers)} | {sum(map(_is_right, answers))} |"])
+
+
+def _is_right(answer: Mapping[str, Any]) -> bool:
+    """Whether exactly the missing effects are named, or a fault without a name is called outside the library."""
+    outside = answer["verdict"] == "outside-library"
+    if answer["kind"] == "outside":
+        return outside
+    return not outside and sorted(answer["adopted"]) == sorted(answer["missing"])
 
 
 def effects() -> str:
@@ -70,8 +141,10 @@ def explanation() -> str:
 
 PARTS: Mapping[str, tuple[Path, Callable[[], str]]] = {
     "demo": (README, demo),
-    "effects": (README, effects),
-    "accuracy": (README, accuracy),
+    "headline": (README, headline),
+    "reliability": (README, reliability),
+    "effects": (DOCS / "effects.md", effects),
+    "accuracy": (DOCS / "accuracy.md", accuracy),
     "screening": (DIAGNOSIS, screening),
     "adoption": (DIAGNOSIS, adoption),
     "revision": (DIAGNOSIS, revision),
@@ -96,7 +169,8 @@ def _place(name: str) -> str:
 
 def main() -> None:
     """Writes the parts named on the command line, by default all."""
-    for name in sys.argv[1:] or PARTS:
+    names = sys.argv[1:] or list(PARTS)
+    for name in [*names, *(["headline"] if "demo" in names and "headline" not in names else [])]:
         path, generate = PARTS[name]
         text = path.read_text(encoding="utf-8")
         path.write_text(replaced(text, name, generate()), encoding="utf-8")

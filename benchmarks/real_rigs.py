@@ -72,7 +72,7 @@ def _quantities(result: Identification) -> Iterator[tuple[str, str]]:
 
 def _static(stiffness: Estimate | None, curvature: Estimate | None) -> str:
     if stiffness is not None:
-        return f"EI = {format_estimate(stiffness, 'N m^2')}"
+        return f"EI = {format_estimate(stiffness, 'N*m^2')}"
     return "-" if curvature is None else f"{format_estimate(curvature, '1/m')} for one unit of the gauge"
 
 

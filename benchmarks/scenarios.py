@@ -37,7 +37,7 @@ PUBLISHED = {
     "bang-bang-60": "51.60 +- 0.44 deg (model 58.25)",
     "bang-bang-90": "69.00 +- 0.46 deg (model 85.00)",
     "bang-bang-120": "67.62 +- 2.01 deg (model 112.00)",
-    "sinus-0.2": "44.6 deg, 18 mm, 0.067 N m",
+    "sinus-0.2": "44.6 deg, 18 mm, 0.067 N·m",
     "sinus-0.4": "55 deg, 54 mm, saturates",
     "filtered-step-120": "figure only",
     "lq-step-120": "121.1 +- 0.3 deg",
@@ -88,7 +88,7 @@ def _row(name: str) -> str:
 
 def _figures(name: str, m: dict[str, float]) -> str:
     hub = (m["hub_max_deg"] - m["hub_min_deg"]) / 2 if name.startswith("sinus") else m["hub_final_deg"]
-    return f"{hub:.2f} deg, {m['peak_deflection_mm']:.1f} mm, {m['peak_torque_nm']:.3f} N m"
+    return f"{hub:.2f} deg, {m['peak_deflection_mm']:.1f} mm, {m['peak_torque_nm']:.3f} N·m"
 
 
 def _bang_bangs() -> list[str]:
@@ -96,7 +96,7 @@ def _bang_bangs() -> list[str]:
     lines = [
         "Turns of Table III in degrees by the paper's model, against the amplitude of the torque:",
         "",
-        "| amplitude [N m] | 20 | 45 | 60 | 90 | 120 | RMS to the published ones |",
+        "| amplitude [N·m] | 20 | 45 | 60 | 90 | 120 | RMS to the published ones |",
         "| --- | --- | --- | --- | --- | --- | --- |",
         f"| published | {' | '.join(f'{turn:.2f}' for turn in SIMULATED.values())} | |",
     ]
@@ -117,7 +117,7 @@ def _friction() -> list[str]:
     lines = [
         "The 0.2 Hz sinusoid against the break-away level: modal plant, and paper's model:",
         "",
-        "| break-away [N m] | hub amplitude [deg] | peak deflection [mm] | peak torque [N m] | time at rest |",
+        "| break-away [N·m] | hub amplitude [deg] | peak deflection [mm] | peak torque [N·m] | time at rest |",
         "| --- | --- | --- | --- | --- |",
     ]
     for level in (0.0055, 0.04, 0.05, 0.055, 0.06, 0.065, 0.07):

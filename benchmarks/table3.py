@@ -304,7 +304,7 @@ def parameter_text(found: TurnFit) -> str:
     return ", ".join(moved) or "-"
 
 
-HEADS = "| growth | pause s | largest torque N m | shortest, longest run s | turns deg | rms deg |"
+HEADS = "| growth | pause s | largest torque N·m | shortest, longest run s | turns deg | rms deg |"
 RULES = "| ---: | ---: | ---: | ---: | --- | ---: |"
 
 
@@ -425,7 +425,7 @@ def family_key(r: Reconstruction) -> tuple[Family, bool, bool]:
 def family_list(families: list[Reconstruction]) -> str:
     """Families as text."""
     each = [
-        f"{r.family.torque:.3f} N m, growth {r.family.growth:g}, pause {r.family.pause:g} s"
+        f"{r.family.torque:.3f} N·m, growth {r.family.growth:g}, pause {r.family.pause:g} s"
         + (", by the paper's model" if r.by_paper else "" if r.limited else ", simulated without the limit")
         for r in families
     ]

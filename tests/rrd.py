@@ -19,7 +19,30 @@ def read(path) -> dict[str, dict[str, np.ndarray]]:
         for name in batch.schema.names:
             if ":" in name:
                 found[str(chunk.entity_path)][name.split(":")[-1]] += [batch.column(name).to_pylist()]
-    return {e: {c: np.concatenate(parts) for c, parts in columns.items()} for e, columns in found.items()}
+    return {e: {c: _rows(parts) for c, parts in columns.items()} for e, columns in found.items()}
+
+
+def _rows(parts) -> np.ndarray:
+    """The rows of all chunks; of lists where they differ in length."""
+    rows = [row for part in parts for row in part]
+    try:
+        return np.array(rows)
+    except ValueError:
+        ragged = np.empty(len(rows), dtype=object)
+        ragged[:] = rows
+        return ragged
+
+
+def layout(path) -> str:
+    """Returns the layout of a recording as text."""
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(path)
+    [stored] = reader.blueprints()
+    batches = [chunk.to_record_batch() for chunk in reader.stream(store=stored)]
+    clocks = ("log_time", "blueprint")
+    columns = [(n, b.column(n).to_pylist()) for b in batches for n in b.schema.names if n not in clocks]
+    return "\n".join(f"{name}: {values}" for name, values in columns)
 
 
 def contents(path) -> list:

@@ -89,7 +89,8 @@ def prediction(
         }
         errors[channel] = ChannelError(**rms, noise=SENSORS[channel].noise, unit="")
         budget[channel] = _budget(channel, measured[channel], rms)
-    return Prediction(role, measured, **models, errors=errors, budget=budget)
+    found = Prediction(role, measured, **models, errors=errors, budget=budget)
+    return replace(found, torque=_trace([found])) if role == "holdout" and not clamped else found
 
 
 def _budget(channel: str, measured: np.ndarray, rms: dict[str, float]) -> ChannelBudget:

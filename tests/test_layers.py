@@ -23,7 +23,7 @@ LAYERS = (
     {"residuals"},
     {"estimation"},
     {"control", "diagnosis"},
-    {"report"},
+    {"report", "export"},
     {"identification", "validation"},
     {"api"},
     {"", "commands"},

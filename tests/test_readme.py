@@ -68,6 +68,7 @@ def test_make_targets_exist():
     targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
     assert {line.split()[1] for line in shown(README) if line.startswith("make ")} <= targets
     assert "make test" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "make docs" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert "make test" in blocks(README, "sh")[-1]
 
 
@@ -87,7 +88,7 @@ def test_readme_has_no_link_that_only_works_in_the_repository():
 
 def test_effects_are_those_of_the_registry():
     hint = "python benchmarks/fill_readme.py effects"
-    assert fill_readme.part(README, "effects") == fill_readme.effects(), hint
+    assert fill_readme.part(DOCUMENTS["docs/effects.md"], "effects") == fill_readme.effects(), hint
 
 
 def test_demo_shown_has_an_answer_and_the_files():

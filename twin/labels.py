@@ -27,8 +27,8 @@ class Display:
 
 _DEGREE = 180.0 / math.pi
 CHANNELS: Mapping[str, Display] = {
-    "torque_command": Display("commanded torque", "N m", 1.0),
-    "motor_torque": Display("motor torque", "N m", 1.0),
+    "torque_command": Display("commanded torque", "N·m", 1.0),
+    "motor_torque": Display("motor torque", "N·m", 1.0),
     "hub_reference": Display("hub reference", "°", _DEGREE),
     "hub_angle": Display("hub angle", "°", _DEGREE),
     "strain_base": Display("base strain", "µε", 1e6),
@@ -37,7 +37,7 @@ CHANNELS: Mapping[str, Display] = {
     "tip_acceleration": Display("tip acceleration", "m/s²", 1.0),
 }
 """Channel of the recording format -> its display."""
-_VARIABLES: Mapping[str, Display] = {
+VARIABLES: Mapping[str, Display] = {
     "hub_angle": CHANNELS["hub_angle"],
     "hub_rate": Display("hub rate", "rad/s", 1.0),
     "hub_acceleration": Display("hub acceleration", "rad/s²", 1.0),
@@ -55,12 +55,14 @@ def channel(name: str) -> Display:
 def amount(name: str, value: float) -> str:
     """Returns a value of a channel [SI] with two digits in its displayed unit: "0.017°", "2.0 µε"."""
     shown = channel(name)
+    if not math.isfinite(value):
+        return number(value)
     return f"{number(shown.factor * value, 2)}{'' if shown.unit == '°' else ' '}{shown.unit}"
 
 
 def variable(name: str) -> Display:
     """Returns the display of a variable on which an unexplained force may depend."""
-    return _VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
+    return VARIABLES.get(name) or CHANNELS.get(name) or Display(words(name), "", 1.0)
 
 
 def with_the(name: str) -> str:
@@ -71,7 +73,7 @@ def with_the(name: str) -> str:
 
 def unmodelled(name: str) -> Display:
     """Returns the display of the residual of a channel, or of the hub's torque balance."""
-    shown = Display("hub torque", "N m", 1.0) if name == HUB_TORQUE else channel(name)
+    shown = Display("hub torque", "N·m", 1.0) if name == HUB_TORQUE else channel(name)
     return replace(shown, label=f"unmodelled {shown.label}")
 
 
@@ -81,9 +83,9 @@ def words(name: str) -> str:
 
 
 def unit(si: str) -> str:
-    """Returns a typeset unit: "N*m^2" becomes "N m²"; "" for a dimensionless number."""
+    """Returns a typeset unit: "N*m^2" becomes "N·m²"; "" for a dimensionless number."""
     shown = {"1": "", "-": ""}.get(si, si)
-    for plain, typeset in (("*", " "), ("^2", "²"), ("^3", "³"), ("^4", "⁴")):
+    for plain, typeset in (("*", "·"), ("^2", "²"), ("^3", "³"), ("^4", "⁴")):
         shown = shown.replace(plain, typeset)
     return shown
 
@@ -100,18 +102,31 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{max(digits - 1 - exponent, 0)}f}"
 
 
-def with_error(value: float, error: float | None) -> str:
-    """Returns "0.0101 ± 0.0003": one digit of the error, two if the first is 1 or 2, and the value to match."""
+def with_error(value: float, error: float | None, most: int | None = None) -> str:
+    """Returns "0.0101 ± 0.0003": one digit of the error, two if the first is 1 or 2, and the value to match.
+
+    Args:
+      value, error: in one unit.
+      most: significant digits that the value keeps though its error allows more; None for all.
+    """
     if error is None or not math.isfinite(error) or error <= 0.0 or not math.isfinite(value):
         return number(value, 4)
     exponent = math.floor(math.log10(error))
     digits = 1 if error / 10.0**exponent < 3.0 else 0
-    if exponent - digits >= -7 and max(abs(value), error) < 1e6:
-        decimals = max(digits - exponent, 0)
-        return f"{value:.{decimals}f} ± {error:.{decimals}f}"
     power = math.floor(math.log10(max(abs(value), error)))
-    decimals, scale = max(power - exponent + digits, 0), 10.0**-power
-    return f"({value * scale:.{decimals}f} ± {error * scale:.{decimals}f})e{power}"
+    # Decimal places of value and error, counted from the decimal point.
+    value_places = places = digits - exponent
+    if most is not None and value_places > most - 1 - power:
+        value_places, places = most - 1 - power, max(most - 1 - power, -exponent)
+    if exponent - digits >= -7 and power < 6:
+        return f"{value:.{max(value_places, 0)}f} ± {error:.{max(places, 0)}f}"
+    scale = 10.0**-power
+    value_places, places = max(value_places + power, 0), max(places + power, 0)
+    return f"({value * scale:.{value_places}f} ± {error * scale:.{places}f})e{power}"
+
+
+PAGE_DIGITS = 4
+"""Most significant digits of a value on a page; files have all of them."""
 
 
 def over_noise(error: float, noise: float) -> float:
@@ -125,6 +140,13 @@ def ratio(value: float) -> str:
     if not math.isfinite(value):
         return "–"
     return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}"
+
+
+def duration(seconds: float) -> str:
+    """Returns a time in the unit that suits it: "40 s", "6 min", "2.5 h"."""
+    if seconds < 90:
+        return f"{number(seconds, 1 if seconds < 10 else 2)} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def angle_in_degrees(value: float, si: str) -> str:
@@ -142,7 +164,7 @@ def probability(value: float) -> str:
 
 _ASCII = {
     "±": "+-", "µ": "u", "μ": "u", "ε": "e", "σ": "sigma", "θ": "theta", "°": " deg", "²": "^2", "³": "^3", "⁴": "^4",
-    "–": "-", "—": "-", "−": "-", "∞": "inf", "≤": "<=", "≥": ">=", "×": "x", "·": "*", "…": "...", "→": "->",
+    "–": "-", "—": "-", "−": "-", "∞": "inf", "≤": "<=", "≥": ">=", "×": "x", "·": " ", "…": "...", "→": "->",
 }  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from twin.effects import Effect, EffectParameter, HubLaw, register
 
 @HubLaw
 def brake(t, theta, omega, values):
-    """Torque [N m] at a time [s], hub angle [rad] and rate [rad/s]; `values` in the order of the parameters."""
+    """Torque [N·m] at a time [s], hub angle [rad] and rate [rad/s]; `values` in the order of the parameters."""
     return -values[0] * omega / (1 + (omega / values[1]) ** 2)
 
 

@@ -151,7 +151,7 @@ def test_report_says_what_lies_beside_it_and_what_mjcf_leaves_out(tmp_path, answ
     delivery = deliver(answer, synthetic.SENSORS, tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     for path in delivery.paths.values():
-        assert path.name == "report.html" or f'<td class="file">{path.name}</td>' in page
+        assert path.name == "report.html" or f'<dt class="file">{path.name}</dt>' in page
     assert delivery.left_out
     assert f"It leaves out: {', '.join(delivery.left_out)}." in page
     assert "Open it with: rerun run.rrd" in page

@@ -1,6 +1,7 @@
 """`twin new`: the campaign that it writes, and what it never writes over."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import campaign_folder
@@ -42,10 +43,16 @@ def test_a_campaign_is_written_with_copies_of_its_files(run, files):
     ]
     assert (folder / files[0].name).read_bytes() == files[0].read_bytes()
     assert "Fill in there: parameters.bending_stiffness" in output
-    assert output.endswith("Then: twin check bench-campaign\n")
+    assert output.endswith("Then: twin data bench-campaign\n")
     code, output, error = run("diagnose", folder)
     assert (code, output) == (2, "")
     assert "missing: bending_stiffness, linear_density, length, hub_inertia" in error
+
+
+def test_nothing_is_asked_without_standard_input(run, files, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert run("new", *files)[0] == 0
 
 
 def test_files_in_the_folder_stay_where_they_are(run, files):

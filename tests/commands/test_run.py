@@ -18,7 +18,7 @@ from twin.errors import InputError
 from twin.report import run_rerun
 from twin.report.compare import compare, read_tracks
 from twin.report.mujoco_viewer import watch
-from twin.report.run_csv import read_track, write_csv
+from twin.report.run_files import read_track, write_run
 from twin.report.show_run import ghost_track, run_and_show
 from twin.rigs import preset
 from twin.rigs.rig_file import header_lines, parameter_lines
@@ -108,9 +108,11 @@ def test_noise_is_read_and_not_true():
 # Files
 
 
-def test_csv_is_read_back_as_the_recording_it_is(tmp_path, chain_run):
-    write_csv(chain_run, tmp_path / "run.csv")
-    track = read_track(tmp_path / "run.csv")
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".parquet", ".mcap"])
+def test_a_run_is_read_back_as_the_recording_it_is(tmp_path, chain_run, suffix):
+    pytest.importorskip({".parquet": "pyarrow", ".mcap": "mcap"}.get(suffix, "scipy"))
+    write_run(chain_run, tmp_path / f"run{suffix}")
+    track = read_track(tmp_path / f"run{suffix}")
     np.testing.assert_allclose(
         track.channels["hub_angle"], chain_run.true["hub_angle"], rtol=1e-8, atol=1e-12
     )
@@ -121,7 +123,7 @@ def test_csv_is_read_back_as_the_recording_it_is(tmp_path, chain_run):
 def test_a_campaign_reads_what_a_run_wrote(tmp_path, chain_run):
     from twin.campaigns.campaign import read_campaign
 
-    write_csv(chain_run, tmp_path / "run.csv")
+    write_run(chain_run, tmp_path / "run.csv")
     units = {"torque_command": "N*m", "hub_angle": "rad", "tip_deflection": "m"}
     channels = "".join(f'[channels.{name}]\nunit = "{unit}"\n' for name, unit in units.items())
     recordings = '[[recordings]]\nfile = "run.csv"\nrole = "fit"\n'
@@ -267,8 +269,8 @@ def test_pieces_of_a_run_are_the_run():
 
 
 def test_difference_of_two_runs_is_measured(tmp_path, chain_run):
-    write_csv(chain_run, tmp_path / "a.csv")
-    write_csv(experiment(plant="modal").run(), tmp_path / "b.csv")
+    write_run(chain_run, tmp_path / "a.csv")
+    write_run(experiment(plant="modal").run(), tmp_path / "b.csv")
     same, *_ = compare(read_tracks([tmp_path / "a.csv", tmp_path / "a.csv"]))
     assert same.rms == 0.0
     rows = {r.channel: r for r in compare(read_tracks([tmp_path / "a.csv", tmp_path / "b.csv"]))}
@@ -280,14 +282,14 @@ def test_files_of_one_name_are_told_apart(tmp_path, chain_run):
     paths = [tmp_path / folder / "run.csv" for folder in ("first", "second")]
     for path in paths:
         path.parent.mkdir()
-        write_csv(chain_run, path)
+        write_run(chain_run, path)
     assert [track.name for track in read_tracks(paths)] == [str(path) for path in paths]
 
 
 def test_runs_are_drawn_with_length_and_limit_of_their_rig(twin, tmp_path, chain_run):
     rig_file(tmp_path / "long.toml", length=0.84, torque_limit=0.5)
     for name in ("a.csv", "b.csv"):
-        write_csv(chain_run, tmp_path / name)
+        write_run(chain_run, tmp_path / name)
     assert twin("compare", "a.csv", "b.csv", "--rig", "long.toml", "--rrd", "run.rrd")[0] == 0
     found = read(tmp_path / "run.rrd")
     tip = found["/run/arms/0_a.csv/payload"]["positions"][0][0]
@@ -296,8 +298,8 @@ def test_runs_are_drawn_with_length_and_limit_of_their_rig(twin, tmp_path, chain
 
 
 def test_what_is_not_alike_is_said_in_a_sentence_and_numbers_are_readable(twin, tmp_path, chain_run):
-    write_csv(chain_run, tmp_path / "a.csv")
-    write_csv(experiment("sinus-0.2", plant="modal").run(), tmp_path / "b.csv")
+    write_run(chain_run, tmp_path / "a.csv")
+    write_run(experiment("sinus-0.2", plant="modal").run(), tmp_path / "b.csv")
     code, out, _ = twin("compare", "a.csv", "b.csv")
     assert code == 0
     assert "b.csv lasts 20 s, a.csv 5 s" in out
@@ -306,7 +308,7 @@ def test_what_is_not_alike_is_said_in_a_sentence_and_numbers_are_readable(twin, 
     rows = [line.rstrip() for line in out.splitlines() if line.rstrip().endswith(" %")]
     assert len(rows) == 5
     assert len({len(line) for line in rows}) == 1
-    write_csv(experiment(plant="modal").run(), tmp_path / "b.csv")
+    write_run(experiment(plant="modal").run(), tmp_path / "b.csv")
     out = twin("compare", "a.csv", "b.csv")[1]
     assert "lasts" not in out
     assert "another experiment" not in out
@@ -348,7 +350,7 @@ def test_what_is_no_table_is_refused_as_such(twin, tmp_path):
     (tmp_path / "b.csv").write_text("time,hub_angle\n0,1\n1,2\n")
     (tmp_path / "law.bin").write_bytes(b"\x00\xff")
     for arguments, message in (
-        (("compare", "a.json", "b.csv"), "a.json is not a CSV file; expected a run"),
+        (("compare", "a.json", "b.csv"), "a.json is no run; expected a file"),
         (("run", "lq-step-120", "--rig", "."), ". is a folder; expected a rig as a TOML file"),
         (("run", "lq-step-120", "--rig", "b.csv"), "expected a rig as TOML"),
         (("run", "lq-step-120", "--rig", "law.bin"), "law.bin, line 1: byte 0xff is not UTF-8"),
@@ -448,7 +450,7 @@ def test_bad_input_is_one_message_and_nothing_is_written(twin, tmp_path, argumen
 def test_a_negative_seed_is_refused(twin, tmp_path):
     code, out, err = twin("run", "lq-step-120", "--noise", "-1")
     assert (code, out) == (2, "")
-    assert "Error: Invalid value for '--noise'" in err
+    assert "Error: Invalid value for '--seed'" in err
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there is always a display")

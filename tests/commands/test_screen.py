@@ -6,6 +6,7 @@ import sys
 import pytest
 from rich.table import Table
 
+from twin import labels
 from twin.commands import compare
 from twin.commands.screen import Screen
 from twin.labels import printable
@@ -58,6 +59,7 @@ def test_control_characters_do_not_reach_the_terminal():
     Screen(file=out).print("a\x1b[2Jb\x9bc")
     assert printed(out) == "a\N{REPLACEMENT CHARACTER}[2Jb\N{REPLACEMENT CHARACTER}c\n"
     assert printable("5° ± 1 µε, x², Ångström", plain=True) == "5 deg +- 1 ue, x^2, Angstrom"
+    assert printable(labels.unit("N*m^2"), plain=True) == "N m^2"
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from twin.control.closed_loop import run
 from twin.control.laws.library import controller
 from twin.control.laws.user import MOST_STATES
 from twin.errors import InputError
-from twin.report.run_csv import read_track, write_csv
+from twin.report.run_files import read_track, write_run
 from twin.report.run_rerun import of_run, write_rrd
 from twin.rigs import preset
 
@@ -325,7 +325,7 @@ NAMES += ["time", "hub_angle", "mode", "state_x"]
 
 def test_states_of_every_name_come_back_from_the_file(tmp_path):
     law = reporting(tmp_path, "{name: place for place, name in enumerate(" + repr(NAMES) + ")}")
-    write_csv(short_run(law, 0.12), tmp_path / "run.csv")
+    write_run(short_run(law, 0.12), tmp_path / "run.csv")
     track = read_track(tmp_path / "run.csv")
     assert {name: values[0] for name, values in track.states.items()} == {
         name: k for k, name in enumerate(NAMES)

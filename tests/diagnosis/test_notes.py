@@ -39,8 +39,8 @@ def with_break_aways(monkeypatch, torques, slow=True, seen=True):
         ([0.066, 0.064, -0.066], ()),
         # One instant of three is no level.
         ([0.066, 0.09, 0.065, -0.064], ()),
-        ([0.088, 0.087, -0.065], ("at 0.087 N m forwards (the model: 0.065 N m)",)),
-        ([0.088, 0.087, -0.045], ("0.087 N m forwards", "0.045 N m backwards")),
+        ([0.088, 0.087, -0.065], ("at 0.087 N·m forwards (the model: 0.065 N·m)",)),
+        ([0.088, 0.087, -0.045], ("0.087 N·m forwards", "0.045 N·m backwards")),
     ],
 )
 def test_a_hub_that_breaks_away_at_another_torque_than_the_models_is_told(monkeypatch, torques, told):

@@ -14,7 +14,7 @@ from twin.files.outputs import ResultsFolder
 from twin.files.table import read_table
 from twin.files.text import check_lines, read_text
 from twin.files.toml import read_toml
-from twin.report.run_csv import read_track
+from twin.report.run_files import read_track
 from twin.rigs.patch import read_patch
 from twin.rigs.rig_file import read_rig_file
 from twin.validation.requirements import read_requirements

@@ -1,11 +1,8 @@
-"""What `twin check CAMPAIGN` says of data: nothing stands against good ones, and each defect is named."""
-
-import json
-from pathlib import Path
+"""What is said of data before a fit: nothing stands against good ones, and each defect is named."""
 
 import numpy as np
 import pytest
-from campaign_folder import CHANNELS, FIT, GAUGE, HELD_OUT, HUB, motion, toml_text, write
+from campaign_folder import CHANNELS, FIT, GAUGE, HUB, motion, toml_text, write
 from paths import ROOT
 
 from twin.campaigns.campaign import read_campaign
@@ -50,7 +47,9 @@ def jittering():
     ],
 )
 def test_defects_of_a_recording_are_named(tmp_path, make, what, text):
-    assert warned(write(tmp_path, push=make()))[what] == text
+    campaign = read_campaign(write(tmp_path, push=make()))
+    [found] = [f for f in gate.look(campaign) if f.what == what]
+    assert (found.ok, found.text, found.fails) == (False, text, what == "rest")
 
 
 def test_a_wrong_noise_is_named(tmp_path):
@@ -69,29 +68,11 @@ def test_slow_samples_are_named(tmp_path):
 PARAMETERS_STIFF = "length = 0.4\nlinear_density = 0.1\nbending_stiffness = 25\nhub_inertia = 0.02"
 
 
-def test_the_command_prints_a_line_for_each_and_writes_them(twin, tmp_path):
-    folder = tmp_path / "bench"
-    folder.mkdir()
-    code, output, error = twin(
-        "check", write(folder, toml_text(recordings=(FIT, HELD_OUT))), "--json", "a.json"
-    )
-    assert (code, error) == (0, "")
-    assert "WARN  missing" in output
-    findings = json.loads(Path("a.json").read_text())["findings"]
-    assert {"what": "signs, units", "ok": True}.items() <= findings[0].items()
-
-
 def test_what_a_campaign_lacks_is_told_at_once(twin, tmp_path):
     gauge = GAUGE.replace("position = 0.02\n", "")
     channels = CHANNELS | {"strain_base": gauge, "hub_angle": 'unit = "V"'}
-    code, _, error = twin("check", write(tmp_path, toml_text(channels, rig='rig = "my-rig"')))
+    code, _, error = twin("data", write(tmp_path, toml_text(channels, rig='rig = "my-rig"')))
     assert code == 2
     assert "missing: bending_stiffness, linear_density, length, hub_inertia" in error
     assert "channels.hub_angle.gain is missing" in error
     assert "channels.strain_base.position is missing" in error
-
-
-def test_options_of_the_chain_are_refused_beside_a_campaign(twin, tmp_path):
-    code, _, error = twin("check", write(tmp_path), "--segments", 6)
-    assert code == 2
-    assert "--rig and --segments are of the chain; expected them without a campaign" in error

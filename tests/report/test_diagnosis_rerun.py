@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic_diagnosis as synthetic
-from rrd import contents, read
+from rrd import contents, layout, read
 
 from twin.recording import Recording, Sensor
-from twin.report.diagnosis_rerun import to_rrd
+from twin.report import display
+from twin.report.diagnosis_rerun import _summary, to_rrd
 from twin.report.rerun_parts import centre_line
 
 LENGTH = 0.42
@@ -56,14 +57,41 @@ def test_scalars_are_degrees_and_microstrain(diagnosis, written):
         assert series["sim_time"] == pytest.approx(after.time, abs=1e-9)
 
 
-def test_unmodelled_torque_belongs_to_fit_recordings(diagnosis, written):
+def test_unmodelled_torque_is_that_of_each_recording(diagnosis, written):
     trace = diagnosis.traces[0]
     second = trace.recording == 1
     series = written["/fit/04_bang-bang-45/unmodelled/estimated"]
     assert np.array([v[0] for v in series["scalars"]]) == pytest.approx(trace.values[second])
     assert series["sim_time"][0] == 0.0
     assert "/fit/04_bang-bang-45/arms/unmodelled_torque" in written
-    assert not [e for e in written if e.startswith("/holdout") and "unmodelled" in e]
+    unseen = diagnosis.predictions["bang-bang-90.csv"].torque
+    series = written["/holdout/01_bang-bang-90/unmodelled/fitted"]
+    known = np.isfinite(unseen.values)
+    assert np.array([v[0] for v in series["scalars"]]) == pytest.approx(unseen.fitted[known])
+    assert "/holdout/01_bang-bang-90/arms/unmodelled_torque" in written
+    # With the hub locked there is no torque balance.
+    assert not [e for e in written if e.startswith("/holdout/02_release") and "unmodelled" in e]
+
+
+def test_residuals_stand_beside_each_channel(diagnosis, written):
+    p = diagnosis.predictions["bang-bang-90.csv"]
+    for model in ("before", "after"):
+        series = written[f"/holdout/01_bang-bang-90/residuals/strain_base/{model}"]
+        left = 1e6 * (p.measured["strain_base"] - getattr(p, model)["strain_base"])
+        assert np.array([v[0] for v in series["scalars"]]) == pytest.approx(left)
+
+
+def test_plots_of_a_recording_share_its_time_window(diagnosis, tmp_path):
+    write_rrd(diagnosis, tmp_path / "x.rrd")
+    told = layout(tmp_path / "x.rrd")
+    # Three channels and what is left of each, command and unmodelled torque; with a locked hub two, and the command.
+    assert told.count("TimeAxis:view_range") >= 3 * 8 + 2 * 5
+    assert "hub angle: measured − simulated [°]" in told
+
+
+def test_summary_has_the_caveat(diagnosis):
+    assert display.caveat(diagnosis) in _summary(diagnosis)
+    assert "cable torsion**: stiffness 0.0101 ± 0.0003 N·m/rad, rest angle" in _summary(diagnosis)
 
 
 def test_nothing_missing_has_no_arrow(diagnosis, tmp_path):
@@ -89,7 +117,7 @@ def test_torque_of_a_recording_that_begins_with_a_rest_comes_when_it_acts(diagno
     series = found["/fit/04_bang-bang-45/unmodelled/fitted"]
     assert series["sim_time"] == pytest.approx(5.0 + within[moves & (trace.recording == 1)], abs=1e-9)
     arrow = found["/fit/04_bang-bang-45/arms/unmodelled_torque"]
-    long = np.linalg.norm(np.array(list(arrow["vectors"]), dtype=float)[:, 0], axis=1) > 0
+    long = np.array([len(vectors) > 0 for vectors in arrow["vectors"]])
     frames = arrow["sim_time"] - 5.0
     moving = (frames >= 0.3) & ((frames <= 0.596) | (frames >= 0.8)) & (frames <= within[-1])
     assert long.tolist() == moving.tolist()

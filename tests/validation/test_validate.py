@@ -4,7 +4,9 @@ import json
 import math
 import re
 from concurrent.futures.process import BrokenProcessPool
+from types import SimpleNamespace
 
+import browser
 import control
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from twin.correlations import Correlations
 from twin.errors import InputError
 from twin.mechanics.modal import state_space, zero_order_hold_response
 from twin.rigs import preset
-from twin.validation import fleet
+from twin.validation import fleet, pictures
 from twin.validation.fleet import Evaluator, Job
 from twin.validation.linear_form import NoLinearFormError, linear_form_of
 from twin.validation.linear_rig import sampled_chain, sampled_modes
@@ -30,7 +32,7 @@ from twin.validation.margins import margins
 from twin.validation.metrics import performance_metrics
 from twin.validation.requirements import DEFAULTS, defaults, read_requirements
 from twin.validation.rigs import draw_rigs, uncertain_parameters
-from twin.validation.validation import drivers
+from twin.validation.validation import Verdict, drivers
 
 RIG = preset("bossi2009")
 T = 2e-3
@@ -413,6 +415,14 @@ def test_what_is_not_a_number_meets_nothing():
     assert not any(r.met(math.nan) for r in DEFAULTS)
 
 
+def test_a_nominal_value_that_is_never_reached_is_no_line():
+    settling = next(r for r in DEFAULTS if r.name == "settling_time")
+    values = np.array([2.0, 2.2, 2.6, 3.1, np.inf])
+    verdict = Verdict(settling, np.inf, values, None, ())
+    [limit] = pictures.spreads(SimpleNamespace(verdicts=[verdict]), 4).layout.shapes
+    assert (limit.x0, limit.x1) == (3.0, 3.0)
+
+
 # The command
 
 
@@ -421,7 +431,7 @@ def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
         "validate", "lqi", "--rigs", 4, "--seed", 1, "--json", "v.json", "--report", "v.html"
     )
     assert (code, err) == (0, "")
-    assert "passed" in out
+    assert out.endswith("100 % of rigs keep every limit; 95 % were asked for.\n")
     answer = json.loads((tmp_path / "v.json").read_text())
     assert answer["passed"] is True
     assert answer["kept"] == answer["rigs"] == 4
@@ -431,6 +441,8 @@ def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
     assert "lqi" in page
     assert "<script src" not in page
     assert sorted(path.name for path in tmp_path.iterdir()) == ["v.html", "v.json"]
+    if browser.CHROMIUM:
+        browser.assert_readable({"validation": page}, tmp_path, figures=2)
 
 
 @pytest.mark.slow
@@ -473,12 +485,12 @@ def test_stricter_requirements_fail(twin, tmp_path):
     code, out, _ = twin("validate", "lqi", "--rigs", 2, "--requirements", "strict.toml")
     assert code == 1
     # Each figure in its unit; each rig on one line, with all figures in which it is the worst.
-    assert re.search(r"peak torque +≤ 0.1 N m +0.214 N m +0.214 N m +0.214 N m +2", out)
+    assert re.search(r"peak torque +≤ 0.1 N·m +0.214 N·m +0.214 N·m +0.214 N·m +2", out)
     assert re.search(r"disk margin +≥ 0.4( +0.7\d*){3} +none", out)
     worst = re.findall(r"^worst ([^:]*): rig (\d)", out, re.MULTILINE)
     assert len({rig for _, rig in worst}) == len(worst) <= 2
     figures = ", ".join(text for text, _ in worst)
-    for name, unit in (("overshoot", "%"), ("residual vibration", "%"), ("peak torque", "N m")):
+    for name, unit in (("overshoot", "%"), ("residual vibration", "%"), ("peak torque", "N·m")):
         assert re.search(rf"{name} [\d.]+ {unit}", figures)
 
 

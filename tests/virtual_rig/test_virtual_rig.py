@@ -14,9 +14,9 @@ from scipy.integrate import cumulative_simpson, simpson
 from scipy.optimize import brentq
 
 import twin.virtual_rig
+from twin.commands.virtual_rig import parsed_effect
 from twin.errors import InputError
 from twin.virtual_rig import EFFECTS, OUTSIDE_EFFECTS, UNCERTAINTY, Rig, Sensors, make_campaign
-from twin.virtual_rig.__main__ import main, parsed_effect
 from twin.virtual_rig.beam import (
     build_link,
     clamped_modes,
@@ -729,7 +729,7 @@ def test_wrong_numbers_are_named(tmp_path, seed, perturb, message):
     assert not list(tmp_path.iterdir())
 
 
-def test_command_line_makes_a_campaign(tmp_path, monkeypatch, capsys):
+def test_command_line_makes_a_campaign(twin, monkeypatch):
     assert parsed_effect("cable-torsion:stiffness=0.014,rest_angle=-0.1") == (
         "cable-torsion",
         {"stiffness": 0.014, "rest_angle": -0.1},
@@ -739,13 +739,14 @@ def test_command_line_makes_a_campaign(tmp_path, monkeypatch, capsys):
         lambda rig, sensors, generator: [bang_bang(rig, sensors, generator, 20.0)],
     )
     effect = ["--effect", "viscous-friction:viscous=0.003"]
-    truth = tmp_path / "truth.json"
-    assert main([str(tmp_path / "rig"), *effect, "--seed", "2", "--perturb", "--truth", str(truth)]) == 0
-    assert (tmp_path / "rig" / "bang-bang-20.csv").is_file()
-    assert '"viscous": 0.003' in truth.read_text()
-    assert main([str(tmp_path / "rig"), *effect]) == 2
-    assert main([str(tmp_path / "other"), "--effect", "torque-gain:gain=loud"]) == 2
-    assert "expected parameter=number" in capsys.readouterr().err
+    made = twin("virtual-rig", "--out", "rig", *effect, "--seed", 2, "--perturb", 1, "--truth", "truth.json")
+    assert made == (0, "rig: campaign 'rig', effects: viscous-friction\n", "")
+    assert Path("rig/bang-bang-20.csv").is_file()
+    assert '"viscous": 0.003' in Path("truth.json").read_text()
+    assert twin("virtual-rig", "--out", "rig", *effect)[0] == 2
+    code, _, error = twin("virtual-rig", "--out", "other", "--effect", "torque-gain:gain=loud")
+    assert code == 2
+    assert "expected parameter=number" in error
 
 
 def test_demo_campaign_is_small_and_from_its_script():

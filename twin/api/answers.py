@@ -223,21 +223,19 @@ class Run:
         return self.run.recording(self.experiment.scenario)
 
     def save(self, file: FilePath) -> Path:
-        """Writes the run as CSV (a recording) or, for a name that ends in .rrd, for the rerun viewer.
+        """Writes the run as a recording (.csv, .mat, .parquet, .mcap) or for the rerun viewer (.rrd).
 
         Raises:
           InputError: the name ends otherwise, or the file cannot be written.
         """
         path = Path(file)
-        if path.suffix == ".csv":
-            from twin.report.run_csv import write_csv
-
-            write_csv(self.run, path)
-        elif path.suffix == ".rrd":
+        if path.suffix == ".rrd":
             from twin.report import run_rerun
 
             track = run_rerun.of_run(self.run, self.experiment.plant)
             run_rerun.write_rrd([track], self.experiment.rig["length"], path, self.experiment.scenario)
         else:
-            raise InputError(f"{path.name} ends in '{path.suffix}'; expected .csv or .rrd")
+            from twin.report.run_files import write_run
+
+            write_run(self.run, path)
         return path

@@ -209,7 +209,7 @@ def load(
 def state_space(rig: RigLike = "bossi2009", modes: int = 2) -> control.StateSpace:
     """Returns the linear model of Bossi et al. (2009), section III, with so many bending modes, for python-control.
 
-    Inputs: torque [N m]; outputs: hub angle [rad], tip deflection [m] and two strains [1]; friction left out.
+    Inputs: torque [N·m]; outputs: hub angle [rad], tip deflection [m] and two strains [1]; friction left out.
 
     Args:
       rig: name, parameter file, or rig; effects are left out.

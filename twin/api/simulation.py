@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.api.inputs import Effects, RigLike, rig_of
+from twin.api.inputs import Effects, FilePath, RigLike, rig_of
 from twin.errors import LARGEST, InputError, checked_count, checked_number
 from twin.mechanics.accuracy import SEGMENT_LIMITS
 from twin.recording import GAUGES, Recording
 from twin.rigs.model import FINE_SEGMENTS, FINE_STEP, Model, checked_model
 from twin.rigs.rig_file import checked_effects
+
+if TYPE_CHECKING:
+    import control
 
 _TOO_MUCH = "expected torques and parameters with which the link stays slender: check their units"
 _SIMULATED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "motor_torque")
@@ -48,7 +53,7 @@ class RigModel:
 
         Args:
           time: (n) instants [s], increasing.
-          torque: (n) commanded torque [N m], held from each instant to the next.
+          torque: (n) commanded torque [N·m], held from each instant to the next.
           hub_angle: where the hub starts [rad].
           tip_deflection: the tip is held there by a force until the first instant [m]; None for a link at rest.
           clamped: whether the hub is locked.
@@ -76,6 +81,36 @@ class RigModel:
         from twin.rigs.mjcf_export import to_mjcf
 
         return to_mjcf(self.model.declared, self.model.effects, self.model.sensors).xml
+
+    def state_space(self, hub_angle: float = 0.0) -> control.StateSpace:
+        """Returns the chain linearised about rest at a hub angle [rad], for python-control; friction left out.
+
+        Input: torque command less that which holds the rig there; outputs: readings less those at rest, SI.
+        """
+        from twin.export.linear import linear_model
+
+        checked_number("hub_angle", hub_angle, -_TURNS, _TURNS, "rad")
+        return linear_model(self.model, hub_angle).to_control()
+
+    def export(self, file: FilePath, *, format: str | None = None, hub_angle: float = 0.0) -> Path:
+        """Writes the rig for another program, as `twin export` does; returns the file.
+
+        Args:
+          file: ends in .mat (linear state space), .m (MATLAB script), .xml (MuJoCo) or .fmu (FMI 2.0).
+          format: mat, matlab, mjcf or fmu; None for what the ending tells.
+          hub_angle: about which the linear state space is made [rad].
+
+        Raises:
+          InputError: there is no such format, a library is not installed, or the file cannot be written.
+        """
+        from twin.export import RigToExport, exporter_of
+        from twin.files.whole import write_file
+
+        path = Path(file)
+        checked_number("hub_angle", hub_angle, -_TURNS, _TURNS, "rad")
+        given = RigToExport(self.model.declared, self.model.effects, hub_angle)
+        write_file(path, exporter_of(path, format).export(given).content)
+        return path
 
 
 def _blank(

@@ -1,12 +1,12 @@
-"""`twin check`: the data of a campaign before a fit, or the accuracy of the chain against the analytical beam model."""
+"""`twin check`: the accuracy of the chain against the analytical beam model."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from twin import labels
 from twin.commands.shared import DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress, rig_file
 from twin.errors import InputError
 from twin.files.json import write_json
@@ -20,25 +20,11 @@ SEGMENTS = 8
 
 
 def check(
-    campaign: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[CAMPAIGN]", help="Folder with campaign.toml and the recordings: look at its data."
-        ),
-    ] = None,
     rig: RigOption = DEFAULT_RIG,
     segments: Annotated[int, typer.Option(help="Number of segments of the chain.")] = SEGMENTS,
     json_file: JsonFile = None,
 ) -> None:
-    """Look at the data of a campaign before a fit; without one, compare the chain with the analytical beam model.
-
-    Exit code 1 where an error of the chain exceeds its bound.
-    """
-    if campaign is not None:
-        if (rig, segments) != (DEFAULT_RIG, SEGMENTS):
-            raise InputError("--rig and --segments are of the chain; expected them without a campaign")
-        _check_campaign(campaign, json_file)
-        return
+    """Compare the chain with the analytical beam model; exit code 1 where an error exceeds its bound."""
     check_writable(json_file, read=[rig_file(rig)])
     declared, effects = load_rig(rig)
     if effects:
@@ -58,24 +44,6 @@ def check(
         raise typer.Exit(1)
 
 
-def _check_campaign(folder: Path, json_file: Path | None) -> None:
-    """Prints a line for each thing that was looked at in a campaign."""
-    from rich.table import Table
-
-    from twin.campaigns.campaign import campaign_files, read_campaign
-    from twin.proposal import gate
-
-    check_writable(json_file, read=campaign_files(folder))
-    campaign = read_campaign(folder)
-    findings = gate.look(campaign)
-    if json_file is not None:
-        write_json(json_file, gate.to_json(campaign.name, findings))
-    table = Table("", "", campaign.name, box=None)
-    for finding in findings:
-        table.add_row("ok" if finding.ok else "WARN", finding.what, finding.text)
-    console().print(table)
-
-
 def _print_check(result: Check) -> None:
     from rich.table import Table
 
@@ -90,7 +58,11 @@ def _print_check(result: Check) -> None:
     verdicts = Table("quantity", "error", "bound", "", "", box=None)
     for r in result.rows:
         verdicts.add_row(
-            r.quantity, f"{r.error:.2g}", f"{r.bound:.2g}", r.unit, "ok" if r.passed else "FAILED"
+            r.quantity,
+            f"{r.error:.2g}",
+            f"{r.bound:.2g}",
+            labels.unit(r.unit),
+            "ok" if r.passed else "FAILED",
         )
     screen.print(modes)
     screen.print()

@@ -32,7 +32,7 @@ def compare(
     json_file: JsonFile = None,
 ) -> None:
     """Compare runs and recordings with the first one, channel by channel."""
-    from twin.report.run_csv import files_read
+    from twin.report.run_files import files_read
 
     read = [read for file in files for read in files_read(file)]
     check_writable(rrd_file, json_file, read=[*read, rig_file(rig)])

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from twin.commands.opening import Opener, check_opener, open_results
 from twin.commands.shared import (
     COMPILING,
     CampaignFolder,
@@ -24,13 +25,27 @@ from twin.files.outputs import check_writable
 if TYPE_CHECKING:
     from twin.campaigns.campaign import Campaign
 
+_STAGES = (
+    ("reading the recordings", 0.01),
+    ("calibrating", 0.11),
+    ("scoring the effects", 0.26),
+    ("comparing", 0.42),
+    ("computing standard errors", 0.02),
+    ("simulating every recording", 0.17),
+    ("writing the results", 0.01),
+)
+"""Stages with their share of the time of the bundled campaign, in which one effect is found; later rounds of the search
+count with the comparison before them."""
 
-def demo(out: DiagnosisFolder = None, json_file: JsonFile = None, force: Force = False) -> None:
+
+def demo(
+    out: DiagnosisFolder = None, json_file: JsonFile = None, force: Force = False, opener: Opener = None
+) -> None:
     """Diagnose the bundled campaign of a virtual rig with one undeclared effect."""
     from importlib.resources import as_file, files
 
     with as_file(files("twin") / "data" / "demo-rig") as folder:
-        _diagnose(folder, out, json_file, force)
+        _diagnose(folder, out, json_file, force, opener=opener)
 
 
 def diagnose(
@@ -42,9 +57,10 @@ def diagnose(
         float, typer.Option(metavar="RATE", help="Probability of finding an effect where none is missing.")
     ] = 0.01,
     rig: DeclaredRig = None,
+    opener: Opener = None,
 ) -> None:
     """Find which physical effect the declared model lacks; write report, rerun recording and augmented model."""
-    _diagnose(campaign, out, json_file, force, false_alarm_rate, rig)
+    _diagnose(campaign, out, json_file, force, false_alarm_rate, rig, opener)
 
 
 def _with_rig_file(campaign: Campaign, file: Path) -> Campaign:
@@ -65,18 +81,20 @@ def _diagnose(
     force: bool,
     rate: float = 0.01,
     rig: Path | None = None,
+    opener: Literal["report", "viewer"] | None = None,
 ) -> None:
     from twin.campaigns.campaign import campaign_files, read_campaign
     from twin.files import provenance
     from twin.report import deliver, print_summary
 
+    check_opener(opener)
     folder = deliver.FOLDER.choose(out, campaign, force)
     written, read = deliver.FOLDER.output_files(folder, json_file), (*campaign_files(campaign), rig)
     check_writable(json_file, made=folder, beside=written, read=read)
     given = read_campaign(campaign)
     if rig is not None:
         given = _with_rig_file(given, rig)
-    with progress() as report:
+    with progress(_STAGES) as report:
         report(COMPILING)
         from twin.diagnosis.diagnose import diagnose as loop
         from twin.diagnosis.permutation import SEEDS
@@ -93,3 +111,6 @@ def _diagnose(
     if delivery.left_out:
         missing = ", ".join(delivery.left_out)
         screen.print(f"{delivery.paths['MJCF'].name} leaves out: {missing}")
+    failed = open_results(opener, delivery.paths)
+    if failed:
+        screen.print(failed)

@@ -26,6 +26,18 @@ if TYPE_CHECKING:
     from twin.campaigns.campaign import Campaign
     from twin.identification.result import Identification
 
+_STAGES = (
+    ("reading the recordings", 0.01),
+    ("calibrating", 0.26),
+    ("fitting in the limit of a fine chain", 0.48),
+    ("evaluating the profile likelihood", 0.04),
+    ("reading decays and break-aways", 0.02),
+    ("balancing torques", 0.13),
+    ("predicting the held-out recordings", 0.05),
+    ("writing the results", 0.01),
+)
+"""Stages with their share of the time of the bundled campaign."""
+
 
 def identify(
     campaign: CampaignFolder,
@@ -51,7 +63,7 @@ def identify(
     check_writable(json_file, made=folder, beside=written, read=read)
     given = _with_rig_file(read_campaign(campaign), rig)
     other = read_campaign(against) if against is not None else None
-    with progress() as report:
+    with progress(_STAGES) as report:
         report(COMPILING)
         from twin.identification.identify import identify as run
 

@@ -46,7 +46,7 @@ def new(
         proposal = propose(files, folder.resolve().name)
     screen = console()
     _print(proposal, screen)
-    if not yes and sys.stdin.isatty() and screen.is_terminal:
+    if not (yes or screen.quiet) and screen.is_terminal and _can_answer():
         from twin.proposal.ask import complete
 
         proposal = complete(proposal, lambda question: _answer(screen, question))
@@ -56,6 +56,11 @@ def new(
         {**{target: source for source, target in copies.items()}, folder / _FILE: campaign_text(proposal)}
     )
     _print_next(proposal, folder, screen)
+
+
+def _can_answer() -> bool:
+    """Whether standard input is a terminal; Python has none where the command was started with it closed."""
+    return sys.stdin is not None and sys.stdin.isatty()
 
 
 def _folder(files: list[Path], out: Path | None) -> Path:
@@ -131,4 +136,4 @@ def _print_next(proposal: Proposal, folder: Path, screen: Screen) -> None:
     screen.print(f"Written: {folder / _FILE}")
     if open_keys := needed(proposal):
         screen.print(f"Fill in there: {', '.join(open_keys)}")
-    screen.print(f"Then: twin check {folder}")
+    screen.print(f"Then: twin data {folder}")

@@ -25,30 +25,35 @@ def plan_experiment(
             show_default="the two with the highest scores",
         ),
     ] = None,
-    torque_file: Annotated[
+    out: Annotated[
         Path | None,
         typer.Option(
-            "--torque", metavar="FILE", help="Write the torque of the best experiment here, as CSV."
+            "--out",
+            "--torque",
+            metavar="FILE",
+            help="Write the torque of the best experiment here: .csv, .mat, .parquet or .mcap.",
         ),
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Find the experiment that distinguishes best between two explanations of a campaign; write its torque."""
     from twin.campaigns.campaign import campaign_files, read_campaign
+    from twin.files.writers import check_table
 
-    check_writable(torque_file, json_file, read=campaign_files(campaign))
+    check_writable(out, json_file, read=campaign_files(campaign))
+    check_table(out)
     given = read_campaign(campaign)
     with progress() as report:
         report(COMPILING)
         from twin.diagnosis.plan import plan, to_json, write_torque
 
         planned = plan(given, between, report)
-    written = write_torque(planned.plans, torque_file) if torque_file is not None else None
+    written = write_torque(planned.plans, out) if out is not None else None
     if json_file is not None:
         write_json(json_file, to_json(planned))
     _print(planned)
     if written is not None:
-        text = f"{torque_file} has the torque of {written.experiment.name}: {written.experiment.how}"
+        text = f"{out} has the torque of {written.experiment.name}: {written.experiment.how}"
         console().print(text, soft_wrap=True)
 
 
@@ -56,9 +61,10 @@ def _print(planned: ExperimentPlan) -> None:
     from rich.table import Table
 
     from twin.diagnosis import experiments
+    from twin.report.prose import prose
 
     screen = console()
-    screen.print(planned.recommendation())
+    screen.print(prose(planned.recommendation()))
     table = Table("experiment", "what to do", "noise levels apart", "in", "with another sensor", box=None)
     for row in experiments.rows(planned.plans):
         table.add_row(*row)

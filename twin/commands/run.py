@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twin.commands.shared import (
+    CONTROLLER_NAMES,
     CONTROLLERS,
     DEFAULT_RIG,
+    PLANT_NAMES,
+    SCENARIO_NAMES,
     JsonFile,
     RigOption,
+    completed,
     console,
     controller_file,
     load_rig,
@@ -33,6 +37,7 @@ Scenario = Annotated[
     typer.Argument(
         metavar="SCENARIO",
         help="bang-bang-20, -45, -60, -90 or -120; sinus-0.2 or -0.4; filtered-step-120; lq-step-120.",
+        autocompletion=completed(SCENARIO_NAMES),
     ),
 ]
 PlantOption = Annotated[
@@ -41,6 +46,7 @@ PlantOption = Annotated[
         "--plant",
         help="chain (MuJoCo), compiled (the same chain), modal (n modes), or paper (its one mode and friction); "
         "the last two without backlash.",
+        autocompletion=completed(PLANT_NAMES),
     ),
 ]
 ControllerOption = Annotated[
@@ -50,11 +56,13 @@ ControllerOption = Annotated[
         metavar="NAME|FILE.py:NAME",
         help=CONTROLLERS,
         show_default="the scenario's own",
+        autocompletion=completed(CONTROLLER_NAMES),
     ),
 ]
 Noise = Annotated[
     int | None,
     typer.Option(
+        "--seed",
         "--noise",
         metavar="SEED",
         help="Simulate noise and resolution of the sensors, with this seed.",
@@ -85,19 +93,26 @@ def run(
     ghost: Annotated[
         str | None,
         typer.Option(
-            metavar="other|none|FILE.csv",
+            metavar="other|none|FILE",
             help="Second arm with --rrd or --view: the other plant, none, or a recording.",
             show_default="other",
         ),
     ] = None,
-    csv_file: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Write the run here as a recording.")
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "--csv",
+            metavar="FILE",
+            help="Write the run here as a recording: .csv, .mat, .parquet or .mcap.",
+        ),
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Simulate one of the paper's experiments with a controller on the chain, the modal or the paper's model."""
     read = (rig_file(rig), controller_file(controller), patch_file, *_ghost_files(ghost or ""))
-    check_writable(csv_file, json_file, rrd_file, read=read)
+    check_writable(out, json_file, rrd_file, read=read)
+    _check_table(out)
     if ghost is not None and rrd_file is None and not view:
         raise InputError("--ghost is shown beside a run; expected --rrd FILE or --view with it")
     declared, effects = load_rig(rig)
@@ -115,10 +130,10 @@ def run(
         report(f"{scenario} on the {KINDS.get(plant, plant)}")
         result = run_and_show(experiment, rrd_file, view, ghost or "other", remarks.append)
     answer = _answer(experiment, result)
-    if csv_file is not None:
-        from twin.report.run_csv import write_csv
+    if out is not None:
+        from twin.report.run_files import write_run
 
-        write_csv(result, csv_file)
+        write_run(result, out)
     if json_file is not None:
         write_json(json_file, answer)
     _print(answer)
@@ -141,6 +156,12 @@ def _answer(experiment: Experiment, result: Run) -> dict[str, Any]:
     return answer
 
 
+def _check_table(path: Path | None) -> None:
+    from twin.files.writers import check_table
+
+    check_table(path)
+
+
 def _patch(file: Path) -> Patch:
     from twin.rigs import patch
 
@@ -148,12 +169,10 @@ def _patch(file: Path) -> Patch:
 
 
 def _ghost_files(ghost: str) -> tuple[Path, ...]:
-    """The files that a ghost is read from; none unless it is a CSV file."""
-    if not ghost.endswith(".csv"):
-        return ()
-    from twin.report.run_csv import files_read
+    """The files that a ghost is read from; none unless it is a file."""
+    from twin.report.run_files import files_read, is_file_of_run
 
-    return files_read(Path(ghost))
+    return files_read(Path(ghost)) if is_file_of_run(ghost) else ()
 
 
 def _print(answer: dict[str, Any]) -> None:

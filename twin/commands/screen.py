@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextvars import ContextVar
 from typing import Any
 
 from rich.console import Console
@@ -10,7 +11,18 @@ from rich.text import Text
 from twin.labels import printable
 from twin.terminal import OutputLost
 
+_QUIET = ContextVar("quiet", default=False)
 _WIDTH = 110  # columns of output into a file or a pipe
+
+
+def set_quiet(quiet: bool) -> None:
+    """Says whether the command shows errors only."""
+    _QUIET.set(quiet)
+
+
+def is_quiet() -> bool:
+    """Whether the command shows errors only."""
+    return _QUIET.get()
 
 
 class Screen(Console):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +16,7 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     from twin.commands.screen import Screen
+    from twin.commands.stages import Stage, Stages
     from twin.parameters import Rig
 
 
@@ -30,6 +31,22 @@ CONTROLLERS = (
 )
 """Help text; written out, so that `--help` does not import the library of controllers."""
 
+RIG_NAMES = ("bossi2009", "bossi2009-printed")
+CONTROLLER_NAMES = ("siso", "lqi", "lqi-zv", "lqi-ei", "siso-friction")
+SCENARIO_NAMES = (
+    *("bang-bang-20", "bang-bang-45", "bang-bang-60", "bang-bang-90", "bang-bang-120"),
+    *("sinus-0.2", "sinus-0.4", "filtered-step-120", "lq-step-120"),
+)
+PLANT_NAMES = ("chain", "modal", "compiled", "paper")
+FORMAT_NAMES = ("mat", "matlab", "mjcf", "fmu")
+"""Names that a shell completes; written out for the same reason."""
+
+
+def completed(names: Sequence[str]) -> Callable[[str], list[str]]:
+    """Returns a function from the beginning of a word to the names that a shell offers for it."""
+    return lambda incomplete: [name for name in names if name.startswith(incomplete)]
+
+
 COMPILING = "loading the equations of motion; the first time they are compiled, which takes minutes"
 
 CampaignFolder = Annotated[
@@ -39,8 +56,14 @@ CampaignFolder = Annotated[
 JsonFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the result here, as JSON.")
 ]
+ReportFile = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE", help="Write a report here, as HTML.")
+]
 RIGS = "bossi2009, bossi2009-printed, or a parameter file (TOML)."
-RigOption = Annotated[str, typer.Option("--rig", metavar="NAME|FILE", help=RIGS)]
+RigOption = Annotated[
+    str,
+    typer.Option("--rig", metavar="NAME|FILE", help=RIGS, autocompletion=completed(RIG_NAMES)),
+]
 DeclaredRig = Annotated[
     Path | None,
     typer.Option(
@@ -57,30 +80,52 @@ Force = Annotated[bool, typer.Option("--force", help="Write into a folder that h
 
 
 def console() -> Screen:
-    """Returns the console for results."""
-    from twin.commands.screen import Screen
+    """Returns the console for results; with --quiet it shows nothing."""
+    from twin.commands.screen import Screen, is_quiet
 
-    return Screen()
+    return Screen(quiet=is_quiet())
 
 
 @contextmanager
-def progress() -> Iterator[Callable[[str], None]]:
-    """Yields a function that shows a text as the current stage, on standard error if that is a terminal."""
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+def progress(stages: Sequence[Stage] = ()) -> Iterator[Callable[[str], None]]:
+    """Yields a function that shows a text as the current stage on standard error; nothing with --quiet.
 
-    from twin.commands.screen import Screen
+    A terminal shows the present text; elsewhere lines are printed once the work takes long.
+
+    Args:
+      stages: of the work, for how much of it is done.
+    """
+    from twin.commands.screen import Screen, is_quiet
+    from twin.commands.stages import Lines, Stages
+
+    screen, followed = Screen(stderr=True), Stages(stages)
+    if is_quiet():
+        yield lambda text: None
+    elif not screen.is_terminal:
+        yield Lines(followed, lambda line: screen.print(line, soft_wrap=True)).update
+    else:
+        with _spinner(screen, followed) as show:
+            yield show
+
+
+@contextmanager
+def _spinner(screen: Screen, followed: Stages) -> Iterator[Callable[[str], None]]:
+    """Yields a function that shows a text beside a spinner and the time."""
+    from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TimeElapsedColumn
+    from rich.text import Text
+
     from twin.labels import printable
 
-    screen = Screen(stderr=True)
-    if not screen.is_terminal:
-        yield lambda text: None
-        return
     plain = screen.options.ascii_only
+
+    class Line(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(printable(followed.line(), plain), no_wrap=True, overflow="ellipsis")
+
     spinner = SpinnerColumn("line" if plain else "dots")
-    columns = (spinner, TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
-    with Progress(*columns, console=screen, transient=True) as display:
-        task = display.add_task("starting", total=None)
-        yield lambda text: display.update(task, description=printable(text, plain))
+    with Progress(spinner, TimeElapsedColumn(), Line(), console=screen, transient=True) as display:
+        display.add_task("", total=None)
+        yield followed.update
 
 
 def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
@@ -110,8 +155,15 @@ def controller_file(name: str | None) -> Path | None:
     return Path(file) if file.endswith(".py") else None
 
 
-def require_display(what: str) -> None:
+_FILE_INSTEAD = "write a file with `twin run SCENARIO --rrd FILE` and open it elsewhere with `rerun FILE`"
+
+
+def require_display(what: str, instead: str = _FILE_INSTEAD) -> None:
     """Checks that a window can be opened.
+
+    Args:
+      what: needs it.
+      instead: what can be done without one.
 
     Raises:
       InputError: no display is set, or the one that is set cannot be opened.
@@ -119,9 +171,9 @@ def require_display(what: str) -> None:
     if not sys.platform.startswith("linux"):
         return
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise _no_display(what, "DISPLAY and WAYLAND_DISPLAY are not set")
+        raise _no_display(what, "DISPLAY and WAYLAND_DISPLAY are not set", instead)
     if not _display_opens():
-        raise _no_display(what, "the one that DISPLAY or WAYLAND_DISPLAY names cannot be opened")
+        raise _no_display(what, "the one that DISPLAY or WAYLAND_DISPLAY names cannot be opened", instead)
 
 
 def _display_opens() -> bool:
@@ -134,8 +186,5 @@ def _display_opens() -> bool:
     return opened
 
 
-def _no_display(what: str, why: str) -> InputError:
-    return InputError(
-        f"{what} needs a display, and {why}; "
-        "write a file with `twin run SCENARIO --rrd FILE` and open it elsewhere with `rerun FILE`"
-    )
+def _no_display(what: str, why: str, instead: str) -> InputError:
+    return InputError(f"{what} needs a display, and {why}; {instead}")

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.commands.shared import (
+    CONTROLLER_NAMES,
     CONTROLLERS,
     DEFAULT_RIG,
     RIGS,
     JsonFile,
+    ReportFile,
+    completed,
     console,
     controller_file,
     load_rig,
@@ -36,6 +39,7 @@ def validate(
         typer.Argument(
             metavar="CONTROLLER",
             help=CONTROLLERS,
+            autocompletion=completed(CONTROLLER_NAMES),
         ),
     ],
     rig: Annotated[
@@ -56,9 +60,7 @@ def validate(
         ),
     ] = None,
     json_file: JsonFile = None,
-    report_file: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE", help="Write a report here, as HTML.")
-    ] = None,
+    report_file: ReportFile = None,
 ) -> None:
     """Check requirements on a controller on randomly drawn rigs; exit code 1 where it fails them."""
     check_writable(json_file, report_file, read=_read(controller, rig, campaign, requirements))
@@ -137,4 +139,5 @@ def _print(result: Validation) -> None:
     screen.print()
     for line in (*text.worst_cases(result), *text.remarks(result)):
         screen.print(line)
-    screen.print("passed" if result.passed else "failed")
+    screen.print()
+    screen.print(text.conclusion(result))

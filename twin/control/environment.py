@@ -88,7 +88,7 @@ class FollowReference(control.Task):
     def before_step(self, action: Any, physics: PlantPhysics) -> None:
         """Sets the torque; raises InputError where it is not finite."""
         if not np.all(np.isfinite(action)):
-            raise InputError(f"the torque is {action}; expected a finite number of N m")
+            raise InputError(f"the torque is {action}; expected a finite number of N·m")
         physics.set_control(action)
 
     def after_step(self, physics: PlantPhysics) -> None:

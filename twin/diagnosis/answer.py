@@ -94,6 +94,8 @@ class Prediction:
       left_out: parts of the recording that the errors leave out, as sentences.
       budget: channel -> its errors along the steps of the diagnosis; empty for recordings that do not evaluate it.
       windows: channel -> error of the final model, with that in windows; empty where the verdict does not ask for it.
+      torque: torque on the hub that a model lacks in a held-out recording, estimated as in `Diagnosis.traces`; None
+        where that is not possible, and for recordings that were fitted.
     """
 
     role: Literal["fit", "holdout"]
@@ -105,6 +107,7 @@ class Prediction:
     left_out: tuple[str, ...] = ()
     budget: Mapping[str, ChannelBudget] = field(default_factory=dict)
     windows: Mapping[str, ModelError] = field(default_factory=dict)
+    torque: Trace | None = None
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ _MOST_FITTED, _LEAST_FITTED = 6, 3
 """Candidates fitted a round: those with a positive score test, within these numbers."""
 _STRAIN = 2.0
 """Standard deviations from its declared value beyond which a calibrated parameter is suspect."""
-_SLOPE_FACTOR = 15.0
+SLOPE_FACTOR = 15.0
 """A finite difference may change the residual by up to this factor more or less than `_VISIBLE_CHANGE`."""
 _WELL_EXPLAINED = 0.4
 """Share of the misfit that a score has to reach for the round to need no candidates of large size."""
@@ -197,11 +197,11 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
     neutral = effect.neutral(base.model.declared)
     changes, coefficients = [], []
     for ray in rays(bench, effect, neutral, base.model):
-        length, change = visible_length(bench, base, name, neutral, ray, _SLOPE_FACTOR)
+        length, change = visible_length(bench, base, name, neutral, ray, SLOPE_FACTOR)
         if change is not None:
             size = max(float(np.std(change)), 1e-12)
             changes.append(change / size)
-            point = _on_ray(effect, neutral, ray, length)
+            point = point_on_ray(effect, neutral, ray, length)
             coefficients.append(np.array(effect.linear_coefficients(point or neutral)) / size)
     columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
     linear = np.array(coefficients) if changes else np.zeros((0, 0))
@@ -219,7 +219,7 @@ def wave_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -
     for unit in np.eye(len(peaks[0].coefficients)):
         values = effect.wave_parameters(peaks[0].order, tuple(unit))
         ray = {p.name: values[p.name] - neutral[p.name] for p in effect.parameters}
-        _, change = visible_length(bench, base, name, neutral, ray, _SLOPE_FACTOR)
+        _, change = visible_length(bench, base, name, neutral, ray, SLOPE_FACTOR)
         if change is not None:
             columns.append(change / max(float(np.std(change)), 1e-12))
     return np.column_stack(columns) if columns else np.zeros((len(base.residual), 0))
@@ -347,7 +347,7 @@ def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, floa
     for ray in rays(bench, effect, neutral, base.model):
         step, _ = visible_length(bench, base, name, neutral, ray)
         points = [
-            _on_ray(effect, neutral, ray, sign * step * multiple)
+            point_on_ray(effect, neutral, ray, sign * step * multiple)
             for multiple in effect.search_multiples
             for sign in (1, -1)
         ]
@@ -402,8 +402,8 @@ def visible_length(
     """
     length, change = 1.0, None
     for _ in range(4):
-        forward = _on_ray(REGISTRY[name], neutral, ray, length)
-        point = forward or _on_ray(REGISTRY[name], neutral, ray, -length)
+        forward = point_on_ray(REGISTRY[name], neutral, ray, length)
+        point = forward or point_on_ray(REGISTRY[name], neutral, ray, -length)
         if point is None:
             return length, change
         [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
@@ -415,7 +415,7 @@ def visible_length(
     return length, change
 
 
-def _on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):
+def point_on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):
     """Parameters at a length along a ray; None beyond the bounds of a parameter."""
     point = dict(neutral)
     for p in effect.parameters:

@@ -102,7 +102,7 @@ def back_emf(campaign: Campaign, effects: Mapping[str, Mapping[str, float]]) -> 
     if gain is None or not viscous > 0:
         return []
     return [
-        f"The command is a voltage, and the viscous friction of {viscous:.3g} N m s/rad looks like the back-EMF of its "
+        f"The command is a voltage, and the viscous friction of {viscous:.3g} N·m·s/rad looks like the back-EMF of its "
         f"drive: {viscous / abs(gain):.3g} V s/rad at the hub (gear ratio times back-EMF constant). Compare it with "
         'the data sheet of the motor, and declare the drive in [drive] with kind = "voltage".'
     ]
@@ -204,7 +204,7 @@ def break_away_notes(state: SearchState) -> list[str]:
         levels = np.array([run.level for run in runs if run.direction == direction])
         if len(torques) and abs(np.median(torques / levels) - 1) > _BREAK_AWAY_ERROR:
             differing.append(
-                f"at {np.median(torques):.2g} N m {where} (the model: {np.median(levels):.2g} N m)"
+                f"at {np.median(torques):.2g} N·m {where} (the model: {np.median(levels):.2g} N·m)"
             )
     if not differing:
         return []

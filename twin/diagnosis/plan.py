@@ -20,10 +20,9 @@ from twin.diagnosis.separation import Explanation
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
 from twin.estimation.calibrate import Calibration, calibrate, noise_levels
-from twin.files.table import csv_text
-from twin.files.whole import write_file
+from twin.files.writers import write_table
 from twin.progress import Progress, silent
-from twin.recording import MEASURED
+from twin.recording import CHANNEL_UNITS, MEASURED
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def _fit_each(start: Calibration, names: tuple[str, str], progress: Progress) ->
 
 
 def write_torque(plans: Sequence[Plan], path: Path) -> Plan:
-    """Writes time [s] and torque_command [N m] of the best experiment that has a torque as CSV; returns its plan.
+    """Writes time [s] and torque_command [N m] of the best experiment that has a torque; returns its plan.
 
     Decays with a locked hub have none: the tip is released by hand.
 
@@ -107,11 +106,10 @@ def write_torque(plans: Sequence[Plan], path: Path) -> Plan:
     """
     best = next((p for p in plans if np.any(p.experiment.recording["torque_command"])), None)
     if best is None:
-        raise InputError("no torque makes any of these experiments; expected none with --torque")
+        raise InputError("no torque makes any of these experiments; expected none with --out")
     recording = best.experiment.recording
-    rows = zip(recording.time, recording["torque_command"], strict=True)
-    text = csv_text([["time", "torque_command"], *([f"{t:.6g}", f"{u:.6g}"] for t, u in rows)])
-    write_file(path, text)
+    columns = {"time": recording.time, "torque_command": recording["torque_command"]}
+    write_table(columns, {"time": "s", "torque_command": CHANNEL_UNITS["torque_command"]}, path)
     return best
 
 

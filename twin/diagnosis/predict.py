@@ -14,6 +14,7 @@ from twin.diagnosis import remainder
 from twin.diagnosis.answer import ChannelError, Prediction
 from twin.diagnosis.error_budget import ChannelBudget, ModelError, channel_budgets, model_errors, rms_error
 from twin.diagnosis.state import SearchState
+from twin.diagnosis.traces import held_out_torque
 from twin.diagnosis.windows import simulate_windows
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
@@ -59,11 +60,12 @@ def predict(
             }
             simulated = list(zip(models, starts, runs[:3], strict=True))
             budget = error_budget(state.names, simulated, between, prepared, pool) if evaluated else {}
+            torque = held_out_torque(state, prepared, pool) if role == "holdout" else None
             windows = {c: b.after for c, b in budget.items()}
             if can_contradict and not evaluated:
                 compared[recording.name] = (prepared, *simulated[-1])
             predictions[recording.name] = Prediction(
-                role, recording, before, calibrated, after, errors, left_out, budget, windows
+                role, recording, before, calibrated, after, errors, left_out, budget, windows, torque
             )
     final = pool.map(lambda run: _errors(*run), compared.values())
     changed = {name: replace(predictions[name], windows=w) for name, w in zip(compared, final, strict=True)}

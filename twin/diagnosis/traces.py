@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
+from twin.diagnosis import remainder
 from twin.diagnosis.answer import Trace
 from twin.diagnosis.dependence import TRAVEL, Unexplained, travel, unexplained_residuals, variance_shares
 from twin.diagnosis.state import SearchState
+from twin.estimation.first_state import first_state
+from twin.estimation.fit import Fit
 from twin.recording import HUB_TORQUE
+from twin.residuals.data import DrivenData
+from twin.residuals.prepared import Prepared
+from twin.residuals.residual import raw_residual
+from twin.rigs.model import with_fine_chain
 
 FEWEST = 50
 """Samples from which the residuals of a channel are plotted."""
@@ -56,6 +64,34 @@ def final_traces(
         for c in channels
         if len(residuals[c].values) >= FEWEST
     )
+
+
+def held_out_torque(state: SearchState, prepared: Prepared, pool: ThreadPoolExecutor) -> Trace | None:
+    """Torque on the hub that a model lacks in a recording which was not fitted; None where it cannot be estimated.
+
+    As on the fit recordings: what the calibrated model lacks, with the part of it that the adopted effects explain;
+    where residuals stay unexplained, what the final model lacks.
+
+    Args:
+      state: the end of the search.
+      prepared: the recording.
+      pool: threads, for its initial state.
+    """
+    data = DrivenData([prepared], state.base.model)
+    rows = next((g.rows for g in data.groups if g.channel == HUB_TORQUE), None)
+    if rows is None or data.weight[rows].sum() < FEWEST:
+        return None
+    keep, view = data.weight[rows] > 0, data.views[0]
+
+    def lacking(fit: Fit) -> np.ndarray:
+        start = first_state(fit.model, prepared, pool)
+        return raw_residual(view, prepared, with_fine_chain(fit.model), start)[HUB_TORQUE][keep]
+
+    time = view.time[keep] - view.time[0]
+    unexplained = bool(remainder.unexplained_channels(state))
+    values = lacking(state.best if unexplained else state.base)
+    fitted = values - lacking(state.best) if state.adopted and not unexplained else None
+    return Trace(HUB_TORQUE, time, values, {}, np.zeros(len(time), dtype=int), time, fitted=fitted)
 
 
 def _trace(channel: str, left: Unexplained, explained_by: str | None) -> Trace:

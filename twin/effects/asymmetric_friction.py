@@ -9,6 +9,17 @@ class AsymmetricFriction(Effect):
     name = "asymmetric-friction"
     meaning = "friction levels that differ between the two directions of rotation"
     acts_on = "hub"
+    seen_as = (
+        "The same torque to either side turns the hub by different angles, and the hub breaks away at different "
+        "torques. The missing torque is a constant for each direction."
+    )
+    mistaken_for = {
+        "torque-bias": (
+            "a bias shifts both levels by the same amount, and also acts on a hub that is at rest; break-aways to both "
+            "sides show the levels"
+        ),
+    }
+    source = "B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, Automatica 30, 1994 (a survey of friction models)"
     parameters = (
         EffectParameter("static_positive", "N*m", None, (0.0, 1e3), 1e-3, possible=TORQUES),
         EffectParameter("static_negative", "N*m", None, (0.0, 1e3), 1e-3, possible=TORQUES),

@@ -23,6 +23,15 @@ class Backlash(Effect):
     name = "backlash"
     meaning = "play between motor and hub"
     acts_on = "drive"
+    seen_as = (
+        "When the torque changes its sign the hub does not follow for a moment, then is hit. The missing torque is a "
+        "gap and a pulse at each reversal."
+    )
+    mistaken_for = {
+        "dead-zone": "a dead zone depends on the command alone, play also on the path before",
+        "root-compliance": "a clamp always gives, play only at reversals",
+    }
+    source = "M. Nordin and P.-O. Gutman, Automatica 38, 2002 (a survey of models of play)"
     parameters = (
         EffectParameter("gap", "rad", 0.0, (0.0, 0.3), 2e-3, possible=(0.0, 2 * math.pi)),
         EffectParameter("motor_inertia_share", "1", 0.4, (0.05, 0.9), 0.05, possible=(0.01, 0.99)),

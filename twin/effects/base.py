@@ -6,6 +6,7 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -189,7 +190,10 @@ class Effect:
       name: key in the registry, lower case with hyphens.
       meaning: what the model lacks, to follow "The model lacks NAME: ".
       acts_on: the part of the rig that it belongs to.
-      parameters: the `EffectParameter`s.
+      seen_as: how it looks in recordings; for the documentation, as the two below.
+      mistaken_for: effect that looks alike -> what tells the two apart.
+      source: where the law is from.
+      parameters: an `EffectParameter` for each.
       hub_law: torque on the hub, see `twin.mechanics.hub_law`; its values are the parameters in their order.
       on_motor: whether, with backlash, `hub_law` acts on the motor.
       mjcf_is_exact: whether the element that `write_mjcf` adds is exact with any time step.
@@ -205,6 +209,9 @@ class Effect:
     name: str
     meaning: str
     acts_on: Literal["drive", "hub", "link", "payload", "sensors"]
+    seen_as = ""
+    mistaken_for: Mapping[str, str] = MappingProxyType({})
+    source = ""
     parameters: tuple[EffectParameter, ...]
     hub_law: HubLaw | None = None
     on_motor = False

@@ -21,6 +21,16 @@ class CableTorsion(Effect):
     name = "cable-torsion"
     meaning = "wires that pull the hub back like a spring"
     acts_on = "hub"
+    seen_as = (
+        "The hub turns too far towards one angle and too little away from it, and creeps back when the motor is off. "
+        "The missing torque is a straight line over the hub angle."
+    )
+    mistaken_for = {
+        "cogging": "a wide range of hub angles: the line goes on, the wave returns",
+        "gravity-tilt": "a wide range of hub angles; gravity also bends the resting link",
+        "torque-bias": "hub angles far apart: the spring's torque changes, a bias does not",
+    }
+    source = "Hooke's law; that wires obey it is assumed"
     parameters = (
         EffectParameter("stiffness", "N*m/rad", 0.0, (0.0, 10.0), 1e-3, possible=(0.0, 1e4)),
         EffectParameter("rest_angle", "rad", 0.0, (-2 * math.pi, 2 * math.pi), 0.1, possible=ANGLES),

@@ -23,6 +23,14 @@ class Cogging(Effect):
     name = "cogging"
     meaning = "a torque of the motor's magnets, periodic in the angle"
     acts_on = "drive"
+    seen_as = (
+        "At low speed the hub advances in jerks, and rests at preferred angles. The missing torque is a wave over the "
+        "hub angle that does not depend on the rate."
+    )
+    mistaken_for = {
+        "hub-sensor-nonlinearity": "a sensor's error has no torque: the gauges and the motor current do not show it",
+    }
+    source = "J. R. Hendershot and T. J. E. Miller, Design of Brushless Permanent-Magnet Motors, 1994"
     parameters = (
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3, possible=TORQUES),
         EffectParameter("order", "1", 2.0, (1.9, 80.0), 0.02, possible=ORDERS),

@@ -14,6 +14,14 @@ class DeadZone(Effect):
     name = "dead-zone"
     meaning = "a drive that gives nothing for small commands, and the excess of larger ones"
     acts_on = "drive"
+    seen_as = (
+        "Small commands do nothing; of larger ones a constant amount is missing. The missing torque is the command "
+        "itself up to `half_width`, and constant beyond."
+    )
+    mistaken_for = {
+        "asymmetric-friction": "friction opposes the motion, a dead zone the command; a braking hub tells them apart",
+    }
+    source = "G. Tao and P. V. Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996"
     parameters = (EffectParameter("half_width", "N*m", 0.0, (0.0, 10.0), 1e-3, possible=TORQUES),)
 
     def drive(self, drive, p):

@@ -14,6 +14,15 @@ class GravityTilt(Effect):
     name = "gravity-tilt"
     meaning = "gravity in the plane of motion, which is not level"
     acts_on = "link"
+    seen_as = (
+        "The resting link is bent, differently at different hub angles, and the hub is pulled towards the lowest point "
+        "of the table. The missing torque is a sine of the hub angle with one period a turn."
+    )
+    mistaken_for = {
+        "cogging": "cogging does not bend the resting link",
+        "position-dependent-friction": "gravity pulls a resting hub too, friction only brakes",
+    }
+    source = "statics of a rigid body in the field of gravity"
     parameters = (
         EffectParameter("tilt", "rad", 0.0, (0.0, 0.8), 1e-3, possible=(0.0, math.pi / 2)),
         EffectParameter("direction", "rad", 0.0, (-20.0, 20.0), 0.1, possible=ANGLES),

@@ -15,6 +15,14 @@ class HubSensorNonlinearity(Effect):
     name = "hub-sensor-nonlinearity"
     meaning = "an error of the hub angle sensor, periodic in the angle"
     acts_on = "sensors"
+    seen_as = (
+        "The hub seems to speed up and slow down at the same angles in each direction, while the gauges show no force. "
+        "The error is a wave over the hub angle."
+    )
+    mistaken_for = {
+        "position-dependent-friction": "the gauges: friction bends the link, a sensor's error does not",
+    }
+    source = "eccentric discs of encoders and tracks of potentiometers; the sine is assumed"
     parameters = (
         EffectParameter("amplitude", "rad", 0.0, (0.0, 0.5), 1e-3, "hub_angle", possible=(0.0, 2 * math.pi)),
         EffectParameter("order", "1", 1.0, (0.9, 40.0), 0.02, "hub_angle", possible=ORDERS),

@@ -26,6 +26,15 @@ class PeriodicDisturbance(Effect):
     name = "periodic-disturbance"
     meaning = "a sinusoidal disturbance of one frequency"
     acts_on = "hub"
+    seen_as = (
+        "Gauges and hub vibrate at one frequency even when nothing is commanded. The residual has one line in its "
+        "spectrum, the same in all recordings."
+    )
+    mistaken_for = {
+        "torsional-mode": "a mode fades when it is no longer excited, a disturbance does not",
+        "cogging": "cogging has a period in the angle, a disturbance in time",
+    }
+    source = "a definition; fans, pumps, mains hum"
     parameters = (
         EffectParameter("frequency", "Hz", 1.0, (0.05, 60.0), 0.002, possible=(1e-3, 1e3)),
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 20.0), 1e-3, possible=TORQUES),

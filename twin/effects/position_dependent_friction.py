@@ -10,6 +10,14 @@ class PositionDependentFriction(Effect):
     name = "position-dependent-friction"
     meaning = "friction levels that are periodic in the hub angle"
     acts_on = "hub"
+    seen_as = (
+        "Where the hub comes to rest depends on where it started. The missing torque has the sign of the rate, and its "
+        "size repeats with the hub angle."
+    )
+    mistaken_for = {
+        "cogging": "cogging pushes in the same direction whichever way the hub turns; a slow turn to and fro tells",
+    }
+    source = "B. Armstrong-Hélouvry, Control of Machines with Friction, 1991"
     parameters = (
         EffectParameter("amplitude", "N*m", 0.0, (0.0, 1.0), 1e-3, possible=TORQUES),
         EffectParameter("order", "1", 1.0, (0.9, 80.0), 0.02, possible=ORDERS),

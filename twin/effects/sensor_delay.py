@@ -14,6 +14,14 @@ class SensorDelay(Effect):
     name = "sensor-delay"
     meaning = "a delay of sensor readings"
     acts_on = "sensors"
+    seen_as = (
+        "Readings follow the motion late by the same time, whatever moves the rig; between fast channels and slow ones "
+        "it looks like a phase that grows with frequency."
+    )
+    mistaken_for = {
+        "actuator-lag": "a free vibration, in which no command takes part",
+    }
+    source = "K. J. Åström and B. Wittenmark, Computer-Controlled Systems, 1997"
     parameters = (
         EffectParameter("delay", "s", 0.0, (0.0, 0.05), 1e-3, possible=TIMES),
         EffectParameter("hub_angle", "1", 1.0, (0.0, 1.0), 1.0, "hub_angle", choice=True),

@@ -10,6 +10,15 @@ class StiffnessLoss(Effect):
     name = "stiffness-loss"
     meaning = "a bending stiffness of the whole link other than the declared one"
     acts_on = "link"
+    seen_as = (
+        "All frequencies of the link are lower by the same share, and static deflections larger; where the hub ends "
+        "hardly changes."
+    )
+    mistaken_for = {
+        "softening-stiffness": "small and large vibrations: a loss is the same in both",
+        "root-compliance": "a gauge beside the deflection of the tip: a clamp that gives moves the tip without strain",
+    }
+    source = "a definition; fibre composites lose stiffness with age"
     parameters = (
         EffectParameter(
             "bending_stiffness",

@@ -14,6 +14,11 @@ class StrainDrift(Effect):
     name = "strain-drift"
     meaning = "a drift of the strain bridges, linear in time"
     acts_on = "sensors"
+    seen_as = "The reading of a resting link moves steadily from the start of a recording to its end."
+    mistaken_for = {
+        "gravity-tilt": "a drift goes on while the hub rests; what gravity bends depends on the angle alone",
+    }
+    source = "K. Hoffmann, An Introduction to Measurements using Strain Gages, 1989"
     parameters = tuple(
         EffectParameter(rate, "1/s", 0.0, (-1e-2, 1e-2), 1e-6, ch, possible=(-1.0, 1.0))
         for ch, rate in RATES.items()

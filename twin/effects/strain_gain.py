@@ -14,6 +14,14 @@ class StrainGain(Effect):
     name = "strain-gain"
     meaning = "a gain error of the strain bridges"
     acts_on = "sensors"
+    seen_as = (
+        "The readings of a bridge are too large or too small by the same share in every motion; hub and frequencies "
+        "are right."
+    )
+    mistaken_for = {
+        "stiffness-loss": "frequencies: a gain leaves them as they are",
+    }
+    source = "K. Hoffmann, An Introduction to Measurements using Strain Gages, 1989"
     parameters = tuple(
         EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch, possible=GAIN_ERRORS)
         for ch, gain in GAINS.items()

@@ -22,6 +22,14 @@ class TorsionalMode(Effect):
     name = "torsional-mode"
     meaning = "a lightly damped extra mode of the link"
     acts_on = "link"
+    seen_as = (
+        "A peak in the spectrum of gauges and torque balance at a frequency at which the beam has no mode; it rings on "
+        "after fast edges."
+    )
+    mistaken_for = {
+        "root-compliance": "a clamp that gives moves the modes that exist, and adds none",
+    }
+    source = "Bossi et al. 2009, Fig. 4, shows a peak near 28 Hz"
     parameters = (
         EffectParameter("frequency", "Hz", 28.0, (4.0, 80.0), 0.05, possible=(0.1, 1e4)),
         EffectParameter("damping_ratio", "1", 0.02, (5e-4, 0.4), 2e-3, possible=(0.0, 1.0)),

@@ -21,12 +21,13 @@ from twin.errors import InputError
 from twin.estimation import chain_limit, first_state
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
-from twin.estimation.slopes import costs_at
+from twin.estimation.slopes import cost_of, costs_at, difference_jacobian, first_steps
 from twin.estimation.unknowns import (
     Unknown,
     clock_unknown,
     declared_unknowns,
     known_effect_unknowns,
+    model_and_starts_at,
     model_at,
     start_unknowns,
 )
@@ -115,6 +116,29 @@ def calibrate(
     bench, base = _final_calibration(rough.bench, model, rough.fit)
     notes = (*odd, *cuts, *rough.notes)
     return Calibration(model, tuple(readings), tuple(sound), bench, base, rough.clock, notes)
+
+
+def declared_fit(campaign: Campaign, pool: ThreadPoolExecutor) -> tuple[Workbench, Fit]:
+    """The data of the fit recordings and the declared model on them with its Jacobian, nothing fitted.
+
+    Raises:
+      InputError: the declared link diverges under the measured motion of the hub in every recording.
+    """
+    noise = noise_levels(campaign)
+    shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
+    model = Model(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
+    readings, _ = defects.without_defects(campaign.fit, campaign.sensors)
+    sound, _ = sound_stretches(readings, noise, model)
+    clock = possible_clocks(sound)[0]
+    data = DrivenData([_prepare_on_clock(clock, r, noise, model)[0] for r in sound], model)
+    _divergence_notes(data)
+    bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
+    unknowns = _all_unknowns(model, bench, _Given(campaign.effect_errors, {}))
+    x, steps = np.array([u.start for u in unknowns]), first_steps(unknowns)
+    [r] = bench.residuals([(*model_and_starts_at(model, starts, unknowns, x), None)])
+    J, _ = difference_jacobian(bench, model, starts, unknowns, x, r, steps, {})
+    cost, unsure = cost_of(bench, unknowns, x, r), np.zeros((len(x), len(x)))
+    return bench, Fit(model, starts, unknowns, x, unsure, r, bench.sizes(r), cost, J)
 
 
 def likeliest_clock(start: Calibration, best: Fit) -> Clock:

@@ -20,7 +20,7 @@ class DerivedQuantity:
     Attributes:
       label: its name in a sentence, with an article.
       estimate: in `unit`.
-      unit: as it is printed.
+      unit: SI.
     """
 
     label: str
@@ -61,7 +61,7 @@ def derived_quantities(rig: Rig, joint: JointEstimate) -> DerivedQuantities:
             joint.derived_estimate(lambda p: _first_hz(beam.modes(p, 1)), rig),
             "Hz",
         ),
-        DerivedQuantity("a total inertia", joint.derived_estimate(beam.rigid_inertia, rig), "kg m^2"),
+        DerivedQuantity("a total inertia", joint.derived_estimate(beam.rigid_inertia, rig), "kg*m^2"),
         DerivedQuantity(
             "a tip stiffness 3 EI/l^3",
             joint.derived_estimate(lambda p: 3 * p["bending_stiffness"] / p["length"] ** 3, rig),

@@ -66,7 +66,7 @@ def _gauge_curvature(test: StaticTest) -> list[str]:
 def _stiffness(test: StaticTest) -> str:
     """EI, and E where the second moment of area is given."""
     assert test.stiffness is not None
-    text = f"EI = {format_estimate(test.stiffness, 'N m^2')}"
+    text = f"EI = {format_estimate(test.stiffness, 'N*m^2')}"
     if test.modulus is None:
         return text
     return f"{text}, E = {format_estimate(test.modulus, 'Pa')} with the I that was given,"
@@ -95,7 +95,7 @@ def _outlier(outlier: Outlier) -> list[str]:
     elif others.curvature is not None:
         sentences.append(f"Without it one unit is {format_estimate(others.curvature, '1/m')}.")
     if outlier.own_stiffness is not None:
-        sentences.append(f"With that tare {name} by itself gives EI = {outlier.own_stiffness:.4g} N m^2.")
+        sentences.append(f"With that tare {name} by itself gives EI = {outlier.own_stiffness:.4g} N·m².")
     return sentences
 
 
@@ -140,16 +140,16 @@ def break_aways(friction: StaticFriction) -> Finding:
         missing = "no recording in which a slowly growing torque ends a rest of the hub"
         return Finding("break-away", title, (), missing)
     count = f"{len(friction.events)} break-away{'s' if len(friction.events) > 1 else ''}"
-    sentences = [f"{count}; static friction {format_estimate(friction.level, 'N m')}."]
+    sentences = [f"{count}; static friction {format_estimate(friction.level, 'N*m')}."]
     for direction, level in friction.by_direction.items():
         side = "positive" if direction > 0 else "negative"
-        sentences.append(f"Towards {side} angles {format_estimate(level, 'N m')}.")
+        sentences.append(f"Towards {side} angles {format_estimate(level, 'N*m')}.")
     if len(friction.by_direction) == 2:
         names = ("The level of the positive direction", "that of the negative one")
         sentences.append(agreement(friction.by_direction[1], friction.by_direction[-1], names))
     if friction.angle_spread == friction.angle_spread:
         sentences.append(
-            f"Standard deviation over the angles at which they were read: {friction.angle_spread:.2g} N m."
+            f"Standard deviation over the angles at which they were read: {friction.angle_spread:.2g} N·m."
         )
     return Finding("break-away", title, tuple(sentences))
 
@@ -178,9 +178,9 @@ def _coulomb_by_balance(hub: Balance, joint: JointEstimate) -> list[str]:
             f"The hub's torque balance {explained}: the model lacks torques on the hub, so that it gives no level."
         ]
     sentences = [
-        f"By the hub's torque balance: {format_estimate(hub.coulomb_mean, 'N m')}.",
-        f"Towards positive angles {format_estimate(hub.coulomb[1], 'N m')}, "
-        f"towards negative ones {format_estimate(hub.coulomb[-1], 'N m')}.",
+        f"By the hub's torque balance: {format_estimate(hub.coulomb_mean, 'N*m')}.",
+        f"Towards positive angles {format_estimate(hub.coulomb[1], 'N*m')}, "
+        f"towards negative ones {format_estimate(hub.coulomb[-1], 'N*m')}.",
         f"The balance {explained}.",
     ]
     if "coulomb_friction" in joint.names:
@@ -201,7 +201,7 @@ def _above_static(hub: Balance | None, joint: JointEstimate, static_level: Estim
         return []
     if normalised_difference(level, static_level) <= DISAGREEMENT:
         return []
-    subject = "That" if hub else f"The joint estimate, {format_estimate(level, 'N m')},"
+    subject = "That" if hub else f"The joint estimate, {format_estimate(level, 'N*m')},"
     return [f"{subject} exceeds the static friction, as dry friction cannot: part of it grows with the rate."]
 
 
@@ -216,7 +216,7 @@ def _coulomb_by_decay(release: FrictionMap | None) -> str:
     return (
         f"{head}, with an equivalent damping ratio of {measured} and simulations from a deflection of "
         f"{1e3 * release.deflection:.3g} mm, which gives swings as large as measured: "
-        f"{format_estimate(release.level, 'N m')}."
+        f"{format_estimate(release.level, 'N*m')}."
     )
 
 
@@ -246,7 +246,7 @@ def inertia(
         )
     if momentum is not None and momentum.accepted:
         sentences.append(
-            f"J = {format_estimate(momentum.inertia, 'kg m^2')} of the whole rig by its angular momentum."
+            f"J = {format_estimate(momentum.inertia, 'kg*m^2')} of the whole rig by its angular momentum."
         )
         sentences.append(agreement(momentum.inertia, total, ("It", "that of the joint estimate")))
     elif sentences:
@@ -265,7 +265,7 @@ def _hub_inertia(inertia: Estimate, joint: JointEstimate | None) -> list[str]:
         return [
             f"The hub's torque balance does not determine J0: its standard error is {share:.0f} % of its value."
         ]
-    sentences = [f"J0 = {format_estimate(inertia, 'kg m^2')} by the hub's torque balance."]
+    sentences = [f"J0 = {format_estimate(inertia, 'kg*m^2')} by the hub's torque balance."]
     if joint is not None and "hub_inertia" in joint.names:
         sentences.append(agreement(inertia, joint.estimate("hub_inertia"), ("It", "the joint estimate")))
     return sentences

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from twin.identification.balance import Balance
 from twin.identification.break_away import StaticFriction
 from twin.identification.compare_campaigns import Comparison
 from twin.identification.decay import Decay
-from twin.identification.estimates import TWO_SIDED_95
+from twin.identification.estimates import TWO_SIDED_95, Identified
 from twin.identification.friction_map import FrictionMap
 from twin.identification.joint import JointEstimate
 from twin.identification.spectra import Response, peaks
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 MEASURED, FITTED, OTHER, SOFT = pages.INK, pages.BLUE, pages.VERMILION, pages.GREY
 """Colours of measurements, of what is fitted to them, of a second series, and of secondary lines."""
 _POINTS = 2000  # of a line
+_DASHES = ("solid", "dash", "dot")
+_LARGEST_CIRCLE = 22  # of a correlation of 1 [px]
 
 
 def load_line(line: LoadLine, column: str) -> Figure:
@@ -84,15 +87,16 @@ def _envelope(ring_down: Decay) -> np.ndarray:
 def break_aways(levels: StaticFriction) -> Figure:
     """Returns the break-away torque over the hub angle of each event."""
     figure = _figure(340)
-    for direction, colour, name in ((1, FITTED, "towards positive"), (-1, OTHER, "towards negative")):
+    directions = ((1, FITTED, "circle", "towards positive"), (-1, OTHER, "diamond-open", "towards negative"))
+    for direction, colour, symbol, name in directions:
         mine = [(e, s) for e, s in zip(levels.events, levels.errors, strict=True) if e.direction == direction]
         if mine:
             bars = {"type": "data", "array": [TWO_SIDED_95 * s for _, s in mine]}
             x, y = [np.degrees(e.angle) for e, _ in mine], [abs(e.torque) for e, _ in mine]
-            figure.add_scatter(x=x, y=y, error_y=bars, mode="markers", name=name, marker=_dot(colour))
+            figure.add_scatter(x=x, y=y, error_y=bars, mode="markers", name=name, marker=_dot(colour, symbol))
     figure.update_xaxes(title_text="hub angle [°]")
     # From zero, so that a spread of percents looks small.
-    figure.update_yaxes(title_text="torque at break-away [N m]", rangemode="tozero")
+    figure.update_yaxes(title_text="torque at break-away [N·m]", rangemode="tozero")
     return figure
 
 
@@ -142,17 +146,15 @@ def response(measured: Response) -> Figure:
         ("H2", measured.h2, OTHER),
         ("Hv", measured.hv, SOFT),
     )
-    for name, values, colour in curves:
-        y = np.abs(values) * shown
-        figure.add_scatter(
-            x=measured.frequency, y=y, name=name, line={"color": colour, "width": 1.6}, row=1, col=1
-        )
+    for (name, values, colour), dash in zip(curves, _DASHES, strict=True):
+        line = {"color": colour, "width": 1.6, "dash": dash}
+        figure.add_scatter(x=measured.frequency, y=np.abs(values) * shown, name=name, line=line, row=1, col=1)
     for peak in peaks(measured):
         figure.add_vline(x=peak.frequency.value, line={"color": SOFT, "dash": "dot"}, row=1, col=1)
     line = {"color": MEASURED, "width": 1.2}
     figure.add_scatter(x=measured.frequency, y=measured.coherence, line=line, showlegend=False, row=2, col=1)
     figure.update_yaxes(
-        title_text=f"{labels.channel(measured.channel).label} per N m", type="log", row=1, col=1
+        title_text=f"{labels.channel(measured.channel).label} per N·m", type="log", dtick="D2", row=1, col=1
     )
     figure.update_yaxes(title_text="coherence", range=[0, 1.02], row=2, col=1)
     figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
@@ -163,12 +165,14 @@ def compared_responses(comparison: Comparison) -> Figure:
     """Returns the frequency responses of two campaigns of one rig."""
     figure = _figure(380)
     here, there = comparison.responses
-    for response, name, colour in ((here, "this campaign", FITTED), (there, comparison.campaign, OTHER)):
+    curves = ((here, "this campaign", FITTED, "solid"), (there, comparison.campaign, OTHER, "dash"))
+    for response, name, colour, dash in curves:
         y = np.abs(response.h1) * np.where(response.known, 1.0, np.nan)
-        figure.add_scatter(x=response.frequency, y=y, name=name, line={"color": colour, "width": 1.6})
+        line = {"color": colour, "width": 1.6, "dash": dash}
+        figure.add_scatter(x=response.frequency, y=y, name=name, line=line)
     for peak in comparison.peaks:
         figure.add_vline(x=peak.frequency_hz, line={"color": SOFT, "dash": "dot"})
-    figure.update_yaxes(title_text=f"{labels.channel(here.channel).label} per N m", type="log")
+    figure.update_yaxes(title_text=f"{labels.channel(here.channel).label} per N·m", type="log", dtick="D2")
     figure.update_xaxes(title_text="frequency [Hz]")
     return figure
 
@@ -190,20 +194,56 @@ def backbone(curve: Backbone) -> Figure:
 
 
 def correlation(joint: JointEstimate) -> Figure:
-    """Returns the correlation matrix of the joint estimate."""
-    figure = _figure(460)
+    """Returns the correlations of the joint estimate: their size as that of circles, negative ones hollow."""
+    figure = _figure(90 + 30 * len(joint.names))
     names = [labels.words(name) for name in joint.names]
-    r = joint.correlation.round(2)
-    figure.add_heatmap(
-        z=r, x=names, y=names, text=r, texttemplate="%{text}", colorscale="RdBu", zmin=-1, zmax=1, zmid=0
-    )
+    rows, columns = np.nonzero(np.tril(np.ones_like(joint.correlation), -1))
+    r = joint.correlation[rows, columns]
+    for sign, colour, symbol in ((1, FITTED, "circle"), (-1, OTHER, "circle-open")):
+        mine = sign * r > 0
+        x, y = ([names[i] for i in index[mine]] for index in (columns, rows))
+        marker = {"color": colour, "symbol": symbol, "size": _LARGEST_CIRCLE * np.sqrt(np.abs(r[mine]))}
+        name = "positive" if sign > 0 else "negative"
+        hover = "%{y}, %{x}: %{text}<extra></extra>"
+        text = [f"{value:+.2f}" for value in r[mine]]
+        points = {"mode": "markers", "name": name, "text": text, "hovertemplate": hover}
+        figure.add_scatter(x=x, y=y, marker=marker, **points)
+    figure.update_xaxes(categoryorder="array", categoryarray=names[:-1])
+    figure.update_yaxes(categoryorder="array", categoryarray=names[:0:-1])
+    return figure.update_layout(margin={"l": 118, "b": 100}, legend={"itemsizing": "constant"})
+
+
+def moves(parameters: Mapping[str, Identified]) -> Figure | None:
+    """Returns how far each parameter is from its declared value, with its interval; None for fewer than two."""
+    known = {name: p for name, p in parameters.items() if p.declared_error}
+    if len(known) < 2:
+        return None
+    figure = _figure(90 + 26 * len(known))
+    names = [labels.words(name).replace(".", ": ") for name in known]
+    x = [(p.value - p.declared) / p.declared_error for p in known.values() if p.declared_error]
+    ends = [p.estimate.interval for p in known.values()]
+    scales = [p.declared_error for p in known.values() if p.declared_error]
+    bars = {
+        "type": "data",
+        "array": [(high - p.value) / s for (_, high), p, s in zip(ends, known.values(), scales, strict=True)],
+        "arrayminus": [
+            (p.value - low) / s for (low, _), p, s in zip(ends, known.values(), scales, strict=True)
+        ],
+    }
+    hover = "%{y}: %{x:+.2f} declared standard deviations<extra></extra>"
+    points = {"marker": _dot(FITTED), "error_x": bars, "hovertemplate": hover, "showlegend": False}
+    figure.add_scatter(x=x, y=names, mode="markers", **points)
+    figure.add_vrect(x0=-2, x1=2, fillcolor="#e3efe6", line_width=0, layer="below")
+    figure.add_vline(x=0, line={"color": SOFT, "width": 1})
+    # The shaded range has an end on both sides.
+    reach = max(2.6, 1.1 * max(abs(value) for value in x))
+    figure.update_xaxes(title_text="declared standard deviations", range=[-reach, reach])
     figure.update_yaxes(autorange="reversed")
-    figure.update_layout(margin={"l": 140, "b": 110})
-    return figure
+    return figure.update_layout(margin={"l": 140})
 
 
-def _dot(colour: str) -> dict:
-    return {"color": colour, "size": 8}
+def _dot(colour: str, symbol: str = "circle") -> dict:
+    return {"color": colour, "size": 8, "symbol": symbol}
 
 
 def _figure(height: int) -> Figure:

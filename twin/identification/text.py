@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import math
 
+from twin import labels
 from twin.identification.estimates import Estimate, normalised_difference
 
-_MIN_DIGITS, _MAX_DIGITS = 4, 9
-"""Significant digits of a printed value."""
+_MIN_DIGITS, _USUAL_DIGITS, _MAX_DIGITS = 4, 6, 9
+"""Significant digits of a printed value: at least, at most as a rule, and at most where the interval is narrower."""
 DISAGREEMENT = 3.0
 """Normalised difference from which two estimates are said to disagree [1]."""
 
 
 def format_estimate(estimate: Estimate, unit: str = "") -> str:
-    """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N m^2`."""
+    """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N·m²`."""
     low, high = estimate.interval
-    digits = _MIN_DIGITS
-    if high > low and estimate.value:
-        # Two digits of half the interval.
-        digits = min(
-            max(_MIN_DIGITS, 2 + math.ceil(math.log10(2 * abs(estimate.value) / (high - low)))), _MAX_DIGITS
-        )
-    return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {unit}".rstrip()
+    digits = _digits(estimate.value, low, high)
+    return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {labels.unit(unit)}".rstrip()
+
+
+def _digits(value: float, low: float, high: float) -> int:
+    """Significant digits: one or two of half the interval."""
+    if not (high > low and value):
+        return _MIN_DIGITS
+    digits = max(_MIN_DIGITS, 1 + math.ceil(math.log10(2 * abs(value) / (high - low))))
+    coincide = f"{low:.{_USUAL_DIGITS}g}" == f"{high:.{_USUAL_DIGITS}g}"
+    return min(digits, _MAX_DIGITS if coincide else _USUAL_DIGITS)
 
 
 def agreement(a: Estimate, b: Estimate, names: tuple[str, str]) -> str:

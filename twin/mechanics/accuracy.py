@@ -223,7 +223,7 @@ def _bounded_errors(
     rows.append(Row("static tip compliance", _percent(compliance[1], compliance[0]), 0.2, "%"))
     if creep is not None and break_away is not None and step_change is not None:
         rows.append(Row("creep in 60 s below break-away", creep, 1e-6, "rad"))
-        rows.append(Row("break-away torque", break_away[1] - break_away[0], 0.003 * break_away[0], "N m"))
+        rows.append(Row("break-away torque", break_away[1] - break_away[0], 0.003 * break_away[0], "N*m"))
         rows.append(Row("slew, time step halved", step_change[0], 1e-3, "rad"))
     return rows
 

@@ -12,11 +12,13 @@ from twin.campaigns.campaign import Campaign
 from twin.campaigns.readings import estimate_noise, sample_clock
 from twin.errors import listed
 from twin.parameters import DEFAULTS
-from twin.proposal import measure
+from twin.proposal import measure, motions
 from twin.recording import ON_LINK, Recording
 
 _FEWEST_PER_PERIOD = 10.0
 """Samples per period of the first mode: the second, some three times faster, then has three."""
+_LEAST_PER_PERIOD = 2.5
+"""Samples per period of the first mode, without which its vibration cannot be followed: two, and a margin."""
 _NOISE_FACTOR = 3.0  # of the declared noise, by which that of the readings may differ
 _INERTIA_FACTOR = 2.0
 """Factor by which torque per acceleration may differ from the declared inertia: friction and springs take a part."""
@@ -30,11 +32,17 @@ class Finding:
       what: what was looked at.
       ok: whether nothing stands against a fit.
       text: what was found.
+      fails: whether a fit would be misled: the campaign does not pass.
     """
 
     what: str
     ok: bool
     text: str
+    fails: bool = False
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as plain values."""
+        return {"what": self.what, "ok": self.ok, "fails": self.fails, "text": self.text}
 
 
 def look(campaign: Campaign) -> list[Finding]:
@@ -47,15 +55,12 @@ def look(campaign: Campaign) -> list[Finding]:
         _rate(campaign, recordings),
         _clock(recordings),
         *_noise(campaign),
+        _limit(campaign),
         _rests(recordings),
+        *_motions(campaign),
         *_missing(campaign),
         *(Finding("data", False, note) for note in dict.fromkeys(notes)),
     ]
-
-
-def to_json(name: str, findings: list[Finding]) -> dict[str, object]:
-    """Returns the findings as the content of a JSON file."""
-    return {"campaign": name, "findings": [{"what": f.what, "ok": f.ok, "text": f.text} for f in findings]}
 
 
 def _follows(campaign: Campaign, recordings: tuple[Recording, ...]) -> Finding:
@@ -72,14 +77,16 @@ def _follows(campaign: Campaign, recordings: tuple[Recording, ...]) -> Finding:
         f"in {len(clear)} of {len(free)} recordings the torque per acceleration is {min(clear):.2g} to "
         f"{max(clear):.2g} times the declared inertia"
     )
-    return Finding("hub, command", 1 / _INERTIA_FACTOR < middle < _INERTIA_FACTOR, text)
+    ok = 1 / _INERTIA_FACTOR < middle < _INERTIA_FACTOR
+    return Finding("hub, command", ok, text, fails=not ok)
 
 
 def _rate(campaign: Campaign, recordings: tuple[Recording, ...]) -> Finding:
     samples = {r.name: check_rig.vibration_period(r, campaign.rig) / r.period for r in recordings}
     worst = min(samples, key=lambda name: samples[name])
     text = f"{samples[worst]:.0f} samples per period of the first mode at least, in {worst}"
-    return Finding("rate", samples[worst] >= _FEWEST_PER_PERIOD, text)
+    few = samples[worst]
+    return Finding("rate", few >= _FEWEST_PER_PERIOD, text, fails=few < _LEAST_PER_PERIOD)
 
 
 def _clock(recordings: tuple[Recording, ...]) -> Finding:
@@ -114,8 +121,45 @@ def _rests(recordings: tuple[Recording, ...]) -> Finding:
             "rest", True, "where a recording is said to start from rest, nothing moves at its first sample"
         )
     return Finding(
-        "rest", False, f'something moves at the first sample of {listed(moving)}; is start = "unknown"?'
+        "rest",
+        False,
+        f'something moves at the first sample of {listed(moving)}; is start = "unknown"?',
+        fails=True,
     )
+
+
+def _limit(campaign: Campaign) -> Finding:
+    shares = motions.at_the_limit(campaign)
+    if not shares:
+        return Finding("saturation", True, "no command reaches the limit of the amplifier")
+    most = max(shares, key=lambda name: shares[name])
+    text = (
+        f"the command reaches torque_limit in {listed(shares)}, in up to {100 * shares[most]:.0f} % of the samples "
+        f"of {most}"
+    )
+    return Finding("saturation", shares[most] < 1, text)
+
+
+def _motions(campaign: Campaign) -> Iterator[Finding]:
+    looked_for = (
+        ("fast part", motions.fast_parts, "so that the bending modes show little; record a slew with steps"),
+        ("decay", motions.decays, "so that damping shows little; hold the command while the link rings down"),
+        (
+            "rest of the hub",
+            motions.rests,
+            "so that no break-away shows; record moves with rests between them",
+        ),
+    )
+    for what, names_of, why in looked_for:
+        names = names_of(campaign)
+        if names:
+            yield Finding(what, True, f"in {listed(names)}")
+        else:
+            yield Finding(what, False, f"in no recording, {why}")
+    if len(motions.directions(campaign)) == 1:
+        yield Finding(
+            "directions", False, "the hub turns one way only, so that friction the other way does not show"
+        )
 
 
 def _missing(campaign: Campaign) -> Iterator[Finding]:

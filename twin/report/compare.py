@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.errors import InputError, exact
-from twin.report.run_csv import read_track
+from twin.report.run_files import read_track
 from twin.report.run_rerun import Track, differences
 
 _TOLERANCE = 0.01

@@ -19,6 +19,7 @@ from twin.diagnosis.answer import LONGEST_GAP, Diagnosis, Prediction, Trace
 from twin.recording import HUB_TORQUE, Recording, Sensor
 from twin.report import display
 from twin.report import rerun_parts as parts
+from twin.report.prose import prose
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -35,6 +36,8 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
 
 # Plots draw entities in the order of their names: simulated over measured.
 _ENTITY_NAMES = {"measured": "measured", "before": "simulated/before", "after": "simulated/after"}
+_FIRST_ROW = 1.8  # height of the first row of plots, over that of another [1]
+_POINT = 1.5  # radius of the point of a sample [px]
 _LEVER = 0.35  # distance of the torque arrow from the hub, over the length of the link [1]
 _ARROW = 0.5  # length of the arrow of the largest unmodelled torque, over the length of the link [1]
 
@@ -111,6 +114,10 @@ class _RecordingView:
 
     def torque(self) -> tuple[Trace, np.ndarray, np.ndarray] | None:
         """The trace of the unmodelled hub torque with its samples here and their times [s]; None without one."""
+        unseen = self.prediction.torque
+        if unseen is not None:
+            samples = np.flatnonzero(np.isfinite(unseen.values))
+            return unseen, samples, self.prediction.measured.time[0] + np.asarray(unseen.since_start)[samples]
         for trace in self.diagnosis.traces:
             if trace.channel == HUB_TORQUE:
                 samples, time = _trace_samples(self.diagnosis, trace, self.file)
@@ -144,9 +151,13 @@ def _send_recording(stream: rr.RecordingStream, entry: _RecordingView) -> None:
         for name in entry.channels():
             if name in recording:
                 values = labels.channel(name).factor * recording[name]
-                _send_scalars(
-                    stream, f"{entry.root}/{name}/{_ENTITY_NAMES[model]}", recording.time, values, model
-                )
+                entity = f"{entry.root}/{name}/{_ENTITY_NAMES[model]}"
+                _send_scalars(stream, entity, recording.time, values, model)
+                if model != "measured":
+                    left = labels.channel(name).factor * (measured[name] - recording[name])
+                    _send_scalars(
+                        stream, f"{entry.root}/residuals/{name}/{model}", recording.time, left, model
+                    )
     if "torque_command" in measured:
         command = measured["torque_command"]
         _send_scalars(stream, f"{entry.root}/torque/command", measured.time, command, "command")
@@ -160,6 +171,18 @@ def _send_scalars(
     parts.send_scalars(stream, entity, time, values, COLOURS[model], name or model, width)
 
 
+def _send_points(
+    stream: rr.RecordingStream, entity: str, time: np.ndarray, values: np.ndarray, colour: str, name: str
+) -> None:
+    """Sends points over time: a line would go on where there is no sample."""
+    import rerun as rr
+
+    style = rr.SeriesPoints(colors=COLOURS[colour], names=name, markers="circle", marker_sizes=_POINT)
+    stream.log(entity, style, static=True)
+    index = rr.TimeColumn(parts.TIMELINE, duration=time)
+    stream.send_columns(entity, [index], rr.Scalars.columns(scalars=values))
+
+
 def _send_torque(stream: rr.RecordingStream, entry: _RecordingView, frames: np.ndarray) -> None:
     """Sends the torque that the model lacks, as a line over time and as an arrow at the measured arm."""
     import rerun as rr
@@ -169,22 +192,22 @@ def _send_torque(stream: rr.RecordingStream, entry: _RecordingView, frames: np.n
         return
     trace, samples, time = torque_trace
     values = np.asarray(trace.values)[samples]
-    _send_scalars(stream, f"{entry.root}/unmodelled/estimated", time, values, "unmodelled", "estimated")
+    _send_points(stream, f"{entry.root}/unmodelled/estimated", time, values, "unmodelled", "estimated")
     pushing = values
     if trace.fitted is not None:
         pushing = np.asarray(trace.fitted)[samples]
-        _send_scalars(stream, f"{entry.root}/unmodelled/fitted", time, pushing, "after", "fitted effect")
+        _send_points(stream, f"{entry.root}/unmodelled/fitted", time, pushing, "after", "effects found")
     there = np.isfinite(pushing)
     if not _has_arrow(entry.diagnosis) or not there.any():
         return
-    torque = np.where(
-        _between_close_samples(frames, time[there]), np.interp(frames, time[there], pushing[there]), 0.0
-    )
-    origins, vectors = _arrows(entry, frames, torque / max(np.abs(pushing[there]).max(), 1e-12))
+    known = _between_close_samples(frames, time[there])
+    torque = np.interp(frames[known], time[there], pushing[there])
+    origins, vectors = _arrows(entry, frames[known], torque / max(np.abs(pushing[there]).max(), 1e-12))
     entity = f"{entry.root}/arms/unmodelled_torque"
     style = rr.Arrows3D.from_fields(colors=COLOURS["unmodelled"], radii=0.012 * entry.length)
     stream.log(entity, style, static=True)
-    columns = rr.Arrows3D.columns(origins=origins, vectors=vectors)
+    # No arrow where no torque is known.
+    columns = rr.Arrows3D.columns(origins=origins, vectors=vectors).partition(known.astype(int))
     stream.send_columns(entity, [rr.TimeColumn(parts.TIMELINE, duration=frames)], columns)
 
 
@@ -228,33 +251,55 @@ def _tab(diagnosis: Diagnosis, entry: _RecordingView) -> rrb.Horizontal:
     import rerun.blueprint as rrb
 
     arms = parts.arms_view(entry.root, entry.length)
-    plots = [parts.channel_view(f"{entry.root}/{name}", name) for name in entry.channels()]
-    plots.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N m]"))
+    left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
+    rows = list(_plots(entry))
+    # Axes of low plots have a single tick: the first channel is the one to read.
+    plots = rrb.Vertical(*rows, row_shares=[_FIRST_ROW, *[1.0] * (len(rows) - 1)][: len(rows)])
+    return rrb.Horizontal(left, plots, column_shares=[4, 7], name=entry.file)
+
+
+def _plots(entry: _RecordingView) -> Iterator[Any]:
+    """Rows of plots over one time window: each channel beside what is left of it, the torques below."""
+    import rerun.blueprint as rrb
+
+    measured = entry.prediction.measured
+    window = (float(measured.time[0]), float(measured.time[-1]))
+    for name in entry.channels():
+        left_of = f"{labels.channel(name).label}: measured − simulated [{labels.channel(name).unit}]"
+        yield rrb.Horizontal(
+            parts.channel_view(f"{entry.root}/{name}", name, window=window),
+            parts.series_view(f"{entry.root}/residuals/{name}", left_of, window),
+        )
+    torques = []
+    if "torque_command" in measured:
+        torques.append(parts.series_view(f"{entry.root}/torque", "commanded torque [N·m]", window))
     if entry.torque():
         shown = labels.unmodelled(HUB_TORQUE)
-        plots.append(parts.series_view(f"{entry.root}/unmodelled", f"{shown.label} [{shown.unit}]"))
-    left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
-    return rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[5, 6], name=entry.file)
+        torques.append(parts.series_view(f"{entry.root}/unmodelled", f"{shown.label} [{shown.unit}]", window))
+    if torques:
+        yield rrb.Horizontal(*torques)
 
 
 def _summary(diagnosis: Diagnosis) -> str:
     """Returns verdict, effects and next experiment as markdown."""
     arrow = (
-        " The **pink** arrow, on fit recordings, is the torque that the model lacks."
+        " The **pink** arrow is the torque that the model lacks, where it can be estimated: while the hub slides."
         if _has_arrow(diagnosis)
         else ""
     )
     lines = [
         f"## {display.headline(diagnosis)}",
         f"**Grey** measured, **orange** the declared model, **blue** the final one.{arrow}",
-        diagnosis.summary,
+        display.caveat(diagnosis),
+        prose(diagnosis.summary),
         display.improvement(diagnosis),
     ]
     for effect in diagnosis.effects:
         values = ", ".join(
-            f"{name} {value} {unit}".strip() for name, value, unit, _ in display.parameter_rows(effect)
+            f"{labels.words(name)} {value} {unit}".strip()
+            for name, value, unit, _ in display.parameter_rows(effect)
         )
-        lines.append(f"**{effect.name}**: {values}")
+        lines.append(f"**{labels.words(effect.name)}**: {values}")
     if diagnosis.next_experiment:
-        lines.append(f"Next: {diagnosis.next_experiment}")
+        lines.append(f"Next: {prose(diagnosis.next_experiment)}")
     return "\n\n".join(line for line in lines if line)

@@ -10,7 +10,7 @@ from twin import effects, labels
 from twin.diagnosis import budget_text
 from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patched, Prediction
 from twin.diagnosis.error_budget import ChannelBudget
-from twin.labels import angle_in_degrees, join_with_and, over_noise, ratio, unit, with_error, words
+from twin.labels import angle_in_degrees, join_with_and, over_noise, ratio, unit, with_error, with_the, words
 
 MODELS = ("before", "calibrated", "after")
 """The declared, the calibrated and the final model, in the order of a diagnosis."""
@@ -77,13 +77,13 @@ def _budget_row(
         in_windows,
         tuple(said(e.rms_window if in_windows else e.rms) for e in budget.models),
         (said(budget.before.rms), said(budget.after.rms)),
-        (_fit(budget.before.fit_percent), _fit(budget.after.fit_percent)),
+        (fit(budget.before.fit_percent), fit(budget.after.fit_percent)),
         said(budget.noise),
         said(patched.error(file, name)) if patched is not None and patched.errors else "",
     )
 
 
-def _fit(percent: float) -> str:
+def fit(percent: float) -> str:
     """Returns a fit with one decimal above 90 %, where it tells; "–" where it does not exist."""
     if not math.isfinite(percent):
         return "–"
@@ -101,7 +101,7 @@ def parameter_rows(effect: AdoptedEffect) -> list[tuple[str, str, str, str]]:
     rows = []
     for name, value in effect.parameters.items():
         si = effect.units.get(name, "")
-        shown = with_error(value, effect.standard_errors.get(name))
+        shown = with_error(value, effect.standard_errors.get(name), labels.PAGE_DIGITS)
         rows.append((name, shown, unit(si), angle_in_degrees(value, si)))
     return rows
 
@@ -164,6 +164,128 @@ def _share_by_effects(diagnosis: Diagnosis) -> float:
     shown = evaluated_predictions(diagnosis).values()
     budget = budget_text.main_budget([p.budget for p in shown])
     return budget.share_by_effects if budget is not None else 0.0
+
+
+def caveat(diagnosis: Diagnosis) -> str:
+    """Returns what stands against the verdict, or what it does not say, in one sentence."""
+    if diagnosis.contradicted:
+        return _contradiction(diagnosis)
+    if diagnosis.verdict == "no-missing-effect":
+        return (
+            "What is smaller than these recordings can show, or within the declared uncertainty of the parameters, "
+            "may still be there."
+        )
+    if diagnosis.verdict == "outside-library":
+        on = (
+            f"depends on {with_the(diagnosis.depends_on[0])}"
+            if diagnosis.depends_on
+            else "follows no variable"
+        )
+        return f"What is left {on}; these recordings show its size and not its cause."
+    others = [name for effect in diagnosis.effects for name in rivals(diagnosis, effect.name)]
+    if others:
+        what = join_with_and([_with_meaning(name) for name in dict.fromkeys(others)])
+        return f"But {what} would explain these recordings nearly as well."
+    if not by_role(diagnosis, "holdout"):
+        return "No recording was held out, so nothing tests this on data that it has not seen."
+    return "No other effect of the library explains these recordings as well."
+
+
+def _contradiction(diagnosis: Diagnosis) -> str:
+    worst = diagnosis.contradicted[0]
+    prediction = diagnosis.predictions.get(worst.recording)
+    error = prediction.errors.get(worst.channel) if prediction else None
+    size = (
+        f" by {labels.amount(worst.channel, worst.size * error.noise)}, where "
+        f"{labels.amount(worst.channel, worst.limit * error.noise)} was the most to be expected"
+        if error is not None
+        else ""
+    )
+    return (
+        f"The fitted recordings are explained, but not {worst.recording}, which was held out: "
+        f"{with_the(worst.channel)} is off{size}."
+    )
+
+
+def _with_meaning(name: str) -> str:
+    meaning = effects.meaning(name)
+    return f"{words(name)} ({meaning})" if meaning else words(name)
+
+
+def rivals(diagnosis: Diagnosis, name: str) -> list[str]:
+    """Returns the effects that the recordings cannot tell from an adopted one, without other adopted ones."""
+    adopted = {effect.name for effect in diagnosis.effects}
+    sets = [names for names in diagnosis.indistinguishable if name in names]
+    return list(dict.fromkeys(other for names in sets for other in names if other not in adopted))
+
+
+def counted(diagnosis: Diagnosis) -> str:
+    """Returns how many recordings were fitted and held out, as words."""
+    held_out, fit = (len(by_role(diagnosis, role)) for role in ("holdout", "fit"))
+    return f"{fit} fitted recording{'s' * (fit != 1)} and {held_out} that {'were' if held_out != 1 else 'was'} held out"
+
+
+def telling_channel(diagnosis: Diagnosis) -> tuple[str, str] | None:
+    """Returns the recording and channel that show best what was found, or what is left; None without any.
+
+    It is that of a contradiction, or outside the library the one with the largest final error; else the hub angle with
+    the largest error of the declared model, or another channel where the hub angle is nowhere predicted.
+    """
+    for contradiction in diagnosis.contradicted:
+        if contradiction.channel in getattr(diagnosis.predictions.get(contradiction.recording), "errors", {}):
+            return contradiction.recording, contradiction.channel
+    outside = diagnosis.verdict == "outside-library"
+    model = "after" if outside else "before"
+    rows = [
+        (not outside and name == "hub_angle", _sized(getattr(error, model), error.noise), file, name)
+        for file, prediction in evaluated_predictions(diagnosis).items()
+        for name, error in prediction.errors.items()
+        if name in prediction.after and math.isfinite(getattr(error, model))
+    ]
+    return max(rows)[2:] if rows else None
+
+
+def _sized(error: float, noise: float) -> float:
+    """The error over the noise; where that is unknown, less than any that is known."""
+    over = over_noise(error, noise)
+    return over if math.isfinite(over) else -1.0
+
+
+def line_names(diagnosis: Diagnosis) -> dict[str, str]:
+    """Returns the names of the measured line, and of those of the declared and of the final model."""
+    names = [words(effect.name) for effect in diagnosis.effects]
+    after = f"after: with {join_with_and(names)}" if names else "after: calibrated"
+    return {"measured": "measured", "before": "before: as declared", "after": after}
+
+
+_WORSE_FACTOR = 1.05  # error over that of the declared model from which another model counts as worse [1]
+
+
+def degradations(held_out: Mapping[str, Prediction]) -> str:
+    """Returns a sentence on held-out errors that grew from the declared model on, and why that can be; "" for none."""
+    places: list[str] = []
+    reach = 0.0
+    for model in ("calibrated", "after"):
+        for file, prediction in held_out.items():
+            worse = {n: e for n, e in prediction.errors.items() if _clearly_worse(e, model)}
+            if worse:
+                channels = ", ".join(labels.channel(name).label for name in worse)
+                places.append(f"{model} on {file} ({channels})")
+                reach = max([reach, *(over_noise(e.reach, e.noise) for e in worse.values())])
+    if not places:
+        return ""
+    sensitivity = f": one that is off by 0.1 % changes these by up to {ratio(reach)} times the noise"
+    return (
+        f"Worse than before: {'; '.join(places)}. That can happen: parameters are fitted to the torque balance at each "
+        "instant, those of a model that still lacks something compensate for it, and in a free-running simulation one "
+        "more stick or slip, which depends on small changes of the break-away torque, shifts everything after it"
+        f"{sensitivity if reach > NOISE_LIKE else ''}."
+    )
+
+
+def _clearly_worse(error: ChannelError, model: str) -> bool:
+    value = getattr(error, model)
+    return over_noise(value, error.noise) > NOISE_LIKE and value > _WORSE_FACTOR * error.before
 
 
 def improvement(diagnosis: Diagnosis) -> str:

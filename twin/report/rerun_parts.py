@@ -232,18 +232,25 @@ def arms_view(root: str, length: float) -> rrb.Spatial3DView:
     )
 
 
-def series_view(origin: str, title: str) -> rrb.TimeSeriesView:
-    """Returns the view of the lines below an entity."""
+def series_view(origin: str, title: str, window: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+    """Returns the view of the lines below an entity; `window`: its time axis at first [s], None for all of it."""
+    import rerun as rr
     import rerun.blueprint as rrb
 
     legend = rrb.PlotLegend(visible=True, corner=rrb.Corner2D.RightTop)
-    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=legend)
+    axis = None
+    if window is not None:
+        start, end = (rr.TimeRangeBoundary.absolute(seconds=instant) for instant in window)
+        axis = rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
+    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=legend, axis_x=axis)
 
 
-def channel_view(origin: str, channel: str, what: str = "") -> rrb.TimeSeriesView:
+def channel_view(
+    origin: str, channel: str, what: str = "", window: tuple[float, float] | None = None
+) -> rrb.TimeSeriesView:
     """Returns the view of a channel; `what` is put before its label."""
     shown = labels.channel(channel)
-    return series_view(origin, f"{what}{shown.label} [{shown.unit}]")
+    return series_view(origin, f"{what}{shown.label} [{shown.unit}]", window)
 
 
 def blueprint(contents: rrb.Container) -> rrb.Blueprint:

@@ -216,15 +216,19 @@ def open_viewer(name: str) -> rr.RecordingStream:
     import rerun as rr
 
     stream = rr.RecordingStream(parts.APPLICATION)
-    # The viewer is installed beside the interpreter, which is not on PATH unless its environment is activated.
-    viewer = shutil.which("rerun", path=Path(sys.executable).parent)
     try:
-        rr.spawn(executable_path=viewer, recording=stream)
+        rr.spawn(executable_path=viewer_executable(), recording=stream)
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[0]
         raise InputError(f"the rerun viewer cannot be started: {reason}") from None
     stream.send_recording_name(name)
     return stream
+
+
+def viewer_executable() -> str | None:
+    """Returns the path of the viewer, or None if it is not installed."""
+    # It is beside the interpreter, which is not on PATH unless its environment is activated.
+    return shutil.which("rerun", path=Path(sys.executable).parent)
 
 
 def close(stream: rr.RecordingStream) -> None:
@@ -241,7 +245,7 @@ def _blueprint(tracks: Sequence[Track], length: float) -> rrb.Blueprint:
 
     channels = [c for c in _PLOTTED if any(c in track.channels for track in tracks)]
     plots: list[Any] = [parts.channel_view(f"{_ROOT}/{channel}", channel) for channel in channels]
-    plots.append(parts.series_view(f"{_ROOT}/torque", "torque [N m]"))
+    plots.append(parts.series_view(f"{_ROOT}/torque", "torque [N·m]"))
     if len(tracks) > 1:
         shared = [c for c in _DIFFERENCES if all(c in track.channels for track in tracks[:2])]
         plots += [parts.channel_view(f"{_ROOT}/difference_{c}", c, "difference of ") for c in shared]

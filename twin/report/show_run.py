@@ -9,8 +9,9 @@ from pathlib import Path
 from twin.control.closed_loop import Run
 from twin.control.experiment import Experiment
 from twin.errors import InputError
+from twin.files.readers import SUFFIXES
 from twin.report import run_rerun
-from twin.report.run_csv import read_track
+from twin.report.run_files import is_file_of_run, read_track
 from twin.report.run_rerun import Track
 
 
@@ -19,7 +20,7 @@ def ghost_track(experiment: Experiment, what: str) -> Track | None:
 
     Args:
       experiment: what is run.
-      what: "other" for the other plant, "none", or a CSV file of a run or of a campaign.
+      what: "other" for the other plant, "none", or a file of a run or of a campaign.
 
     Raises:
       InputError: it is none of these, the other plant does not model an effect, or the file cannot be read.
@@ -29,8 +30,9 @@ def ghost_track(experiment: Experiment, what: str) -> Track | None:
     if what == "other":
         other = replace(experiment, plant="chain" if experiment.plant == "modal" else "modal")
         return run_rerun.of_run(other.run(), other.plant)
-    if not what.endswith(".csv"):
-        raise InputError(f"'{what}' is no ghost; expected other, none, or a CSV file")
+    if not is_file_of_run(what):
+        endings = ", ".join(SUFFIXES)
+        raise InputError(f"'{what}' is no ghost; expected other, none, or a file of a run: {endings}")
     return read_track(Path(what), experiment.rig)
 
 

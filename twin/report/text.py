@@ -11,6 +11,7 @@ from twin import labels
 from twin.diagnosis.answer import Diagnosis
 from twin.diagnosis.windows import WINDOW
 from twin.report import display
+from twin.report.prose import prose
 
 if TYPE_CHECKING:
     from rich.console import Console, Group, RenderableType
@@ -93,8 +94,8 @@ def _closing_lines(diagnosis: Diagnosis) -> list[str]:
         for names in diagnosis.indistinguishable
     ]
     if diagnosis.next_experiment:
-        lines.append(f"Next: {diagnosis.next_experiment}")
-    lines += [f"Note: {note}" for note in diagnosis.notes]
+        lines.append(f"Next: {prose(diagnosis.next_experiment)}")
+    lines += [f"Note: {prose(note)}" for note in diagnosis.notes]
     return ["", *lines] if lines else []
 
 

@@ -7,23 +7,15 @@ is held over a sample. Gain, delay and lag of the drive, and gains and delays of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm
 
-from twin.control.plants.base import READINGS
-from twin.effects import REGISTRY, TORSION
-from twin.mechanics.hub_law import LinearTorque
+from twin.control.plants import linear_chain
 from twin.mechanics.modal import state_space
 from twin.recording import GAUGES
-from twin.rigs.drive_law import drive_law
 from twin.rigs.model import Model
-
-_LINK_READINGS = READINGS[:-1]
-"""Readings without the motor torque."""
-_STEP = 1e-6  # SI, of the finite differences of the sensor model
 
 
 @dataclass(frozen=True)
@@ -53,12 +45,14 @@ def sampled_modes(model: Model, period: float, modes: int) -> SampledSystem:
     A, B, C = (np.array(m, dtype=float) for m in (system.A, system.B, system.C))
     size = modes + 1
     hub, push = C[0, :size], B[size:, 0]
-    for slope in _hub_slopes(model):
+    for slope in linear_chain.hub_slopes(model):
         A[size:, :size] -= slope.stiffness * np.outer(push, hub)
         A[size:, size:] -= slope.damping * np.outer(push, hub)
     # The row of the torsion angle is zero: torsion is no bending mode.
     return _with_sensors(
-        model, _zero_order_hold(A, B, np.vstack([C, 0 * C[:1]]), _drive_model(model), period), period
+        model,
+        _zero_order_hold(A, B, np.vstack([C, 0 * C[:1]]), linear_chain.drive_model(model), period),
+        period,
     )
 
 
@@ -69,88 +63,17 @@ def sampled_chain(model: Model, period: float) -> tuple[SampledSystem, tuple[str
       model: rig and effects.
       period: sample period [s].
     """
-    left_out = tuple(name for name, p in model.effects.items() if not _is_linearisable(name, p))
+    left_out = tuple(n for n, p in model.effects.items() if not linear_chain.has_linear_form(n, p))
     model = model.replace(effects={name: p for name, p in model.effects.items() if name not in left_out})
-    M, D, K, rows, rate_rows = _linearised_chain(model)
-    n = len(M)
-    inverse = np.linalg.inv(M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, -inverse @ D]])
-    B = np.r_[np.zeros(n), inverse[:, 0]][:, None]
-    rig = _zero_order_hold(A, B, np.hstack([rows, rate_rows]), _drive_model(model), period)
+    A, B, C = linear_chain.linearised(model).first_order()
+    rig = _zero_order_hold(A, B, C, linear_chain.drive_model(model), period)
     return _with_sensors(model, rig, period), left_out
-
-
-def _is_linearisable(name: str, p: Mapping[str, float]) -> bool:
-    """Whether an effect has a linear form about rest."""
-    effect = REGISTRY[name]
-    torque = effect.hub_torque(p)
-    return (
-        effect.linearisable
-        and drive_law({name: p}).linear
-        and (torque is None or torque.linear_part is not None)
-    )
-
-
-def _hub_slopes(model: Model) -> list[LinearTorque]:
-    """Stiffness and damping of the effects whose torque on the hub is linear in angle and rate."""
-    return [torque.linear_part for torque in model.hub_torques if torque.linear_part is not None]
-
-
-def _linearised_chain(model: Model) -> tuple[np.ndarray, ...]:
-    """M, D, K (n, n) about the straight link along x, and output rows (5, n) on angles and on rates.
-
-    The outputs are hub angle, tip deflection, two strains and the torsion angle.
-    """
-    plant, links = model.plant, len(model.chain.lengths)
-    n = len(plant.link.lengths)
-    hinge = np.diff(np.eye(n)[:links], axis=0)
-    K = hinge.T @ (plant.link.stiffness[:, None] * hinge)
-    D = hinge.T @ plant.link.damping @ hinge
-    twist = np.zeros(n)
-    if plant.link.torsion_stiffness > 0:
-        twist[[0, links]] = -1.0, 1.0
-        K += plant.link.torsion_stiffness * np.outer(twist, twist)
-        D += plant.link.torsion_damping * np.outer(twist, twist)
-    for slope in _hub_slopes(model):
-        K[0, 0] += slope.stiffness
-        D[0, 0] += slope.damping
-    D += plant.link.drag_linear * np.outer(plant.link.lengths, plant.link.lengths)
-    K += plant.link.gravity_x * np.diag(plant.link.first_moment)
-    hub = np.eye(n)[0]
-    tip = plant.link.lengths - plant.link.lengths.sum() * hub
-    rows, rate_rows = np.zeros((2, len(_LINK_READINGS) + 1, n))
-    rows[0], rows[1], rows[-1] = hub, tip, twist
-    for place, name in enumerate(_LINK_READINGS[2:], 2):
-        thickness = model.sensors[name].half_thickness
-        rows[place] = thickness * model.curvature_rows[name] @ hinge
-        if name in model.curvature_rate_rows:
-            rate_rows[place] = thickness * model.curvature_rate_rows[name] @ hinge
-    return plant.link.inertia, D, K, rows, rate_rows
 
 
 def _with_sensors(model: Model, rig: SampledSystem, period: float) -> SampledSystem:
     """Adds the sensors: hub angle, tip, strains, torsion and motor torque (6) -> readings (5) with their delays."""
-    slopes, delays = _sensor_model(model)
+    slopes, delays = linear_chain.sensor_model(model)
     return _with_output_delays(SampledSystem(rig.A, rig.B, slopes @ rig.C), delays / period)
-
-
-def _sensor_model(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Gain (5, 6) of each reading on each true value at zero, and delay (5) of each reading [s], by finite differences.
-
-    The delay is that of the response to a ramp.
-    """
-    names = (*_LINK_READINGS, TORSION, READINGS[-1])
-    time = np.linspace(0.0, 0.2, 101)
-
-    def read(values: dict[str, np.ndarray]) -> np.ndarray:
-        readings = model.report(time, {name: values.get(name, np.zeros(len(time))) for name in names})
-        return np.array([readings[name][-1] for name in READINGS])
-
-    rest = read({})
-    slopes = np.stack([read({name: np.full(len(time), _STEP)}) - rest for name in names], axis=1) / _STEP
-    ramps = np.array([(read({name: _STEP * time}) - rest)[i] for i, name in enumerate(READINGS)]) / _STEP
-    own = np.array([slopes[i, names.index(name)] for i, name in enumerate(READINGS)])
-    return slopes, np.maximum(time[-1] - ramps / own, 0.0).round(9)
 
 
 def _with_output_delays(rig: SampledSystem, samples: np.ndarray) -> SampledSystem:
@@ -211,9 +134,3 @@ def _zero_order_hold(
     read[:-1, :n] = C
     read[-1, n if lag > 0 else -1] = 1.0 if lag > 0 else gain
     return SampledSystem(states, push, read)
-
-
-def _drive_model(model: Model) -> tuple[float, float, float]:
-    """Gain [1], delay [s] and lag [s] that the effects give the drive."""
-    law = drive_law(model.effects)
-    return law.gain, law.delay, max(model.plant.motor.lag, law.lag)

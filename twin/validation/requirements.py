@@ -52,7 +52,7 @@ DEFAULTS = (
     Requirement("steady_state_error", "mean error of the hub in the last second, of the step", "%", 2.0),
     Requirement("residual_vibration", "tip in the last second, peak to peak, of the length", "%", 5.0),
     Requirement("peak_deflection", "largest deflection of the tip, of the length", "%", 25.0),
-    Requirement("peak_torque", "largest torque of the motor", "N m", 0.3),
+    Requirement("peak_torque", "largest torque of the motor", "N*m", 0.3),
     Requirement("saturated_share", "share of the time at the amplifier's limit", "%", 25.0),
     Requirement(
         "growth_rate", "growth rate of the linear loop, negative if stable", "1/s", 0.0, least=-LARGEST

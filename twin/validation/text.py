@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from twin import labels
 from twin.validation.fleet import Outcome
 from twin.validation.validation import CONFIDENCE, Driver, Validation, Verdict
 
@@ -21,6 +22,15 @@ def headline(result: Validation) -> str:
         f"keep every limit, {100 * result.required:g} % have to.\n"
         f"Of all such rigs {100 * low:.1f} to {100 * high:.1f} % do ({100 * CONFIDENCE:g} % confidence). "
         f"The nominal rig {nominal} them."
+    )
+
+
+def conclusion(result: Validation) -> str:
+    """Returns the share of the rigs that keep every limit beside the one that was asked for."""
+    share = 100 * result.kept / len(result.outcomes)
+    asked = f"{share:.3g} % of rigs keep every limit; {100 * result.required:g} % were asked for"
+    return (
+        f"{asked}." if result.keeps(result.nominal) else f"{asked}, and the nominal rig does not keep them."
     )
 
 
@@ -67,7 +77,7 @@ def value(result: Validation, outcome: Outcome, name: str) -> str:
     """Returns a drawn parameter and its distance from nominal in standard deviations."""
     unknown = next(u for u in result.uncertain if u.name == name)
     away = outcome.drawn.deviations[name]
-    unit = "" if unknown.unit == "1" else f" {unknown.unit.replace('*', ' ')}"
+    unit = "" if unknown.unit == "1" else f" {labels.unit(unknown.unit)}"
     return f"{unknown.value + away * unknown.deviation:.4g}{unit} ({away:+.1f} σ)"
 
 
@@ -100,7 +110,7 @@ def with_unit(verdict: Verdict, metric: float) -> str:
 
 def _unit(verdict: Verdict) -> str:
     unit = verdict.requirement.unit
-    return "" if unit == "1" else f" {unit}"
+    return "" if unit == "1" else f" {labels.unit(unit)}"
 
 
 def _name(verdict: Verdict) -> str:

@@ -6,7 +6,7 @@ Ritz basis (`beam`), integrated by an adaptive Dormand-Prince pair with located 
 its own drive and sensors (`experiments`, `sensors`). Effects are activated by the names of the twin's library
 (`effects`), and a campaign is written as a folder of CSV files with a `campaign.toml` (`campaign_writer`).
 
-    python -m twin.virtual_rig OUT --effect viscous-friction:viscous=0.003 --seed 7
+    twin virtual-rig --out OUT --effect viscous-friction:viscous=0.003 --seed 7
 """
 
 from twin.virtual_rig.campaign_writer import Truth, make_campaign

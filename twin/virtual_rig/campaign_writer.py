@@ -193,7 +193,7 @@ def _campaign_toml(
 ) -> str:
     """Returns the text of campaign.toml."""
     lines = [
-        "# A campaign on the virtual rig (python -m twin.virtual_rig).",
+        "# A campaign on the virtual rig (twin virtual-rig).",
         "format = 1",
         f"name = {json.dumps(name, ensure_ascii=False)}",
         'rig = "bossi2009"',

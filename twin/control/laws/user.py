@@ -110,7 +110,7 @@ class UserController:
         if not abs(value) <= LARGEST:
             raise InputError(
                 f"{self._file}: at {self._time:.4g} s the controller returned {shown(answer)}; "
-                f"expected a torque [N m], a finite number up to {LARGEST:g}"
+                f"expected a torque [N·m], a finite number up to {LARGEST:g}"
             )
         return value
 
@@ -241,7 +241,7 @@ def _sampled(system: Any, file: UserFile, name: str, period: float):
     if system.ninputs != 1 or system.noutputs != 1:
         raise InputError(
             f"{file}: '{name}' has {system.ninputs} inputs and {system.noutputs} outputs; "
-            "expected one of each: hub angle's error [rad] in, torque [N m] out"
+            "expected one of each: hub angle's error [rad] in, torque [N·m] out"
         )
     continuous = system.isctime(strict=True) or system.dt is None
     if not continuous and system.dt is not True and not math.isclose(system.dt, period, rel_tol=1e-6):

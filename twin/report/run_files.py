@@ -1,9 +1,9 @@
-"""Runs as CSV files in the recording format, written and read."""
+"""Runs as files in the recording format, written and read."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +12,11 @@ import numpy as np
 from twin.campaigns.campaign import campaign_files, read_campaign
 from twin.control.closed_loop import Run
 from twin.errors import InputError, listed
-from twin.files.table import csv_text, read_table
+from twin.files.readers import SUFFIXES, read_recording
+from twin.files.table import Table
 from twin.files.time_column import checked_time
-from twin.files.whole import write_file
+from twin.files.writers import mcap, write_table
+from twin.files.writers.base import Units
 from twin.recording import CHANNEL_UNITS, GAUGES, Recording, Sensor
 from twin.report.run_rerun import Track, of_recording
 from twin.rigs import preset
@@ -29,24 +31,26 @@ def columns(run: Run) -> dict[str, np.ndarray]:
     return {"time": run.time, **channels, "mode": run.modes, **states}
 
 
-def write_csv(run: Run, path: Path) -> None:
-    """Writes a run.
+UNITS: Units = {"time": "s", **CHANNEL_UNITS, "mode": "1"}
+"""Column -> SI unit; those of a controller's states are not known."""
+
+
+def write_run(run: Run, path: Path) -> None:
+    """Writes a run in the format that the ending of the file tells.
 
     Raises:
-      InputError: the path cannot be written.
+      InputError: there is no such format, its library is not installed, or the path cannot be written.
     """
-    table = columns(run)
-    write_file(path, csv_text([table, *_rows(table)]))
+    write_table(columns(run), UNITS, path)
 
 
-def _rows(table: Mapping[str, np.ndarray]) -> Iterator[list[str]]:
-    # 9 digits resolve 1e-8 rad of a turn, far below any sensor.
-    for row in zip(*table.values(), strict=True):
-        yield [f"{value:.9g}" for value in row]
+def is_file_of_run(name: str) -> bool:
+    """Whether a name ends as that of a run or recording does."""
+    return Path(name).suffix.lower() in SUFFIXES
 
 
 def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
-    """Reads a CSV file as a track: of a campaign, if its folder has a campaign.toml, else of a run.
+    """Reads a file as a track: of a campaign, if its folder has a campaign.toml, else of a run.
 
     Args:
       path: the file.
@@ -81,15 +85,15 @@ def files_read(path: Path) -> tuple[Path, ...]:
 
 
 def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:
-    """The track of a file with a column for each channel, in SI units, as `write_csv` writes it."""
+    """The track of a file with a column for each channel, in SI units, as `write_run` writes it."""
     if path.suffix.lower() in _OTHER_SUFFIXES and path.is_file():
         raise InputError(
-            f"{path} is not a CSV file; expected a run as `twin run --csv` writes it, or a recording of a campaign"
+            f"{path} is no run; expected a file as `twin run --out` writes it, or a recording of a campaign"
         )
-    table = read_table(path, path.name)
+    table = _without_topic(read_recording(path, path.name))
     if "time" not in table.columns or "hub_angle" not in table.columns:
         raise InputError(
-            f"{path}: has the columns {listed(table.header)}; expected time and hub_angle, as `twin run --csv` "
+            f"{path}: has the columns {listed(table.header)}; expected time and hub_angle, as `twin run --out` "
             "writes them, or a campaign.toml beside it that says what its columns are"
         )
     channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
@@ -97,3 +101,10 @@ def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:
     track = _track_of_recording(recording, rig, {g.channel: g for g in GAUGES})
     states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
     return replace(track, modes=table.columns.get("mode"), states=states)
+
+
+def _without_topic(table: Table) -> Table:
+    """The table of an MCAP file with the names that its columns had before they were written."""
+    names = {name: name.removeprefix(f"{mcap.TOPIC}.") for name in table.header}
+    columns = {names[name]: values for name, values in table.columns.items()}
+    return replace(table, header=tuple(names.values()), columns=columns)

@@ -1,0 +1,379 @@
+"""What README and docs/ show runs: Python blocks, notebooks, scripts and commands.
+
+Commands that take minutes (a diagnosis, an identification, a validation, a virtual rig) are not executed:
+their words are held against the parser of their command. One diagnosis of the bundled campaign serves every block,
+script and notebook that asks for one.
+"""
+
+import importlib.util
+import io
+import json
+import math
+import re
+import shlex
+import shutil
+import sys
+import tomllib
+from pathlib import Path
+
+import fill_readme
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+import typer.main
+from paths import ROOT
+from planted import PLANTED
+from test_readme import DOCUMENTS, README, blocks
+
+import twin as package
+from twin.cli import app
+from twin.commands.virtual_rig import parsed_effect
+from twin.effects import REGISTRY
+from twin.validation.requirements import read_requirements
+
+EXAMPLES = ROOT / "docs" / "examples"
+DEMO = ROOT / "twin" / "data" / "demo-rig"
+COMMANDS = typer.main.get_command(app).commands
+MINUTES = {"demo", "diagnose", "identify", "plan-experiment", "validate", "view", "virtual-rig"}
+"""Commands that take minutes, or open a window."""
+LINES = [
+    (name, line)
+    for name, text in DOCUMENTS.items()
+    for line in dict.fromkeys(line for block in blocks(text, "sh") for line in block.splitlines())
+    if line.startswith("twin ")
+]
+AT_ONCE = [(name, line) for name, line in LINES if line.split()[1] not in MINUTES]
+
+sys.path.insert(0, str(ROOT / "docs" / "tools"))
+import build  # noqa: E402
+import pages  # noqa: E402
+
+
+def words(line: str) -> list[str]:
+    """The words of a shell line without its comment, file patterns expanded."""
+    found = []
+    for word in shlex.split(line, comments=True):
+        found += sorted(map(str, Path().glob(word))) if "*" in word else [word]
+    return found
+
+
+def assert_accepted(line: str) -> None:
+    """The parser of its command accepts a shell line, and the effects that it names exist with their parameters."""
+    _, command, *arguments = shlex.split(line, comments=True)
+    for text in parsed(command, arguments).get("effect") or ():
+        name, values = parsed_effect(text)
+        assert values.keys() <= {p.name for p in REGISTRY[name].parameters}
+
+
+def parsed(command: str, arguments: list[str]) -> dict:
+    """The options of a command among arguments.
+
+    Raises what its parser has against them: an unknown option, a missing value, an argument too many.
+    """
+    context = COMMANDS[command].make_context(command, [], resilient_parsing=True)
+    context.resilient_parsing = False
+    options, left, _ = COMMANDS[command].make_parser(context).parse_args(arguments)
+    assert left == []
+    return options
+
+
+# Commands
+
+
+@pytest.mark.parametrize(("name", "line"), LINES)
+def test_command_lines_are_accepted_by_their_parsers(name, line):
+    """Options, their values and the number of arguments, without executing anything."""
+    assert_accepted(line)
+
+
+@pytest.mark.parametrize("name", [*DOCUMENTS, "CONTRIBUTING.md"])
+def test_other_lines_of_shell_blocks_name_what_is_there(name):
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    text = (ROOT / name).read_text(encoding="utf-8")
+    for line in (line for block in blocks(text, "sh") for line in block.splitlines()):
+        match shlex.split(line, comments=True):
+            case ["twin", *_] | [".venv/bin/rerun", _]:
+                pass
+            case ["python", script, *_]:
+                assert (ROOT / script).is_file(), line
+            case ["make", target]:
+                assert re.search(rf"^{target}:", makefile, re.MULTILINE), line
+            case _:
+                pytest.fail(f"{name}: nothing runs {line!r}")
+
+
+def test_a_wrong_option_or_one_argument_too_many_is_found():
+    for arguments in (["--nonsense"], ["one", "two"]):
+        with pytest.raises(Exception, match="nonsense|left|two"):
+            parsed("diagnose", arguments)
+
+
+@pytest.fixture
+def laboratory(tmp_path, monkeypatch):
+    """A folder with the files that the documents speak of."""
+    monkeypatch.chdir(tmp_path)
+    Path("recordings").mkdir()
+    for path in DEMO.glob("*.csv"):
+        shutil.copy(path, "recordings")
+    shutil.copytree(DEMO, "my-rig")
+    Path("mine.py").write_text(blocks(DOCUMENTS["docs/control.md"], "python")[0], encoding="utf-8")
+    for made in ("my-rig-identification/identified-rig.toml", "my-rig-diagnosis/augmented-rig.toml"):
+        Path(made).parent.mkdir()
+        Path(made).write_text(_rig_file(), encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "line"), AT_ONCE)
+@pytest.mark.usefixtures("laboratory")
+def test_commands_that_take_seconds_do_what_they_say(name, line, twin, monkeypatch):
+    given = words(line)[1:]
+    if given[0] == "new":
+        shutil.rmtree("my-rig")
+    monkeypatch.setattr(sys, "stdin", io.StringIO())  # no terminal: nothing is asked
+    code, printed, error = twin(*given)
+    assert (code, error) == (0, ""), error
+    assert printed
+    for option in ("--rrd", "--out"):
+        if option in given:
+            assert Path(given[given.index(option) + 1]).exists()
+
+
+# Files
+
+
+def test_the_campaign_of_the_readme_is_read_with_its_own_rig(tmp_path):
+    """Its recordings are simulated with the parameters that it gives."""
+    (text,) = blocks(README, "toml")
+    (tmp_path / "campaign.toml").write_text(text, encoding="utf-8")
+    given = tomllib.loads(text)
+    time = np.arange(0.0, 1.0, 5e-3)
+    rig = package.rig().replace(**given["parameters"])
+    runs = [package.model(rig).simulate(time, np.where(time < 0.4, size, -0.1)) for size in (0.2, 0.3)]
+    for entry, run in zip(given["recordings"], runs, strict=True):
+        columns = (time, run["torque_command"], np.degrees(run["hub_angle"]), 1e6 * run["strain_base"])
+        header = "time,torque_command,hub_angle,gauge1"
+        np.savetxt(
+            tmp_path / entry["file"], np.column_stack(columns), delimiter=",", header=header, comments=""
+        )
+    campaign = package.read_campaign(tmp_path)
+    assert {name: campaign.rig[name] for name in given["parameters"]} == given["parameters"]
+    np.testing.assert_allclose(campaign.fit[0]["hub_angle"], runs[0]["hub_angle"], rtol=1e-9, atol=1e-12)
+
+
+def test_a_rig_file_with_the_known_effects_of_the_documents_is_read(tmp_path):
+    (block,) = blocks(DOCUMENTS["docs/identification.md"], "toml")
+    (tmp_path / "my-rig.toml").write_text(_rig_file() + block, encoding="utf-8")
+    assert package.read_rig(tmp_path / "my-rig.toml").effects == {"viscous-friction": {"viscous": 0.069}}
+
+
+def test_the_requirements_of_the_documents_are_read(tmp_path):
+    (block,) = blocks(DOCUMENTS["docs/validation.md"], "toml")
+    (tmp_path / "limits.toml").write_text(block, encoding="utf-8")
+    assert read_requirements(tmp_path / "limits.toml").share == 0.99
+
+
+def test_every_toml_block_is_read_by_one_of_these():
+    """That of docs/recordings.md is read in `test_readme`."""
+    having = {name for name, text in DOCUMENTS.items() if blocks(text, "toml")}
+    assert having == {"README.md", "docs/identification.md", "docs/recordings.md", "docs/validation.md"}
+
+
+# Python
+
+
+@pytest.mark.slow
+def test_script_notebook_and_snippet_of_a_diagnosis_run(tmp_path, monkeypatch):
+    """One diagnosis for all three, and for the sentence of the README."""
+    monkeypatch.chdir(tmp_path)
+    diagnosis = _example("diagnose").main(str(DEMO), "script")
+    assert diagnosis.verdict == "explained"
+    assert [row["turned_down_by"] for row in diagnosis.ranking().rows()][0] is None
+    assert {p.name for p in Path("script").iterdir()} >= {"report.html", "run.rrd", "diagnosis.json"}
+    _check_headline(fill_readme.sentence(diagnosis.to_json()))
+
+    asked, pictures = [], []
+    monkeypatch.setattr(package, "diagnose", lambda campaign: asked.append(str(campaign)) or diagnosis)
+    names = _run_notebook("diagnosis")
+    assert "cable-torsion" in names["diagnosis"]._repr_html_()
+
+    monkeypatch.setattr(go.Figure, "show", pictures.append)
+    (snippet,) = blocks(README, "python")
+    exec(snippet, {})
+    assert asked[1:] == ["my-rig"]
+    assert len(pictures) == 1
+    assert Path("results", "report.html").exists()
+
+
+def _check_headline(found: str) -> None:
+    """The README's sentence is this one, its numbers to a tenth: another processor rounds otherwise."""
+    said = fill_readme.part(README, "headline")
+    numbers = [[float(n) for n in re.findall(r"\*\*([\d.]+)°", text)] for text in (said, found)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=0.1)
+    assert re.sub(r"[\d.]+°", "", said) == re.sub(r"[\d.]+°", "", found)
+
+
+@pytest.mark.slow
+def test_the_notebook_of_a_controller_runs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    names = _run_notebook("controller")
+    ends = {law: run.metrics["hub_final_deg"] for law, run in names["runs"].items()}
+    pulled = {law: run.metrics["hub_final_deg"] for law, run in names["pulled"].items()}
+    # The text: "some nine degrees short".
+    assert [round(ends[law] - pulled[law]) for law in ("mine", "the paper's")] == [9, 10]
+    assert (tmp_path / "run.rrd").exists()
+
+
+@pytest.mark.slow
+def test_the_notebook_of_the_models_runs():
+    names = _run_notebook("models")
+    metrics = {plant: run.metrics for plant, run in names["runs"].items()}
+    # The text: the paper's 18 mm, half of the time at rest instead of a sixth.
+    assert metrics["paper"]["peak_deflection_mm"] == pytest.approx(18, abs=0.3)
+    assert metrics["chain"]["stuck_fraction"] == pytest.approx(1 / 2, abs=0.02)
+    assert metrics["paper"]["stuck_fraction"] == pytest.approx(1 / 6, abs=0.02)
+    assert names["apart"]["modal"] < 1 < names["apart"]["paper"]
+
+
+@pytest.mark.slow
+def test_blocks_of_the_documents_run(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(DEMO, "try")
+    for name in ("docs/adding-an-effect.md", "docs/control.md", "docs/index.md"):
+        for block in blocks(DOCUMENTS[name], "python"):
+            try:
+                exec(block, {})
+            finally:
+                REGISTRY.pop("eddy-brake", None)
+
+
+def test_the_effect_of_the_documents_is_that_of_the_example():
+    (block,) = blocks(DOCUMENTS["docs/adding-an-effect.md"], "python")
+    definition = block[block.index("@HubLaw") : block.index("\n\n\nregister(")]
+    assert definition in (EXAMPLES / "own_effect.py").read_text(encoding="utf-8")
+
+
+def test_every_python_block_is_run_by_one_of_these():
+    having = {name for name, text in DOCUMENTS.items() if blocks(text, "python")}
+    assert having == {"README.md", "docs/adding-an-effect.md", "docs/control.md", "docs/index.md"}
+    assert {p.stem for p in EXAMPLES.glob("*.ipynb")} == {"diagnosis", "controller", "models"}
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_notebooks_are_kept_without_outputs(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    assert all(cell.get("outputs", []) == [] for cell in cells)
+
+
+# The site
+
+
+@pytest.mark.parametrize("name", REGISTRY)
+def test_every_effect_has_its_page(name):
+    effect = REGISTRY[name]
+    assert effect.seen_as
+    assert effect.source
+    assert (ROOT / "docs" / "pictures" / "effects" / f"{name}.svg").exists(), (
+        "python docs/tools/draw_effects.py"
+    )
+    assert effect.mistaken_for.keys() <= REGISTRY.keys() - {name}
+    page = pages.effect_page(effect, PLANTED[name])
+    for heading in (
+        "Law",
+        "Parameters",
+        "How it looks in recordings",
+        "What it is mistaken for",
+        "To try it",
+    ):
+        assert f"\n## {heading}\n" in page
+    assert all(f"`{p.name}`" in page for p in effect.parameters)
+    (block,) = blocks(page, "sh")
+    for line in block.splitlines():
+        assert_accepted(line)
+
+
+def test_what_is_mistaken_for_another_is_on_both_pages():
+    for name, effect in REGISTRY.items():
+        for other in effect.mistaken_for:
+            assert f"[`{name}`]" in pages.effect_page(REGISTRY[other], PLANTED[other])
+
+
+def test_every_effect_is_mistaken_for_some_other_one():
+    named = {other for effect in REGISTRY.values() for other in effect.mistaken_for}
+    assert {
+        name for name, effect in REGISTRY.items() if not effect.mistaken_for and name not in named
+    } == set()
+
+
+def test_every_command_is_on_its_page():
+    page = pages.commands_page()
+    for name, command in COMMANDS.items():
+        assert f"\n## twin {name}\n" in page
+        assert all(
+            f"{o}" in page for p in command.params for o in p.opts if o.startswith("--") and not p.hidden
+        )
+
+
+def test_every_page_is_in_the_table_of_contents():
+    below = {page for children in build.CONTENTS.values() for page in children}
+    listed = {name for name in build.sources() if not name.startswith("benchmarks/results/")}
+    assert listed == below | {"index"}
+
+
+def test_links_lead_to_the_site_or_to_the_repository():
+    known = {"diagnosis", "benchmarks/results/diagnosis", "effects/cogging"}
+    text = "[a](diagnosis.md#method) [b](../benchmarks/results/diagnosis.md) [c](../twin/cli.py) [d](https://x.org)"
+    turned = build.staged("paper", text, ROOT / "docs", known).splitlines()[0]
+    assert turned == (
+        "[a](diagnosis.md#method) [b](benchmarks/results/diagnosis.md) "
+        "[c](https://github.com/flexlink-twin/flexlink-twin/blob/main/twin/cli.py) [d](https://x.org)"
+    )
+
+
+def test_the_readme_counts_the_effects_right():
+    counts = [int(n) for n in re.findall(r"(\d+) effects", README)]
+    assert set(counts) == {len(REGISTRY)}
+
+
+def test_pictures_of_the_readme_are_there():
+    targets = re.findall(r'(?:src|srcset)="([^"]+)"', README)
+    assert targets
+    for target in targets:
+        assert (ROOT / target.partition("/main/")[2]).is_file(), target
+
+
+def test_reliability_of_the_readme_is_that_of_the_answers_and_adds_up():
+    table = fill_readme.part(README, "reliability")
+    assert table == fill_readme.reliability(), "python benchmarks/fill_readme.py reliability"
+    rows = [[int(cell) for cell in line.strip("| ").split(" | ")[1:]] for line in table.splitlines()[2:]]
+    assert [sum(column) for column in zip(*rows[:-1], strict=True)] == rows[-1]
+    by_kind = dict(zip([*fill_readme.KINDS, "all"], rows, strict=True))
+    assert f"On {by_kind['all'][0]} campaigns" in README
+    total, right = by_kind["nothing"]
+    assert (
+        f"Of the {total} rigs with nothing missing, {['none', 'one', 'two'][total - right]} got a false alarm"
+        in README
+    )
+
+
+def _rig_file() -> str:
+    """A file of the rig of the examples."""
+    finite = {name: value for name, value in package.rig().items() if math.isfinite(value)}
+    lines = [f"{name} = {value!r}" for name, value in finite.items()]
+    return "\n".join(['format = 1\nname = "my-rig"\n\n[parameters]', *lines, "", ""])
+
+
+def _run_notebook(name: str) -> dict:
+    """The variables that the code cells of a notebook of the examples leave."""
+    notebook = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
+    names: dict = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    return names
+
+
+def _example(name: str):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

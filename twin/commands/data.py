@@ -1,0 +1,66 @@
+"""`twin data`: the data of a campaign before anything is fitted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from twin.commands.shared import COMPILING, CampaignFolder, JsonFile, ReportFile, console, progress
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
+
+if TYPE_CHECKING:
+    from twin.report.data_check import DataCheck
+
+
+def data(
+    campaign: CampaignFolder,
+    report_file: ReportFile = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Look at the data of a campaign before a fit: what stands against it, and what they can show.
+
+    Exit code 1 where a fit would be misled, or nothing would show.
+    """
+    from twin.campaigns.campaign import campaign_files, read_campaign
+
+    check_writable(report_file, json_file, read=campaign_files(campaign))
+    given = read_campaign(campaign)
+    with progress() as report:
+        report(COMPILING)
+        from twin.report import data_check
+
+        found = data_check.check_data(given, report)
+    if json_file is not None:
+        write_json(json_file, found.to_json())
+    if report_file is not None:
+        data_check.write_page(found, report_file)
+    _print(found)
+    if not found.passed:
+        raise typer.Exit(1)
+
+
+def _print(found: DataCheck) -> None:
+    from rich.table import Table
+
+    from twin.report import data_check
+
+    screen = console()
+    screen.print(data_check.headline(found))
+    screen.print()
+    table = Table(box=None, show_header=False)
+    for row in data_check.rows(found):
+        table.add_row(*row)
+    screen.print(table)
+    screen.print(
+        "\nSmallest changes that the recordings can show, if the declared model is right but for the effect:"
+    )
+    visible = Table("effect", "parameter", "standard error", "found from", box=None)
+    for column in visible.columns[2:]:
+        column.justify = "right"
+    for cells in data_check.visible_rows(found):
+        visible.add_row(*cells)
+    screen.print(visible)
+    screen.print()
+    screen.print(data_check.expected(found))

@@ -1,0 +1,160 @@
+"""What the data of a campaign allow, before anything is fitted: findings, visible effects, expected time; as page."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from twin import labels
+from twin.campaigns.campaign import Campaign
+from twin.diagnosis.detectable import Detectable, detectable
+from twin.files.whole import write_file
+from twin.progress import Progress, silent
+from twin.proposal import gate
+from twin.proposal.gate import Finding
+from twin.report import pages
+from twin.report.pages import Cell, Row, Table
+from twin.report.prose import prose
+
+_ROUND = 5.0, 20.0
+"""Time of a diagnosis over that of the visible effects [1]: nothing missing, three effects. With one it took 11 times
+as long on the bundled campaign."""
+
+
+@dataclass(frozen=True)
+class DataCheck:
+    """The data of a campaign as they are before a fit.
+
+    Attributes:
+      campaign: its name.
+      findings: what was looked at.
+      visible: what the fit recordings can show of each effect.
+      seconds: least and most time that a diagnosis is expected to take on this machine [s].
+    """
+
+    campaign: str
+    findings: tuple[Finding, ...]
+    visible: tuple[Detectable, ...]
+    seconds: tuple[float, float]
+
+    @property
+    def failures(self) -> tuple[Finding, ...]:
+        """What would mislead a fit."""
+        return tuple(f for f in self.findings if f.fails)
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing would mislead a fit, and any effect shows."""
+        return not self.failures and any(d.is_visible for d in self.visible)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as plain values."""
+        return {
+            "campaign": self.campaign,
+            "passed": self.passed,
+            "findings": [f.to_json() for f in self.findings],
+            "visible": [d.to_json() for d in self.visible],
+            "diagnosis_seconds": list(self.seconds),
+        }
+
+
+def check_data(campaign: Campaign, progress: Progress = silent) -> DataCheck:
+    """Looks at the data of a campaign.
+
+    Raises:
+      InputError: the declared link diverges under the measured motion of the hub in every recording.
+    """
+    progress("looking at the recordings")
+    findings = tuple(gate.look(campaign))
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        began = time.perf_counter()
+        visible = detectable(campaign, pool, progress)
+        took = time.perf_counter() - began
+    low, high = _ROUND
+    return DataCheck(campaign.name, findings, visible, (low * took, high * took))
+
+
+def headline(check: DataCheck) -> str:
+    """Returns whether a fit can begin, in a sentence."""
+    if check.failures:
+        wrong = labels.join_with_and([f.what for f in check.failures])
+        return f"{check.campaign} does not pass: a fit would be misled ({wrong})."
+    if not check.passed:
+        return f"{check.campaign} does not pass: its recordings show no effect of the library at any size."
+    oddities = sum(not f.ok for f in check.findings)
+    noted = {0: "nothing stands against a fit", 1: "one thing limits what can be found"}
+    return f"{check.campaign} passes: {noted.get(oddities, f'{oddities} things limit what can be found')}."
+
+
+def rows(check: DataCheck) -> Iterator[tuple[str, str, str]]:
+    """Yields mark, what was looked at, and what was found."""
+    for finding in check.findings:
+        yield ("ok" if finding.ok else "FAIL" if finding.fails else "WARN"), finding.what, prose(finding.text)
+
+
+def visible_rows(check: DataCheck) -> Iterator[tuple[str, str, str, str]]:
+    """Yields effect, parameter, standard error of a change from neutral, and the change from which it is found."""
+    for before, d in zip((None, *check.visible), check.visible, strict=False):
+        effect = "" if before is not None and before.effect == d.effect else labels.words(d.effect)
+        sigma = _with_unit(d.sigma, d) if math.isfinite(d.sigma) else "–"
+        yield effect, labels.words(d.parameter), sigma, _found(d)
+
+
+def _found(d: Detectable) -> str:
+    """The change from neutral from which a parameter is found."""
+    if not d.is_visible:
+        return "none in its range"
+    return (
+        _with_unit(abs(d.found - d.neutral), d)
+        if math.isfinite(d.neutral)
+        else f"below {_with_unit(d.found, d)}"
+    )
+
+
+def _with_unit(value: float, d: Detectable) -> str:
+    return f"{labels.number(value, 2)} {labels.unit(d.unit)}".strip()
+
+
+def expected(check: DataCheck) -> str:
+    """Returns how long a diagnosis is expected to take."""
+    low, high = (labels.duration(seconds) for seconds in check.seconds)
+    return f"A diagnosis is expected to take {low} to {high} on this machine."
+
+
+def write_page(check: DataCheck, path: Path) -> None:
+    """Writes one HTML file; it is overwritten.
+
+    Raises:
+      InputError: the file cannot be written.
+    """
+    write_file(path, render(check))
+
+
+def render(check: DataCheck) -> str:
+    """Returns the page."""
+    return pages.render(
+        "report/data.html.j2",
+        name=check.campaign,
+        headline=headline(check),
+        expected=expected(check),
+        findings=_findings(check),
+        visible=_visible(check),
+    )
+
+
+def _findings(check: DataCheck) -> Table:
+    table: list[Row] = [(what, Cell(mark, warns=mark != "ok"), text) for mark, what, text in rows(check)]
+    return Table(("looked at", "", "found"), table)
+
+
+def _visible(check: DataCheck) -> Table:
+    table: list[Row] = [
+        (Cell(labels.words(d.effect), note=parameter), sigma, found)
+        for d, (_, parameter, sigma, found) in zip(check.visible, visible_rows(check), strict=True)
+    ]
+    return Table(("effect", ">standard error", ">found from"), table)
