@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin import labels
 from twin.commands.shared import DEFAULT_RIG, JsonFile, RigOption, console, load_rig, progress, rig_file
 from twin.errors import InputError
 from twin.files.json import write_json
@@ -47,6 +46,7 @@ def check(
 def _print_check(result: Check) -> None:
     from rich.table import Table
 
+    from twin import labels
     from twin.mechanics.accuracy import text_rows
 
     screen = console()

@@ -38,6 +38,13 @@ class TorqueGain(Effect):
     def drive(self, drive, p):
         return drive.replace(torque=drive.torque * p["gain"], before=drive.before * p["gain"])
 
+    # It changes no reading of the motion.
+    acts_on_readings = False
+
+    def reading(self, reading, channel, p):
+        seen = channel != "motor_torque" or p.get("behind_sensor", 0.0) != 1.0
+        return reading if seen else reading.scaled(1 / p["gain"])
+
     def sensing(self, time, channels, p):
         if "motor_torque" not in channels or p.get("behind_sensor", 0.0) != 1.0:
             return channels

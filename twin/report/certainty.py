@@ -25,6 +25,7 @@ REASONS: Mapping[str, str] = {
     "gains-elsewhere": "It does not improve the prediction of recordings that its fit did not use.",
     "needed-beside-later": "It was no longer needed beside the effects found after it.",
     "best-beside-later": "Beside the effects found after it, another candidate explains more.",
+    "declaration-contradicted": "The recordings agree with the declared value within its uncertainty.",
     "size-is-determined": "These recordings do not determine its size: it may imitate another fault.",
 }
 """Rule -> why a candidate that fails it is turned down."""
