@@ -196,7 +196,7 @@ def test_script_notebook_and_snippet_of_a_diagnosis_run(tmp_path, monkeypatch):
     names = _run_notebook("diagnosis")
     assert "cable-torsion" in names["diagnosis"]._repr_html_()
 
-    monkeypatch.setattr(go.Figure, "show", pictures.append)
+    monkeypatch.setattr(go.Figure, "show", lambda figure: pictures.append(figure))
     (snippet,) = blocks(README, "python")
     exec(snippet, {})
     assert asked[1:] == ["my-rig"]

@@ -56,7 +56,8 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     unknown = [(begin, usual * (end - begin)) for begin, end in gaps]
     modes = ringing.ringing_modes(model, signals.time, signals.direction != 0, density, BAND, unknown)
     noise["hub_torque"], torque_ringing = torque_noise(signals, modes, torque)
-    rings = {"hub_torque": torque_ringing, **strain_ringing(signals, whitening, model, modes)}
+    settled = _settled(prepared.recording, signals.time)
+    rings = {"hub_torque": torque_ringing, **strain_ringing(signals, whitening, model, modes, settled)}
     stationary = NoiseModel(noise=noise, whitening=whitening, ringing=rings)
     scale, link_torque_noise = noise_scale(signals, stationary, prepared, model)
     motion, _ = move_link(signals, prepared, model, prepared.start)

@@ -151,21 +151,33 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
 
 
 def strain_ringing(
-    signals: Signals, whitening: dict[str, np.ndarray], model: Model, modes: Sequence[RingingMode]
+    signals: Signals,
+    whitening: dict[str, np.ndarray],
+    model: Model,
+    modes: Sequence[RingingMode],
+    settled: np.ndarray,
 ) -> dict[str, Ringing]:
-    """Strain -> ringing of its residual behind its whitening filter."""
+    """Strain -> ringing of its residual behind its whitening filter.
+
+    Args:
+      signals: the recording.
+      whitening: strain -> gain of the filter.
+      model: its link.
+      modes: that ring.
+      settled: whether the state of the link is known (m): not in and behind a gap of the hub.
+    """
     of_channel = {}
     for channel, gain in whitening.items():
         row = model.sensors[channel].half_thickness * model.curvature_rows[channel]
         strains = [row @ s.shape[1:] * s.coordinate for s in modes]
-        unseen = _unseen(signals.time, signals.known[channel]) * np.std(signals.measured[channel])
+        unseen = _unseen(signals.time, settled) * np.std(signals.measured[channel])
         columns = filtered(np.hstack([unseen, *strains]).T, gain).T
         of_channel[channel] = ringing.from_columns(columns * signals.known[channel][:, None])
     return of_channel
 
 
 def _unseen(time: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Hat functions (m x k) over the gaps of a channel and what the low-pass reaches beside them: any course there."""
+    """Hat functions (m x k) where a strain is unknown and what the low-pass reaches beside it: any course there."""
     reach = binary_dilation(~known, iterations=round(1 / (BAND * GRID)))
     centres = np.arange(time[0], time[-1], 1 / (2 * BAND))
     hats = np.maximum(1 - np.abs(time[:, None] - centres) * 2 * BAND, 0.0)
