@@ -27,7 +27,17 @@ STAGED = ROOT / "build" / "pages"
 SITE = ROOT / "build" / "site"
 
 CONTENTS: Mapping[str, tuple[str, ...]] = {
-    "index": ("your-rig", "method", "effects", "control", "examples", "paper", "limits", "reference"),
+    "index": (
+        "your-rig",
+        "method",
+        "effects",
+        "control",
+        "examples",
+        "paper",
+        "real-rigs",
+        "limits",
+        "reference",
+    ),
     "your-rig": ("recordings", "diagnosis", "identification", "files-out", "commands"),
     "method": ("accuracy", "structural-effects"),
     "effects": ("adding-an-effect", *(f"effects/{name}" for name in REGISTRY)),
