@@ -26,6 +26,15 @@ def test_a_gap_has_its_first_and_last_reading():
     assert resample.gaps_of(recording((5.0, 6.0)), "hub_angle") == []
 
 
+def test_rows_are_missing_only_where_nothing_was_recorded():
+    whole = recording((5.0, 6.0))
+    angle = np.where((whole.time > 1.0) & (whole.time < 1.05), np.nan, whole["hub_angle"])
+    lost = whole.replace(channels={"hub_angle": angle})
+    assert len(resample.gaps_of(lost, "hub_angle")) == 1
+    assert resample.missing_rows(lost) == []
+    assert len(resample.missing_rows(recording((1.0, 1.05)))) == 1
+
+
 @pytest.mark.parametrize("deviation", [0.0, -0.04, 0.03])
 def test_what_a_kick_in_a_gap_does_to_the_link_counts_for_nothing(deviation):
     model, time = Model(RIG, {}, chain.fit_shape(RIG, 6)), np.arange(0, 4, PERIOD)

@@ -17,8 +17,9 @@ from twin.recording import Recording
 from twin.residuals.filters import GRID
 from twin.residuals.make_view import derivative_noise, hub_signals
 from twin.residuals.prepared import Prepared
+from twin.residuals.resample import missing_rows
 from twin.residuals.residual import has_unknown_zero
-from twin.residuals.view import move_link
+from twin.residuals.view import SETTLING, move_link
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import bending_shapes, delivered_torque, sensor_readings
 
@@ -69,7 +70,8 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
     a run-in before the window (`_RUN_INS`), from a state as near to the measured one as noise allows, the window
     continues this run: then it shows hardly any error of the state. Where it does not, the measured state is used.
 
-    There is no window where the hub is not read about its start, and none in the rest behind the last whole window.
+    There is no window where the hub is not read about its start, none with missing rows in it or just before, as
+    nobody knows the command and the motion there, and none in the rest behind the last whole window.
 
     Args:
       model: the model; the state is fitted with its chain, and the windows are simulated with a fine one.
@@ -105,10 +107,12 @@ def _window_motions(
     fine = _DrivenRun(with_fine_chain(model), prepared, start)
     coarse = _DrivenRun(model, prepared, start)
     since = (recording.time - recording.time[0]) / WINDOW
-    read = recording.time[np.isfinite(recording["hub_angle"])]
+    read, gaps = recording.time[np.isfinite(recording["hub_angle"])], missing_rows(recording)
     for k in range(int(recording.duration / WINDOW + 1e-9)):
         row, inside = round(k * WINDOW / GRID), np.floor(since + 1e-9) == k
-        if inside.sum() < _FEWEST or not (np.abs(read - fine.time[row]) < _NEAR).any():
+        begin = recording.time[0] + k * WINDOW
+        unseen = any(first < begin + WINDOW and last + SETTLING > begin for first, last in gaps)
+        if unseen or inside.sum() < _FEWEST or not (np.abs(read - fine.time[row]) < _NEAR).any():
             continue
         row, shift = _start(coarse, row)
         yield k, inside, fine.run(row, recording.time[inside], shift)

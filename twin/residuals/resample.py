@@ -54,9 +54,16 @@ def resample_hub_angle(model: Model, recording: Recording, time: np.ndarray) -> 
 
 def gaps_of(recording: Recording, channel: str) -> list[tuple[float, float]]:
     """First and last instant of each span without readings of a channel that a polynomial fills [s]."""
-    at = recording.time[np.isfinite(recording[channel])]
-    before = np.flatnonzero(np.diff(at) > _GAP * recording.period)
-    return [(float(at[g]), float(at[g + 1])) for g in before]
+    return _spans(recording.time[np.isfinite(recording[channel])], recording.period)
+
+
+def missing_rows(recording: Recording) -> list[tuple[float, float]]:
+    """First and last instant of each span without any row, in which the command is unknown [s]."""
+    return _spans(recording.time, recording.period)
+
+
+def _spans(at: np.ndarray, period: float) -> list[tuple[float, float]]:
+    return [(float(at[g]), float(at[g + 1])) for g in np.flatnonzero(np.diff(at) > _GAP * period)]
 
 
 def _with_gaps_filled(time: np.ndarray, values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
