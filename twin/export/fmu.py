@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 
-from twin.errors import InputError
 from twin.export.base import Exported, Exporter, RigToExport
+from twin.files.extras import imported
 from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines
 
 _SCRIPT = Path(__file__).with_name("twin_rig.py")
@@ -25,22 +23,13 @@ class Fmu(Exporter):
     what = "FMI 2.0 co-simulation, friction and sticking included"
 
     def export(self, given: RigToExport) -> Exported:
-        builder = _library()
+        builder = imported("pythonfmu.builder", "an FMU is written with pythonfmu", "fmu")
         with tempfile.TemporaryDirectory() as folder:
             rig_file, fmu = Path(folder) / "rig.toml", Path(folder) / "rig.fmu"
             rig_file.write_text(_rig_file(given), encoding="utf-8")
             with _same_import_path():
                 builder.FmuBuilder.build_FMU(_SCRIPT, fmu, {rig_file})
             return Exported(fmu.read_bytes(), ())
-
-
-def _library() -> ModuleType:
-    try:
-        return importlib.import_module("pythonfmu.builder")
-    except ImportError:
-        raise InputError(
-            "an FMU is written with pythonfmu, which is not installed; install it by pip install 'flexlink-twin[fmu]'"
-        ) from None
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import warnings
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
@@ -14,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from twin.errors import LARGEST, InputError, listed, shown
+from twin.files.extras import imported
 from twin.files.layout import MOST_COLUMNS
 from twin.files.table import LARGEST_FILE, Table
 from twin.files.text import check_size
 from twin.foreign import described, from_outside
 
-EXTRA = "flexlink-twin[files]"
-"""What installs the libraries of all formats."""
 _MOST_NUMBERS = LARGEST_FILE // 8
 """Numbers in a file, which may be compressed, at most: they take as much memory as the largest file."""
 
@@ -65,13 +63,8 @@ class Reader:
         Raises:
           InputError: it is not installed.
         """
-        try:
-            return importlib.import_module(module)
-        except ImportError:
-            raise InputError(
-                f"{self.kind} is read with {package}, which is not installed; install it by "
-                f"pip install '{EXTRA}', or save the recording as CSV"
-            ) from None
+        needed = f"{self.kind} is read with {package}"
+        return imported(module, needed, "files", ", or save the recording as CSV")
 
 
 def read_arrays(

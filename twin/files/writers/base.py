@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from types import ModuleType
 
 import numpy as np
 
-from twin.errors import InputError
-from twin.files.readers.base import EXTRA
+from twin.files.extras import imported
 
 Columns = Mapping[str, np.ndarray]
 """Name -> (n) values; NaN where a sample is missing."""
@@ -45,10 +43,5 @@ class Writer:
         Raises:
           InputError: it is not installed.
         """
-        try:
-            return importlib.import_module(module)
-        except ImportError:
-            raise InputError(
-                f"{self.kind} is written with {package}, which is not installed; install it by "
-                f"pip install '{EXTRA}', or write a .csv or .mat file"
-            ) from None
+        needed = f"{self.kind} is written with {package}"
+        return imported(module, needed, "files", ", or write a .csv or .mat file")
