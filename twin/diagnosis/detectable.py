@@ -29,7 +29,7 @@ from twin.diagnosis.candidates import (
 from twin.effects import REGISTRY, Effect, EffectParameter
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import prior_precision, row_weights
+from twin.estimation.slopes import normal_equations_at, row_weights
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.prepared import shortest_period
@@ -66,7 +66,7 @@ class Detectable:
 
     def to_json(self) -> dict[str, object]:
         """Returns it as plain values, unfinite ones as in all answers."""
-        return {**asdict(self)}
+        return asdict(self)
 
 
 @threadpool_limits.wrap(limits=1)
@@ -164,10 +164,11 @@ def _resolved_length(
 def _standard_error(bench: Workbench, base: Fit, column: np.ndarray, replaced: Iterable[str]) -> float:
     """Standard error of the multiple of a column (n) of the Jacobian beside the unknowns of a fit, at noise level."""
     # The model is taken to be right up to the effect, so that the residual is the noise.
-    weights = row_weights(bench, np.zeros(len(column)))
-    kept = np.array([u.kind != "rig" or u.name not in set(replaced) for u in base.unknowns])
-    J = base.jacobian[:, kept]
-    normal = J.T @ (weights[:, None] * J) + np.diag(prior_precision(base.unknowns)[kept])
+    noise = np.zeros(len(column))
+    weights = row_weights(bench, noise)
+    kept = [k for k, u in enumerate(base.unknowns) if u.kind != "rig" or u.name not in set(replaced)]
+    J, unknowns = base.jacobian[:, kept], [base.unknowns[k] for k in kept]
+    normal, _ = normal_equations_at(bench, unknowns, base.values[kept], noise, J)
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     cross = (J.T @ (weights * column)) / scale
     explained = cross @ np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) @ cross

@@ -101,9 +101,7 @@ def calibrate(
     Raises:
       InputError: the declared link diverges under the measured motion of the hub in every recording.
     """
-    noise = noise_levels(campaign)
-    shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
-    model = Model(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
+    noise, model = noise_levels(campaign), _declared_model(campaign)
     progress("reading the recordings")
     readings, odd = defects.without_defects(campaign.fit, campaign.sensors)
     sound, cuts = sound_stretches(readings, noise, model)
@@ -118,15 +116,19 @@ def calibrate(
     return Calibration(model, tuple(readings), tuple(sound), bench, base, rough.clock, notes)
 
 
+def _declared_model(campaign: Campaign) -> Model:
+    """The rig as it is declared, on the chain of a search."""
+    shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
+    return Model(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
+
+
 def declared_fit(campaign: Campaign, pool: ThreadPoolExecutor) -> tuple[Workbench, Fit]:
     """The data of the fit recordings and the declared model on them with its Jacobian, nothing fitted.
 
     Raises:
       InputError: the declared link diverges under the measured motion of the hub in every recording.
     """
-    noise = noise_levels(campaign)
-    shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
-    model = Model(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
+    noise, model = noise_levels(campaign), _declared_model(campaign)
     readings, _ = defects.without_defects(campaign.fit, campaign.sensors)
     sound, _ = sound_stretches(readings, noise, model)
     clock = possible_clocks(sound)[0]

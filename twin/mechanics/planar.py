@@ -494,9 +494,7 @@ def simulate(
     changes = np.diff(command, prepend=np.nan) != 0
     drive = command_time[changes], command[changes]
     rows = out_time, *out
-    _simulate(
-        plant, drive, out_time, phi, omega, mode0, clamped, h_max, observed, anchor, rows, work, scratch
-    )
+    _simulate(plant, drive, phi, omega, mode0, clamped, h_max, observed, anchor, rows, work, scratch)
     return out
 
 
@@ -520,7 +518,6 @@ def _guide(phi, omega, mode, row, observed, anchor, rates, modes):
 def _simulate(
     plant,
     drive,
-    out_time,
     phi,
     omega,
     mode0,
@@ -533,7 +530,7 @@ def _simulate(
     scratch,
 ):
     command_time, command = drive
-    _, angles, rates, modes = out
+    out_time, angles, rates, modes = out
     t = out_time[0]
     pointer = -1
     u, u_before, since = 0.0, 0.0, t

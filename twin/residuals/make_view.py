@@ -56,8 +56,7 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     unknown = [(begin, usual * (end - begin)) for begin, end in gaps]
     modes = ringing.ringing_modes(model, signals.time, signals.direction != 0, density, BAND, unknown)
     noise["hub_torque"], torque_ringing = torque_noise(signals, modes, torque)
-    settled = _settled(prepared.recording, signals.time)
-    rings = {"hub_torque": torque_ringing, **strain_ringing(signals, whitening, model, modes, settled)}
+    rings = {"hub_torque": torque_ringing, **strain_ringing(signals, whitening, model, modes)}
     stationary = NoiseModel(noise=noise, whitening=whitening, ringing=rings)
     scale, link_torque_noise = noise_scale(signals, stationary, prepared, model)
     motion, _ = move_link(signals, prepared, model, prepared.start)
@@ -146,7 +145,7 @@ def hub_signals(
     onsets = usable_break_aways(ends, stuck, model.drive(recording).at(time))
     direction = np.where(stuck, 0.0, np.sign(rate))
     motion = reading, rate, acceleration, direction, sliding
-    return Signals(time, *motion, measured, known, onsets, band, with_gaps)
+    return Signals(time, *motion, measured, known, onsets, band, with_gaps, settled)
 
 
 def _settled(recording: Recording, time: np.ndarray) -> np.ndarray:

@@ -151,26 +151,14 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
 
 
 def strain_ringing(
-    signals: Signals,
-    whitening: dict[str, np.ndarray],
-    model: Model,
-    modes: Sequence[RingingMode],
-    settled: np.ndarray,
+    signals: Signals, whitening: dict[str, np.ndarray], model: Model, modes: Sequence[RingingMode]
 ) -> dict[str, Ringing]:
-    """Strain -> ringing of its residual behind its whitening filter.
-
-    Args:
-      signals: the recording.
-      whitening: strain -> gain of the filter.
-      model: its link.
-      modes: that ring.
-      settled: whether the state of the link is known (m): not in and behind a gap of the hub.
-    """
-    of_channel = {}
+    """Strain -> ringing of its residual behind its whitening filter, and any course in and behind a gap of the hub."""
+    of_channel, hats = {}, _unseen(signals.time, signals.settled)
     for channel, gain in whitening.items():
         row = model.sensors[channel].half_thickness * model.curvature_rows[channel]
         strains = [row @ s.shape[1:] * s.coordinate for s in modes]
-        unseen = _unseen(signals.time, settled) * np.std(signals.measured[channel])
+        unseen = hats * np.std(signals.measured[channel])
         columns = filtered(np.hstack([unseen, *strains]).T, gain).T
         of_channel[channel] = ringing.from_columns(columns * signals.known[channel][:, None])
     return of_channel

@@ -45,6 +45,8 @@ class Signals:
       onsets: index and direction of break-aways under a slowly growing torque.
       band: cut-off of the low-pass on the motion of the hub [Hz].
       with_gaps: strain with missing readings -> readings before the filter, gaps interpolated (m).
+      settled: whether no reading of the hub is missing there or less than `SETTLING` before (m); empty where it is
+        clamped.
       cache: simulated motions of the link.
     """
 
@@ -59,6 +61,7 @@ class Signals:
     onsets: tuple[tuple[int, int], ...]
     band: float = MOTION_BANDS[0]
     with_gaps: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    settled: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     cache: MotionCache = field(default_factory=lambda: MotionCache(_CACHED_MOTIONS), repr=False)
 
 
