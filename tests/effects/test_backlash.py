@@ -9,8 +9,8 @@ from twin.rigs.model import Model
 RIG = bossi2009.reconciled()
 
 
-@pytest.mark.parametrize(("choice", "on_motor"), [({}, False), ({"damped_motor": 1.0}, True)])
-def test_viscous_friction_acts_on_the_side_that_is_chosen(choice, on_motor):
+@pytest.mark.parametrize(("choice", "on_motor"), [({}, False), ({"friction_on_motor": 1.0}, True)])
+def test_friction_acts_on_the_side_that_is_chosen(choice, on_motor):
     effects = {
         "viscous-friction": {"viscous": 0.01},
         "cable-torsion": {"stiffness": 0.01, "rest_angle": 0.0},
@@ -19,3 +19,4 @@ def test_viscous_friction_acts_on_the_side_that_is_chosen(choice, on_motor):
     model = Model(RIG, {}, chain.fit_shape(RIG, 4), effects)
     sides = {torque.name: torque.on_motor for torque in model.hub_torques}
     assert sides == {"viscous-friction": on_motor, "cable-torsion": False}
+    assert model.plant.rubs_on_motor == on_motor

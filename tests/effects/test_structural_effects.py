@@ -50,7 +50,7 @@ def test_slew_is_that_of_the_virtual_rig(case):
     time = np.arange(0, 0.8, 0.002)
     command = np.where(time < 0.35, 0.15, -0.14)
     exact = readings(name, parameters, time, command)
-    known = SEEN if name == "torsional-mode" else {}
+    known = {"torsional-mode": SEEN, "backlash": {"contact_stiffness": plant.CONTACT_STIFFNESS}}.get(name, {})
     rig = preset("bossi2009").replace(**declared_values(Rig()))
     model = Model(rig, GAUGES, chain.fit_shape(rig, 12), {name: {**parameters, **known}}, step=2.5e-4)
     asked = Recording("", time, {"torque_command": command, **{c: 0 * time for c in NOISE}})

@@ -68,7 +68,7 @@ def test_motor_crosses_the_gap_before_the_hub_moves():
 @pytest.mark.parametrize("loss", [CONTACT_LOSS, 0.05, 0.5])
 def test_motor_comes_back_from_a_flank_as_a_linear_dashpot_lets_it(loss):
     # T. Schwager, T. Poeschel, Granular Matter 9 (2007): a contact that never pulls.
-    plant = PLANT.with_backlash(0.01, MOTOR, loss)
+    plant = PLANT.with_backlash(0.01, MOTOR, 1000.0, loss)
     phi, omega = np.append(REST, 0.0), np.append(REST, 2.0)
     time = np.array([0.0, 0.0025 + 0.004])  # the free way to the flank, and out of the contact of some 1.6 ms
     _, rates, _ = planar.simulate(plant, *NO_DRIVE, time, phi, omega, 0, True, 2e-6)
@@ -110,6 +110,50 @@ def test_locked_hub_moves_alike_in_mujoco(plant, step, tolerance):
     angles, _, _ = planar.simulate(lagging, *run, 1e-4)
     found, _, _ = MujocoChain(RIG, CHAIN, lagging, torques).simulate(*run, step)
     np.testing.assert_allclose(found, angles, atol=tolerance)
+
+
+def sticking_motor():
+    levels = {
+        "static_positive": 0.04,
+        "static_negative": 0.04,
+        "coulomb_positive": 0.02,
+        "coulomb_negative": 0.02,
+    }
+    return PLANT.with_friction(**levels).with_backlash(0.02, MOTOR, friction_on_motor=True)
+
+
+def test_resting_motor_leaves_the_hub_free_within_the_play():
+    plant = sticking_motor()
+    time = np.arange(0, 2.0, 1e-3)
+    phi, omega = np.append(REST, 0.0), np.append(0 * REST + 0.05, 0.0)
+    angles, _, modes = planar.simulate(plant, *NO_DRIVE, time, phi, omega, 0, False, 1e-3)
+    assert np.ptp(angles[:, -1]) == 0.0
+    assert not modes.any()
+    # Friction on the hub would have held it at once; the flanks yield by a little.
+    assert 0.02 < np.ptp(angles[:, 0]) < 0.024
+
+
+def test_motor_breaks_away_at_the_static_level_and_slides_at_the_coulomb_level():
+    plant = sticking_motor()
+    time = np.array([0.0, 0.4, 0.41])
+    phi = np.append(REST, 0.0)
+    command = np.array([0.0, 0.4]), np.array([0.0399, 0.0401])
+    angles, rates, modes = planar.simulate(plant, *command, time, phi, 0 * phi, 0, False, 1e-3)
+    assert angles[1, -1] == 0.0
+    assert modes[2] == 1
+    assert rates[2, -1] == pytest.approx(0.01 * (0.0401 - 0.02) / MOTOR, rel=1e-3)
+    assert angles[2, 0] == 0.0
+
+
+def test_motor_sticks_alike_in_mujoco():
+    plant = sticking_motor()
+    time = np.arange(0, 0.3, 5e-3)
+    phi = np.append(REST, 0.0)
+    run = (np.array([0.0, 0.06]), np.array([0.1, 0.0]), time, phi, 0 * phi, 1, False)
+    angles, _, modes = planar.simulate(plant, *run, 1e-4)
+    assert set(modes) > {0.0, 1.0}
+    found, _, _ = MujocoChain(RIG, CHAIN, plant).simulate(*run, 5e-6)
+    np.testing.assert_allclose(found, angles, atol=3e-4)
 
 
 def test_impacts_do_not_depend_on_the_step():

@@ -27,6 +27,7 @@ from twin.rigs import preset
 from twin.rigs.model import Model
 from twin.virtual_rig import Rig, Sensors, make_campaign
 from twin.virtual_rig.experiments import planned_campaign
+from twin.virtual_rig.plant import CONTACT_STIFFNESS as RIG_STIFFNESS
 
 LEVELS = {
     "static_positive": 0.0612,
@@ -94,7 +95,9 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
     make_campaign(tmp_path / "rig", play, 7, experiments=[e for e in plan if e.name == "break-away"])
     campaign = read_campaign(tmp_path / "rig")
     shape = chain.fit_shape(campaign.rig, 5)
-    known = {"backlash": {**play["backlash"], "contact_loss": CONTACT_LOSS}}
+    known = {
+        "backlash": {**play["backlash"], "contact_loss": CONTACT_LOSS, "contact_stiffness": RIG_STIFFNESS}
+    }
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
     prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
     found = static_levels.levels(DrivenData(prepared, twin), twin, [p.start for p in prepared])

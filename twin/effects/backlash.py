@@ -6,18 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from twin.effects.base import Effect, EffectParameter
-from twin.mechanics.plant import CONTACT_LOSS
+from twin.mechanics.plant import CONTACT_LOSS, CONTACT_STIFFNESS
 
 
 class Backlash(Effect):
     """The motor, an inertia of motor_inertia_share times the hub's, turns freely within the total play `gap`.
 
-    Drive torque and cogging act on the motor; dry friction and all other torques act on the hub. Viscous friction acts
-    on the motor where `damped_motor` is 1, as the back-EMF of a voltage drive does, otherwise on the hub.
+    Drive torque and cogging act on the motor. Where `friction_on_motor` is 1, dry and viscous friction do too, as those
+    of a gear motor with its back-EMF: a resting motor then leaves the hub free within the play. Otherwise friction acts
+    on the hub, as that of its bearing. All other torques act on the hub.
 
-    A flank in contact is a spring of the assumed stiffness `CONTACT_STIFFNESS` with a damper: half or twice this
-    stiffness changes a fitted gap by about one standard error. The damping ratio `contact_loss` changes it by several,
-    and the number of rebounds identifies it: it is fitted.
+    A flank in contact is a spring with a damper, both fitted: tooth and shaft yield from 30 N m/rad on.
     """
 
     name = "backlash"
@@ -35,26 +34,37 @@ class Backlash(Effect):
     parameters = (
         EffectParameter("gap", "rad", 0.0, (0.0, 0.3), 2e-3, possible=(0.0, 2 * math.pi)),
         EffectParameter("motor_inertia_share", "1", 0.4, (0.05, 0.9), 0.05, possible=(0.01, 0.99)),
+        EffectParameter(
+            "contact_stiffness", "N m/rad", CONTACT_STIFFNESS, (10.0, 3000.0), 50.0, possible=(1.0, 1e5)
+        ),
         EffectParameter("contact_loss", "1", CONTACT_LOSS, (0.02, 0.8), 0.03, possible=(0.0, 1.0)),
-        EffectParameter("damped_motor", "1", 0.0, (0.0, 1.0), 1.0, choice=True),
+        EffectParameter("friction_on_motor", "1", 0.0, (0.0, 1.0), 1.0, choice=True),
     )
     linearisable = False
-    undefined_at_neutral = ("motor_inertia_share", "contact_loss", "damped_motor")
+    undefined_at_neutral = ("motor_inertia_share", "contact_stiffness", "contact_loss", "friction_on_motor")
     # A wide gap with a light motor and a narrow one with a heavy motor are alike: the likelihood has a local maximum at
     # either, so several gaps are tried.
     search_multiples = tuple(np.geomspace(1, 300, 13).tolist())
 
     def starts(self, rig):
-        own = {"gap": 2e-3, "contact_loss": CONTACT_LOSS, "damped_motor": 1.0}
-        starts = [{**own, "motor_inertia_share": share} for share in (0.2, 0.3, 0.4, 0.5, 0.65)]
-        return (*starts, {**starts[2], "damped_motor": 0.0})
+        own = {"gap": 2e-3, "contact_stiffness": CONTACT_STIFFNESS, "contact_loss": CONTACT_LOSS}
+        shares = (0.2, 0.3, 0.4, 0.5, 0.65)
+        return tuple(
+            {**own, "motor_inertia_share": share, "friction_on_motor": placed}
+            for share, placed in (*((share, 1.0) for share in shares), (0.4, 0.0))
+        )
 
     def placed(self, torque, p):
-        moved = torque.name == "viscous-friction" and p["gap"] > 0 and p.get("damped_motor", 0.0) == 1.0
+        moved = torque.name == "viscous-friction" and p["gap"] > 0 and p.get("friction_on_motor", 0.0) == 1.0
         return replace(torque, on_motor=True) if moved else torque
 
     def plant(self, plant, p):
         if p["gap"] <= 0:
             return plant
-        loss = p.get("contact_loss", CONTACT_LOSS)
-        return plant.with_backlash(p["gap"], p["motor_inertia_share"] * plant.hub_inertia, loss)
+        return plant.with_backlash(
+            p["gap"],
+            p["motor_inertia_share"] * plant.hub_inertia,
+            p.get("contact_stiffness", CONTACT_STIFFNESS),
+            p.get("contact_loss", CONTACT_LOSS),
+            p.get("friction_on_motor", 0.0) == 1.0,
+        )

@@ -148,7 +148,7 @@ def to_json(result: Check, published_hz: Sequence[float]) -> dict[str, Any]:
 
 def _tip_compliance(rig: Rig, chain: Chain, plant: Plant) -> float:
     """Deflection of MuJoCo's site `tip` per transverse force on it, hub locked [m/N]."""
-    model = mjcf.dynamics_spec(chain, plant, rig, locked=True).compile()
+    model = mjcf.dynamics_spec(chain, plant, rig, locked="hub").compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     jacobian = np.zeros((3, model.nv))

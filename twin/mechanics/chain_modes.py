@@ -54,7 +54,9 @@ def compare_modes(rig: Rig, chain: Chain, plant: Plant, boundary: Boundary) -> M
     """
     count = min(_MODES, chain.shape.segments)
     exact = beam.modes(rig, count, boundary)
-    model = mjcf.dynamics_spec(chain, _without_friction(plant), rig, locked=boundary == "clamped").compile()
+    model = mjcf.dynamics_spec(
+        chain, _without_friction(plant), rig, locked="hub" if boundary == "clamped" else ""
+    ).compile()
     mass, damping, stiffness = linearised(model)
     roots = _eigenvalues(mass, damping, stiffness)[:count]
     shapes = _mode_shapes(mass, stiffness, boundary)[:, :count]

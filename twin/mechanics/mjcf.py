@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -29,7 +30,7 @@ import numpy as np
 from twin.mechanics import mjcf_visuals, planar
 from twin.mechanics.chain import Chain, curvature_row
 from twin.mechanics.hub_law import HubTorque
-from twin.mechanics.plant import CONTACT_STIFFNESS, Plant, declared_plant
+from twin.mechanics.plant import Plant, declared_plant
 from twin.recording import GAUGES, Sensor
 
 TIMESTEP = 5e-4  # s; below the stability limit 2.8 / omega_max of RK4 for up to 8 segments
@@ -96,7 +97,7 @@ def dynamics_spec(
     plant: Plant,
     rig: Mapping[str, float],
     torques: Sequence[HubTorque] = (),
-    locked: bool = False,
+    locked: Literal["", "hub", "rotor"] = "",
     compact: bool = False,
 ) -> mujoco.MjSpec:
     """Returns the dynamics alone: bodies, joints, damping and mechanisms that MuJoCo has; no sensors, no geometry.
@@ -106,7 +107,7 @@ def dynamics_spec(
       plant: stiffness, damping, mechanisms.
       rig: hub_inertia, tip_mass, tip_inertia.
       torques: the hub torques of the plant.
-      locked: the hub is fixed to the world at zero angle.
+      locked: what is fixed to the world: the hub, at zero angle, or the motor behind a backlash.
       compact: same dynamics, faster: bodies without a joint are merged into their parents, and damping is written
         as its Cholesky factor instead of one tendon per mode.
 
@@ -131,14 +132,14 @@ def dynamics_spec(
     spec.option.noslip_iterations = 3  # without it frictionloss creeps
     # Motion in the plane does not depend on the vertical component.
     spec.option.gravity = [plant.link.gravity_x, plant.link.gravity_y, -9.81]
-    _add_bodies(spec, chain, plant, rig, locked)
+    _add_bodies(spec, chain, plant, rig, locked == "hub")
     spec.compiler.fusestatic = compact
     _add_losses(
         spec, _cholesky_dyads(plant.link.damping) if compact else _modal_dyads(chain, plant.link.damping)
     )
     if plant.link.torsion_stiffness > 0:
         _add_torsion(spec, plant, float(plant.link.inertia[links, links]))
-    if plant.motor.gap > 0:
+    if plant.motor.gap > 0 and locked != "rotor":
         _add_rotor(spec, plant)
         if not locked:
             _add_play(spec, plant)
@@ -146,7 +147,7 @@ def dynamics_spec(
         _add_friction(spec, plant)
     for torque in torques:
         joint = torque_joint(torque, plant)
-        if joint != "hub" or not locked:
+        if joint != locked:
             _add_torque(spec, joint, torque)
     if plant.link.drag_linear != 0:
         add_tip_drag(spec, plant.link.drag_linear)
@@ -209,7 +210,7 @@ def _add_play(spec: mujoco.MjSpec, plant: Plant) -> None:
     play.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     play.range = [-plant.motor.gap / 2, plant.motor.gap / 2]
     together = 1 / (1 / plant.motor.inertia + 1 / plant.link.inertia[0, 0])
-    play.solref_limit = [-CONTACT_STIFFNESS / together, -planar.contact_damping(plant) / together]
+    play.solref_limit = [-plant.motor.contact_stiffness / together, -planar.contact_damping(plant) / together]
 
 
 def torque_joint(torque: HubTorque, plant: Plant) -> str:
@@ -273,12 +274,17 @@ def _modal_dyads(chain: Chain, damping: np.ndarray) -> _Dyads:
     ]
 
 
+def friction_joint(plant: Plant) -> str:
+    """Returns the joint on which dry friction acts: the hub's, or that of a motor behind a backlash."""
+    return "rotor" if plant.rubs_on_motor else "hub"
+
+
 def _add_friction(spec: mujoco.MjSpec, plant: Plant) -> None:
-    hub = spec.joint("hub")
-    hub.frictionloss = (plant.friction.coulomb_positive + plant.friction.coulomb_negative) / 2
+    joint = spec.joint(friction_joint(plant))
+    joint.frictionloss = (plant.friction.coulomb_positive + plant.friction.coulomb_negative) / 2
     static = (plant.friction.static_positive + plant.friction.static_negative) / 2
     spec.add_numeric(name="static_friction", data=[static], size=1)
-    spec.add_numeric(name="coulomb_friction", data=[hub.frictionloss], size=1)
+    spec.add_numeric(name="coulomb_friction", data=[joint.frictionloss], size=1)
 
 
 def _add_torque(spec: mujoco.MjSpec, name: str, torque: HubTorque) -> None:
@@ -310,7 +316,7 @@ def _add_friction_difference(spec: mujoco.MjSpec, plant: Plant) -> None:
     """Adds half of the difference of the Coulomb levels as a constant torque: frictionloss has their mean."""
     if plant.friction.coulomb_positive != plant.friction.coulomb_negative:
         half = (plant.friction.coulomb_positive - plant.friction.coulomb_negative) / 2
-        _add_constant(spec, "friction_difference", -half)
+        _add_constant(spec, "friction_difference", -half, friction_joint(plant))
 
 
 def add_sinusoid(

@@ -1,7 +1,8 @@
 """The rig simulated by MuJoCo, with stick and slip of the hub located inside a step.
 
 Two compiled models are used in turn: one with the hub's joint while the hub slides, and one without it while the hub
-sticks or is locked, so that it cannot creep. Both step with MuJoCo's RK4.
+sticks or is locked, so that it cannot creep. Both step with MuJoCo's RK4. Where friction acts on a motor behind a
+backlash, what is said of the hub here holds for the motor, and the model without its joint is a third one.
 
 Friction is that of `twin.mechanics.planar`, with which a test compares this module. While the hub slides, it is a
 torque of constant direction. Where the hub's rate would cross zero, the step is repeated up to the crossing; there the
@@ -61,8 +62,9 @@ class MujocoChain:
             mujoco.set_mju_user_warning(_ignore)
         self._plant, self._size, self._links = plant, len(plant.link.lengths), len(chain.lengths)
         self._largest_step = chain.largest_step()
-        self._sliding = ChainModel(rig, chain, plant, torques, locked=False)
-        self._locked = ChainModel(rig, chain, plant, torques, locked=True)
+        self._sliding = ChainModel(rig, chain, plant, torques, "")
+        self._clamp = ChainModel(rig, chain, plant, torques, "hub")
+        self._stuck = ChainModel(rig, chain, plant, torques, "rotor") if plant.rubs_on_motor else self._clamp
         self._time = 0.0
         self.reset(np.zeros(self._size))
 
@@ -122,11 +124,10 @@ class MujocoChain:
         self._u = self._u_before = float(torque)
         self._since = self._time
         self._last_margin, self._margin_change = math.nan, 0.0
-        self._hub = float(phi[0])
+        self._at_rest = 0.0  # rad, of what is locked
         qpos, qvel = self._relative(phi), self._relative(rates)
         if self._is_locked:
-            self._locked.set_state(qpos[1:], qvel[1:])
-            self._locked.lock_at(self._hub)
+            self._lock(qpos, qvel)
         else:
             self._sliding.set_state(qpos, qvel)
 
@@ -208,11 +209,33 @@ class MujocoChain:
     def _is_locked(self) -> bool:
         return self._clamped or self._mode == 0
 
+    @property
+    def _locked(self) -> ChainModel:
+        """The model without the joint of what is locked."""
+        return self._clamp if self._clamped else self._stuck
+
+    @property
+    def _locked_joint(self) -> int:
+        """Index of the joint of what is locked."""
+        return 0 if self._clamped else self._sliding.rubbing
+
+    @property
+    def _others(self) -> slice:
+        """The joints that are not locked."""
+        return slice(1, None) if self._locked_joint == 0 else slice(None, -1)
+
+    def _lock(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Sets the state of the model without the joint of what is locked, from that of all joints."""
+        self._at_rest = float(qpos[self._locked_joint])
+        self._locked.set_state(qpos[self._others], qvel[self._others])
+        self._locked.lock_at(self._at_rest)
+
     def _write_state(self, angles: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Writes hub and hinge angles and rates to the arrays (n + 1 each); returns them."""
         if self._is_locked:
-            angles[0], rates[0] = self._hub, 0.0
-            angles[1:], rates[1:] = self._locked.qpos, self._locked.qvel
+            joint, others = self._locked_joint, self._others
+            angles[joint], rates[joint] = self._at_rest, 0.0
+            angles[others], rates[others] = self._locked.qpos, self._locked.qvel
         else:
             angles[:], rates[:] = self._sliding.qpos, self._sliding.qvel
         return angles, rates
@@ -280,7 +303,7 @@ class MujocoChain:
         """Margin to the end of the present mode: rate [rad/s] of a sliding hub, or unused static friction [N m]."""
         if self._mode == 0:
             return self._stiction_margin()
-        return float(self._sliding.qvel[0]) * self._mode
+        return float(self._sliding.qvel[self._sliding.rubbing]) * self._mode
 
     def _switch_mode(self) -> None:
         """Switches the mode at its end: the rate of a sliding hub is zero, or friction cannot hold one at rest."""
@@ -290,26 +313,22 @@ class MujocoChain:
             # `_stiction_margin` has just set the sliding model to this state.
             self._mode = 1 if sliding.needed > 0 else -1
             return
-        sliding.qvel[0] = 0.0
-        theta = self._hub = float(sliding.qpos[0])
+        sliding.qvel[sliding.rubbing] = 0.0
         needed = self._holding_torque()
-        if abs(needed) > self._static(theta, needed):
+        if abs(needed) > self._static(float(sliding.qpos[sliding.rubbing]), needed):
             self._mode = 1 if needed > 0 else -1
             return
         self._mode = 0
-        self._locked.set_state(sliding.qpos[1:], sliding.qvel[1:])
-        self._locked.lock_at(theta)
+        self._lock(sliding.qpos, sliding.qvel)
 
     def _stiction_margin(self) -> float:
         """Static friction level less the torque that holds the hub [N m]; negative: the hub breaks away.
 
-        Sets the model with the hub's joint to the present state of the locked one.
+        Sets the model with all joints to the present state of the locked one.
         """
-        sliding, locked = self._sliding, self._locked
-        sliding.qpos[0], sliding.qvel[0] = self._hub, 0.0
-        sliding.qpos[1:], sliding.qvel[1:] = locked.qpos, locked.qvel
+        self._write_state(self._sliding.qpos, self._sliding.qvel)
         needed = self._holding_torque()
-        return self._static(self._hub, needed) - abs(needed)
+        return self._static(self._at_rest, needed) - abs(needed)
 
     def _holding_torque(self) -> float:
         """Torque [N m] of friction, reversed, that keeps the hub at rest; at the state of the model with the joint."""
@@ -340,7 +359,7 @@ class MujocoChain:
 
     def _forces_without_element(self) -> Callable[[mujoco.MjModel, mujoco.MjData], None] | None:
         """Returns a control callback that applies forces which vary within a step and have no element; None without."""
-        p, sliding, locked = self._plant, self._sliding, self._locked
+        p, sliding = self._plant, self._sliding
         hub = bool(sliding.varying) or p.motor.lag > 0 or p.friction.stribeck_velocity > 0 or p.motor.gap > 0
         soft, drag, shaken = p.link.softening != 0, p.link.drag_quadratic != 0, p.link.is_shaken
         if not (hub or soft or drag or shaken):
@@ -348,7 +367,7 @@ class MujocoChain:
         joints = sliding.model.nv
 
         def force(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            which = sliding if model.nv == joints else locked
+            which = sliding if model.nv == joints else self._locked
             if hub:
                 which.apply_varying_torques(data.time, self._delivered(data.time) - self._u)
             if soft:

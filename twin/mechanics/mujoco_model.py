@@ -8,6 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubTorque
-from twin.mechanics.plant import CONTACT_STIFFNESS, Plant
+from twin.mechanics.plant import Plant
 
 _OFF = mujoco.mjtDisableBit
 _DISABLED = int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_SENSOR | _OFF.mjDSBL_AUTORESET)
@@ -30,7 +31,7 @@ class ChainModel:
         chain: Chain,
         plant: Plant,
         torques: Sequence[HubTorque],
-        locked: bool,
+        locked: Literal["", "hub", "rotor"],
     ) -> None:
         """Compiles the model; arguments are those of `mjcf.dynamics_spec`."""
         spec = mjcf.dynamics_spec(chain, plant, rig, torques, locked, compact=True)
@@ -39,7 +40,8 @@ class ChainModel:
             mjcf.add_tip_drag(spec, 0.0)
         self._waves = plant.friction.amplitude != 0 and not locked
         if self._waves:
-            mjcf.add_sinusoid(spec, "hub", "friction", 0.0, plant.friction.order, plant.friction.phase)
+            joint, friction = mjcf.friction_joint(plant), plant.friction
+            mjcf.add_sinusoid(spec, joint, "friction", 0.0, friction.order, friction.phase)
         self.model = spec.compile()
         self.model.opt.disableflags = _DISABLED
         self.data, self._options = mujoco.MjData(self.model), self.model.opt
@@ -51,15 +53,24 @@ class ChainModel:
         self._gravity = complex(plant.link.gravity_x, plant.link.gravity_y)
         # Torques held over a step: on the hub, from the motor [N m]; mode; and the torque of `torque_to_hold`.
         self._held, self._drive, self._mode, self.needed = 0.0, 0.0, 0, 0.0
-        self._angle = 0.0  # rad, of a locked hub
-        self._first = 0 if locked else 1  # index of the first hinge among the joints
+        self._angle = self._motor = 0.0  # rad, of a locked hub, of a locked motor
+        self._first = 0 if locked == "hub" else 1  # index of the first hinge among the joints
+        self._has_rotor = plant.motor.gap > 0 and locked != "rotor"
+        self.rubbing = -1 if plant.rubs_on_motor else 0
+        """Index of the joint on which dry friction acts."""
 
     def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Sets joint angles [rad] and rates [rad/s]."""
         self.qpos[:], self.qvel[:] = qpos, qvel
 
     def lock_at(self, theta: float) -> None:
-        """Sets the angle of a locked hub [rad]. The model's hub is at zero angle, so that gravity is rotated back."""
+        """Sets the angle of a locked motor, or of a locked hub [rad].
+
+        The model's locked hub is at zero angle, so that gravity is rotated back.
+        """
+        if self._first:
+            self._motor = theta
+            return
         self._angle = theta
         gravity = self._gravity * cmath.exp(-1j * theta)
         self.model.opt.gravity[:2] = gravity.real, gravity.imag
@@ -78,30 +89,32 @@ class ChainModel:
         mujoco.mj_step(self.model, self.data, steps)
 
     def apply_torque(self, torque: float, mode: int) -> None:
-        """Applies a motor torque [N m], and Coulomb friction of a hub that slides in direction `mode`; 0: none."""
+        """Applies a motor torque [N m], and Coulomb friction against sliding in direction `mode`; 0: none."""
         p = self._plant
         raised = p.friction.amplitude / 2
         _, level = p.friction.levels(mode)
-        self._held, self._drive, self._mode = -mode * (level + raised), torque, mode
-        self._apply(self._held, torque)
+        friction = -mode * (level + raised)
+        self._mode = mode
+        self._held, self._drive = (0.0, torque + friction) if p.rubs_on_motor else (friction, torque)
+        self._apply(self._held, self._drive)
         if self._waves:
             self.model.actuator_biasprm[self._wave, 0] = -mode * raised
 
     def _apply(self, on_hub: float, drive: float) -> None:
         """Applies a torque on the hub, if it can turn, and the motor's [N m], on its own joint if there is backlash."""
-        if self._plant.motor.gap > 0:
+        if self._has_rotor:
             self._applied[-1] = drive
-        else:
+        elif self._plant.motor.gap <= 0:
             on_hub += drive
         if self._first:
             self._applied[0] = on_hub
 
     def torque_to_hold(self, time: float) -> float:
-        """Returns the torque [N m] that, subtracted, would make the hub's acceleration zero; keeps it in `needed`."""
+        """Returns the torque [N m] that, subtracted, would stop what dry friction acts on; keeps it in `needed`."""
         self.data.time = time
         mujoco.mj_forward(self.model, self.data)
-        # M = L^T D L with the hub first: (M^-1)_00 = 1 / D_0, one over the hub's articulated inertia.
-        self.needed = float(self.data.qacc[0] / self.data.qLDiagInv[0])
+        # M = L^T D L with the hub first: (M^-1)_00 = 1 / D_0, one over the hub's articulated inertia; a motor is alone.
+        self.needed = float(self.data.qacc[self.rubbing] / self.data.qLDiagInv[self.rubbing])
         return self.needed
 
     # Forces without a MuJoCo element, at the state of a stage of the integrator
@@ -116,13 +129,14 @@ class ChainModel:
         p, torque, drive = self._plant, self._held, self._drive + lagging
         for law in self.varying:
             if law.on_motor and p.motor.gap > 0:
-                drive += law.at(time - p.torques.since, self.qpos[-1], self.qvel[-1])
+                drive += law.at(time - p.torques.since, *self._motor_state())
             else:
                 torque += law.at(time - p.torques.since, *self._hub_state())
         if p.friction.stribeck_velocity > 0 and self._mode != 0:
             static, coulomb = p.friction.levels(self._mode)
-            excess = static - coulomb
-            torque -= self._mode * excess * math.exp(-((self.qvel[0] / p.friction.stribeck_velocity) ** 2))
+            rate = self.qvel[self.rubbing] / p.friction.stribeck_velocity
+            excess = self._mode * (static - coulomb) * math.exp(-(rate**2))
+            torque, drive = (torque, drive - excess) if p.rubs_on_motor else (torque - excess, drive)
         if p.motor.gap > 0:
             contact = self._contact()
             torque, drive = torque + contact, drive - contact
@@ -131,17 +145,22 @@ class ChainModel:
     def _contact(self) -> float:
         """Contact torque [N m] of the motor on the hub, as `planar.contact_torque`."""
         angle, rate = self._hub_state()
-        play = self.qpos[-1] - angle
+        motor, turning = self._motor_state()
+        play = motor - angle
         beyond = abs(play) - self._plant.motor.gap / 2
         if beyond <= 0:
             return 0.0
-        pressing = math.copysign(1.0, play) * (self.qvel[-1] - rate)
-        push = CONTACT_STIFFNESS * beyond + planar.contact_damping(self._plant) * pressing
+        pressing = math.copysign(1.0, play) * (turning - rate)
+        push = self._plant.motor.contact_stiffness * beyond + planar.contact_damping(self._plant) * pressing
         return math.copysign(max(push, 0.0), play)
 
     def _hub_state(self) -> tuple[float, float]:
         """Angle [rad] and rate [rad/s] of the hub."""
         return (self.qpos[0], self.qvel[0]) if self._first else (self._angle, 0.0)
+
+    def _motor_state(self) -> tuple[float, float]:
+        """Angle [rad] and rate [rad/s] of the motor behind a backlash."""
+        return (self.qpos[-1], self.qvel[-1]) if self._has_rotor else (self._motor, 0.0)
 
     def apply_base_acceleration(self, time: float) -> None:
         """Applies the inertial force of an accelerated base to every body, rotated back by a locked hub's angle."""

@@ -12,14 +12,15 @@ constants c_ij of `Chain.inertia` (Lagrange's equations of a planar open chain)
 between neighbouring segments, damping, gravity, drag. `hub_torque` adds the torques of the hub laws, `sliding_level`
 the friction. All numbers are fields of `twin.mechanics.plant.Plant`, whose module lists the terms of Q_i.
 
-Stick and slip. Dry friction acts on the hub only. `mode` is +1 or -1, the direction in which the hub slides, or 0 while
-it sticks. While it slides, friction is the sliding level against the motion. Where the hub's rate crosses zero, the hub
-sticks if the torque that holds it at rest does not exceed the static level; it breaks away where that torque does.
-Both instants are located by bisection, and integration restarts there.
+Stick and slip. Dry friction acts on the hub, or on a motor behind a backlash: read motor for hub there. `mode` is +1 or
+-1, the direction in which the hub slides, or 0 while it sticks. While it slides, friction is the sliding level against
+the motion. Where the hub's rate crosses zero, the hub sticks if the torque that holds it at rest does not exceed the
+static level; it breaks away where that torque does. Both instants are located by bisection, and integration restarts
+there.
 
 Appended coordinates follow the segments where an effect needs them: the absolute angle of an oscillator on the hub (a
 torsional mode), then that of a motor separated from the hub by backlash. The flanks of the backlash are springs with
-dampers whose force can push and not pull; their constants are assumed.
+dampers whose force can push and not pull.
 
 Reading the code: functions with a leading underscore work in place on preallocated arrays. `phi`, `omega`, `acc` are
 angles, rates and accelerations (n + 1 + k); u is the command held now, `age` the time since it came [s], and u_before
@@ -35,7 +36,7 @@ import numpy as np
 
 from twin.files.compiled import cached_njit
 from twin.mechanics import hub_law
-from twin.mechanics.plant import CONTACT_STEP, CONTACT_STIFFNESS, Plant
+from twin.mechanics.plant import CONTACT_STEP, Plant
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 # Without numba's run-time system, compiled functions count no references to arrays, and cannot make any. Counting at
@@ -44,6 +45,8 @@ compiled = cached_njit(error_model="numpy", fastmath=_FAST, nogil=True, _nrt=Fal
 # Numba passes a `Plant`, some 70 words, by value: functions called at every stage of a step are inlined.
 _inlined = cached_njit(error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
 
+FREE, HUB, MOTOR = 0, 1, 2
+"""What is locked during a step."""
 EVENT_TOLERANCE = 1e-7
 """Width of the interval to which the instant of a stick or slip is bisected [s]."""
 
@@ -89,9 +92,15 @@ def law_torque(plant, t, theta, omega, on_motor):
 
 
 @_inlined
+def _rubbing(plant, size):
+    """Index of the coordinate on which dry friction acts: the motor's behind a backlash, or the hub's."""
+    return size - 1 if plant.friction.on_motor and plant.motor.gap > 0.0 else 0
+
+
+@_inlined
 def contact_damping(plant):
     """Damping constant of a flank of the backlash [N m s/rad]."""
-    return 2 * plant.motor.contact_loss * np.sqrt(CONTACT_STIFFNESS * plant.motor.inertia)
+    return 2 * plant.motor.contact_loss * np.sqrt(plant.motor.contact_stiffness * plant.motor.inertia)
 
 
 @_inlined
@@ -101,7 +110,7 @@ def contact_torque(plant, play, rate):
     if beyond <= 0.0:
         return 0.0
     side = 1.0 if play > 0.0 else -1.0
-    return side * max(CONTACT_STIFFNESS * beyond + contact_damping(plant) * side * rate, 0.0)
+    return side * max(plant.motor.contact_stiffness * beyond + contact_damping(plant) * side * rate, 0.0)
 
 
 @_inlined
@@ -233,7 +242,10 @@ def _solve(mass, force, first):
 
 @compiled
 def _accelerations(plant, t, phi, omega, drive, direction, locked, touching, acc, scratch):
-    """Fills `acc` (n + 1) under the motor torque `drive`; returns the torque [N m] that holds a locked hub, else 0."""
+    """Fills `acc` (n + 1) under the motor torque `drive`; returns the torque [N m] that holds what is locked, else 0.
+
+    `locked`: `FREE`, or `HUB` or `MOTOR`, whose rate is zero and stays so.
+    """
     mass, row = scratch[3:], scratch[2]
     _generalised_forces(plant, t, phi, omega, touching, acc, mass, scratch[0], scratch[1])
     m = phi.size
@@ -241,7 +253,14 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, touching, acc
         acc[m - 1] += drive + law_torque(plant, t, phi[m - 1], omega[m - 1], True)
         drive = 0.0
     torque = drive + hub_torque(plant, t, phi[0], omega[0])
-    if locked:
+    if locked == MOTOR:
+        # Its inertia is its own: in the mass matrix it is coupled to no other coordinate.
+        needed = acc[m - 1]
+        acc[0] += torque
+        _solve(mass, acc, 0)
+        acc[m - 1] = 0.0
+        return needed
+    if locked == HUB:
         for j in range(1, m):
             row[j] = mass[j, 0]
         needed = acc[0] + torque
@@ -250,9 +269,10 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, touching, acc
         for j in range(1, m):
             needed -= row[j] * acc[j]
         return needed
-    if direction != 0:
-        torque -= direction * sliding_level(plant, phi[0], omega[0], direction)
     acc[0] += torque
+    if direction != 0:
+        b = _rubbing(plant, m)
+        acc[b] -= direction * sliding_level(plant, phi[b], omega[b], direction)
     _solve(mass, acc, 0)
     return 0.0
 
@@ -269,8 +289,8 @@ def _lagged_torque(u, u_before, age, lag):
 def _step(plant, t, phi, omega, held, h, phi1, omega1, work, scratch):
     """One classical fourth-order Runge-Kutta step of length h from phi, omega to phi1, omega1.
 
-    What is held during it: the command, the torque delivered when it came and the time since then, the direction in
-    which the hub slides, whether it is locked, and whether the motor is on a flank of the backlash.
+    What is held during it: the command, the torque delivered when it came and the time since then, the direction of
+    sliding, what is locked, and whether the motor is on a flank of the backlash.
     """
     u, u_before, age, direction, locked, touching = held
     m = phi.size
@@ -296,9 +316,10 @@ def _step(plant, t, phi, omega, held, h, phi1, omega1, work, scratch):
     for i in range(m):
         phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
         omega1[i] = omega[i] + h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
-    if locked:
-        phi1[0] = phi[0]
-        omega1[0] = 0.0
+    if locked != FREE:
+        b = 0 if locked == HUB else m - 1
+        phi1[b] = phi[b]
+        omega1[b] = 0.0
 
 
 @_inlined
@@ -314,10 +335,17 @@ def _touches(plant, phi):
     return plant.motor.gap > 0.0 and abs(phi[phi.size - 1] - phi[0]) > 0.5 * plant.motor.gap
 
 
+@_inlined
+def _stuck(plant, size):
+    """What is locked while friction holds."""
+    return HUB if _rubbing(plant, size) == 0 else MOTOR
+
+
 @compiled
 def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
-    """Torque [N m] of friction, reversed, that keeps the hub at rest."""
-    return _accelerations(plant, t, phi, omega, drive, 0, True, _touches(plant, phi), acc, scratch)
+    """Torque [N m] of friction, reversed, that keeps at rest what it acts on, the hub or the motor."""
+    stuck = _stuck(plant, phi.size)
+    return _accelerations(plant, t, phi, omega, drive, 0, stuck, _touches(plant, phi), acc, scratch)
 
 
 @compiled
@@ -327,7 +355,7 @@ def _friction_holds(plant, theta, needed):
 
 
 NO_EVENT, STOP, SLIP, CONTACT = 0, 1, 2, 3
-"""Events within a step: none, the hub's rate crosses zero, friction no longer holds, the motor meets a flank."""
+"""Events within a step: none, the sliding rate crosses zero, friction no longer holds, the motor meets a flank."""
 
 
 @compiled
@@ -339,21 +367,22 @@ def _event(plant, t, held, h, phi, omega, clamped, acc, scratch):
     if clamped:
         return NO_EVENT
     if mode != 0:
-        return STOP if omega[0] * mode < 0.0 else NO_EVENT
+        return STOP if omega[_rubbing(plant, phi.size)] * mode < 0.0 else NO_EVENT
     drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
     needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
-    return NO_EVENT if _friction_holds(plant, phi[0], needed) else SLIP
+    return NO_EVENT if _friction_holds(plant, phi[_rubbing(plant, phi.size)], needed) else SLIP
 
 
 @compiled
 def _mode_after(plant, t, held, h, phi, omega, event, acc, scratch):
-    """The mode of the hub after a stop or slip at the end of a step of length h; a stop sets its rate to zero."""
+    """The mode after a stop or slip at the end of a step of length h; a stop sets the sliding rate to zero."""
     u, u_before, age, _, _, _ = held
+    b = _rubbing(plant, phi.size)
     if event == STOP:
-        omega[0] = 0.0
+        omega[b] = 0.0
     drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
     needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
-    if event == STOP and _friction_holds(plant, phi[0], needed):
+    if event == STOP and _friction_holds(plant, phi[b], needed):
         return 0
     return 1 if needed > 0 else -1
 
@@ -393,7 +422,7 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
       u: command, held [N m].
       u_before: torque that was delivered when the command came [N m].
       age: time since the command came [s].
-      mode: 0 while the hub sticks, else the direction +1 or -1 in which it slides.
+      mode: 0 while the hub sticks, else the direction +1 or -1 in which it slides; the motor's, if friction acts on it.
       clamped: the hub is locked.
       h_max: largest step [s].
       out: instants (m), angles and rates (m, n + 1 + k) and modes (m), filled from `row` on up to the end.
@@ -406,9 +435,9 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
         if not clamped and mode == 0:
             drive = _lagged_torque(u, u_before, age, plant.motor.lag)
             needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
-            if not _friction_holds(plant, phi[0], needed):
+            if not _friction_holds(plant, phi[_rubbing(plant, phi.size)], needed):
                 mode = 1 if needed > 0 else -1
-        locked = clamped or mode == 0
+        locked = HUB if clamped else FREE if mode != 0 else _stuck(plant, phi.size)
         touching = _touches(plant, phi)
         longest = min(h_max, plant.motor.contact_step) if touching else h_max
         h = left / max(1.0, np.ceil(left / longest - 1e-9))
@@ -540,7 +569,7 @@ def _simulate(
         u = command[pointer]
         settled = pointer if command_time[pointer] < t - 1e-9 else pointer - 1
         u_before = command[settled] if settled >= 0 else 0.0
-    guided = observed.size > 0 and not clamped
+    guided = observed.size > 0 and not clamped and _rubbing(plant, phi.size) == 0
     _copy_state(phi, omega, angles[0], rates[0])
     mode, row = mode0, 1
     modes[0] = mode
@@ -769,8 +798,8 @@ def backlash_torque(
 ) -> np.ndarray:
     """Returns the mean torque (c) that backlash passes on to a hub with prescribed motion, in each time cell [N m].
 
-    The motor starts in the middle of the backlash, at rest relative to the hub. Free flight and contact with one flank
-    have closed forms; a cell in which contact begins or ends is integrated.
+    The motor starts in the middle of the backlash, at rest relative to the hub. Semi-implicit Euler steps, in each of
+    which friction on the motor is the impulse that stops it, up to that of its level.
 
     Args:
       plant: the `Plant`, with backlash.
@@ -788,55 +817,27 @@ def backlash_torque(
 
 @compiled
 def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start, torque):
-    half, inverse = 0.5 * plant.motor.gap, 1 / plant.motor.inertia + mobility
-    damping = contact_damping(plant)
-    # In contact: a damped oscillator about its equilibrium, x(t) = exp(-delta t) (a cos omega t + b sin omega t).
     # `place` and `rate` are the motor's angle relative to the hub [rad] and its rate [rad/s].
-    square, delta = CONTACT_STIFFNESS * inverse, 0.5 * damping * inverse
-    omega = np.sqrt(max(square - delta * delta, 1e-12))
-    kept = np.exp(-delta * period)
-    cosine, sine = kept * np.cos(omega * period), kept * np.sin(omega * period) / omega
+    count = int(np.ceil(period / min(CONTACT_STEP, plant.motor.contact_step)))
+    h, inertia, last = period / count, plant.motor.inertia, drive.size - 1
     place = rate = 0.0
+    sticks = False
     for k in range(drive.size):
-        turning = (angle[min(k + 1, drive.size - 1)] - angle[max(k - 1, 0)]) / (2 * period) + rate
-        own = law_torque(plant, start + k * period, angle[k] + place, turning, True)
-        pushed = (drive[k] + own) / plant.motor.inertia - acceleration[k]
-        if abs(place) < half:
-            ahead = place + period * (rate + 0.5 * period * pushed)
-            if abs(ahead) < half:
-                place, rate = ahead, rate + period * pushed
-                continue
-        elif contact_torque(plant, place, rate) != 0.0:
-            side = 1.0 if place > 0.0 else -1.0
-            rest = side * half + pushed / square
-            away = place - rest
-            ahead = rest + away * (cosine + delta * sine) + rate * sine
-            faster = rate * (cosine - delta * sine) - away * square * sine
-            if (
-                side * ahead > half
-                and CONTACT_STIFFNESS * (side * ahead - half) + damping * side * faster > 0.0
-            ):
-                torque[k] = (pushed - (faster - rate) / period) / inverse
-                place, rate = ahead, faster
-                continue
-        place, rate, torque[k] = _contact_transition(plant, period, place, rate, pushed, inverse)
-
-
-@compiled
-def _contact_transition(plant, period, place, rate, pushed, inverse):
-    """Integrates a cell in which contact begins or ends (Runge-Kutta); returns place and rate after it, mean torque."""
-    count = int(np.ceil(period / CONTACT_STEP))
-    h, total = period / count, 0.0
-    for _ in range(count):
-        t1 = contact_torque(plant, place, rate)
-        v2 = rate + 0.5 * h * (pushed - inverse * t1)
-        t2 = contact_torque(plant, place + 0.5 * h * rate, v2)
-        v3 = rate + 0.5 * h * (pushed - inverse * t2)
-        t3 = contact_torque(plant, place + 0.5 * h * v2, v3)
-        v4 = rate + h * (pushed - inverse * t3)
-        t4 = contact_torque(plant, place + h * v3, v4)
-        place += h / 6 * (rate + 2 * v2 + 2 * v3 + v4)
-        mean = (t1 + 2 * t2 + 2 * t3 + t4) / 6
-        rate += h * (pushed - inverse * mean)
-        total += mean
-    return place, rate, total / count
+        hub_rate = (angle[min(k + 1, last)] - angle[max(k - 1, 0)]) / (2 * period)
+        own = drive[k] + law_torque(plant, start + k * period, angle[k] + place, hub_rate + rate, True)
+        total = 0.0
+        for _ in range(count):
+            moment = contact_torque(plant, place, rate)
+            rate += h * ((own - moment) / inertia - acceleration[k] - mobility * moment)
+            if plant.friction.on_motor:
+                turning = hub_rate + rate
+                direction = 1.0 if turning > 0.0 else -1.0
+                if sticks:
+                    level = static_level(plant, angle[k] + place, direction)
+                else:
+                    level = sliding_level(plant, angle[k] + place, turning, direction)
+                sticks = inertia * abs(turning) <= h * level
+                rate -= turning if sticks else h * direction * level / inertia
+            place += h * rate
+            total += moment
+        torque[k] = total / count

@@ -32,10 +32,10 @@ from twin.mechanics.hub_law import NO_TORQUES, Torques
 IMMOVABLE = 1e9
 """Static friction level of a hub that no torque can move from rest [N m]."""
 
-CONTACT_STIFFNESS = 1000.0
-"""Contact stiffness of the flanks of a backlash [N m/rad], assumed: 0.2 N m compress them by 0.01 degrees."""
+CONTACT_STIFFNESS = 100.0
+"""Contact stiffness of the flanks of a backlash [N m/rad] unless it is fitted: 0.2 N m compress them by 0.1 degrees."""
 CONTACT_LOSS = 0.2
-"""Damping ratio of the motor's inertia on a flank [1], assumed: rebound with half of the speed, as steel on steel."""
+"""Damping ratio of the motor's inertia on a flank [1] unless it is fitted: rebound with half of the speed."""
 CONTACT_STEP = 1e-4
 """Largest step of an integration that does not locate impacts [s]: an impact takes about 2 ms."""
 _CONTACT_PHASE = 0.5
@@ -85,10 +85,11 @@ class Link(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Dry friction of the hub: static (break-away) and Coulomb level of each direction [N m], and their variation.
+    """Dry friction: static (break-away) and Coulomb level of each direction [N m], and their variation.
 
-    At hub angle theta and rate omega, both levels are raised by amplitude (1 + sin(order theta + phase))/2. The sliding
-    level is coulomb + (static - coulomb) exp(-(omega/stribeck_velocity)^2), and coulomb where that velocity is 0.
+    It acts on the hub, or, if `on_motor` and there is a backlash, on the motor. At the angle theta and rate omega of
+    the one it acts on, both levels are raised by amplitude (1 + sin(order theta + phase))/2. The sliding level is
+    coulomb + (static - coulomb) exp(-(omega/stribeck_velocity)^2), and coulomb where that velocity is 0.
     """
 
     static_positive: float = 0.0
@@ -99,6 +100,7 @@ class Friction(NamedTuple):
     amplitude: float = 0.0  # N m
     order: float = 1.0  # periods per turn of the hub
     phase: float = 0.0  # rad
+    on_motor: bool = False
 
     def levels(self, direction: float) -> tuple[float, float]:
         """Static and Coulomb level in a direction, +1 or -1, without the variation with angle [N m]."""
@@ -123,6 +125,7 @@ class Motor(NamedTuple):
     lag: float = 0.0  # s, time constant of the torque behind its command
     gap: float = 0.0  # rad, whole backlash between motor and hub
     inertia: float = 0.0  # kg m^2, of a motor with backlash; included in `Link.inertia`
+    contact_stiffness: float = CONTACT_STIFFNESS  # N m/rad, of the flanks
     contact_loss: float = CONTACT_LOSS  # [1] damping ratio of a motor with backlash on the flanks
     contact_step: float = np.inf  # s, largest integration step while the motor is on a flank
 
@@ -148,7 +151,7 @@ class Plant(NamedTuple):
         """Returns a plant with some fields of its link changed."""
         return self._replace(link=self.link._replace(**changes))
 
-    def with_friction(self, **changes: float) -> Plant:
+    def with_friction(self, **changes: Any) -> Plant:
         """Returns a plant with some fields of its friction changed."""
         return self._replace(friction=self.friction._replace(**changes))
 
@@ -168,16 +171,28 @@ class Plant(NamedTuple):
         added = self._with_extra(inertia, place)
         return added.with_link(torsion_stiffness=stiffness, torsion_damping=damping)._with_contact_step()
 
-    def with_backlash(self, gap: float, motor_inertia: float, loss: float = CONTACT_LOSS) -> Plant:
+    def with_backlash(
+        self,
+        gap: float,
+        motor_inertia: float,
+        stiffness: float = CONTACT_STIFFNESS,
+        loss: float = CONTACT_LOSS,
+        friction_on_motor: bool = False,
+    ) -> Plant:
         """Returns a plant with backlash between motor and hub.
 
         Args:
           gap: whole backlash [rad].
           motor_inertia: the motor's share of the hub's inertia [kg m^2].
+          stiffness: of the flanks [N m/rad].
           loss: damping ratio of the motor on the flanks [1].
+          friction_on_motor: whether dry friction acts on the motor, not on the hub.
         """
-        behind = self._with_extra(motor_inertia, len(self.link.lengths))
-        return behind.with_motor(gap=gap, inertia=motor_inertia, contact_loss=loss)._with_contact_step()
+        behind = self._with_extra(motor_inertia, len(self.link.lengths)).with_friction(
+            on_motor=friction_on_motor
+        )
+        motor = {"gap": gap, "inertia": motor_inertia, "contact_stiffness": stiffness, "contact_loss": loss}
+        return behind.with_motor(**motor)._with_contact_step()
 
     def without_motor(self) -> Plant:
         """Returns the hub side of the backlash: the plant without motor coordinate; itself where it has no backlash."""
@@ -200,6 +215,11 @@ class Plant(NamedTuple):
         return behind.with_link(inertia=inertia).with_motor(inertia=0.0)._replace(torques=self.torques)
 
     @property
+    def rubs_on_motor(self) -> bool:
+        """Whether dry friction acts on a motor behind a backlash, and none on the hub."""
+        return self.friction.on_motor and self.motor.gap > 0
+
+    @property
     def largest_step(self) -> float:
         """Largest integration step that the appended coordinates allow where impacts are not located [s]."""
         return CONTACT_STEP if self.motor.gap > 0 else np.inf
@@ -213,7 +233,7 @@ class Plant(NamedTuple):
         if self.motor.gap <= 0:
             return self
         hub_mobility = float(np.linalg.inv(self.link.inertia[:-1, :-1])[0, 0])
-        frequency = np.sqrt(CONTACT_STIFFNESS * (1 / self.motor.inertia + hub_mobility))
+        frequency = np.sqrt(self.motor.contact_stiffness * (1 / self.motor.inertia + hub_mobility))
         return self.with_motor(contact_step=float(_CONTACT_PHASE / frequency))
 
     def _with_extra(self, inertia: float, place: int) -> Plant:

@@ -90,6 +90,8 @@ def undetermined(signals: Signals, prepared: Prepared, model: Model, noise: floa
 
 def _may_stick(signals: Signals, hub: _Hub, torque: np.ndarray, slow: float) -> np.ndarray:
     """Instants (m) at which friction may hold the hub between two impacts: the filter hides how slow the hub was."""
+    if hub.plant.rubs_on_motor:
+        return np.zeros(len(signals.time), dtype=bool)
     removed = double_mean_of_cells(torque) - _low_passed_torque(signals, torque)
     rate = interpolated_in_cells(signals.rate + hub.mobility * GRID * np.cumsum(removed))
     friction = hub.plant.friction

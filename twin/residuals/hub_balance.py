@@ -56,7 +56,9 @@ def hub_law_torque(signals: Signals, model: Model, motion: Motion) -> np.ndarray
 
 
 def _sliding_friction(signals: Signals, model: Model, motion: Motion) -> np.ndarray:
-    """Torque of sliding friction, its mean over a grid step (m) [N m]."""
+    """Torque of sliding friction on the hub, its mean over a grid step (m) [N m]."""
+    if model.plant.rubs_on_motor:
+        return np.zeros(len(signals.time))
     if model.plant.friction.stribeck_velocity > 0:
         return stribeck_reversals.friction_torque(signals, model, motion)
     angle, rate = motion.angles[:, 0], motion.rates[:, 0]

@@ -101,7 +101,7 @@ class Model:
         plant = declared_plant(self.rig, self.chain)
         for name, p in self.effects.items():
             plant = REGISTRY[name].plant(plant, p)
-        friction = plant.friction._replace(**self.friction)
+        friction = plant.with_friction(**self.friction).friction
         if self.break_away != 1:
             friction = friction.scaled(self.break_away)
         return plant._replace(friction=friction, torques=as_arrays(self.hub_torques))
