@@ -11,7 +11,7 @@ lie on rays: straight lines from neutral in the space of the effect's parameters
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from twin.estimation import output_error
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.slopes import linear_gain, linear_move
-from twin.estimation.unknowns import Unknown, effect_unknowns, replaced_parameters
+from twin.estimation.unknowns import Unknown, effect_unknowns, model_and_starts_at, replaced_parameters
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
@@ -42,6 +42,8 @@ _PROMISING = 0.5
 """Share of the best score that an effect of large size has to gain, nothing else fitted, to be fitted."""
 _LARGE_MISFIT = 0.5
 """Misfit per independent sample [nat] above which the model is wrong in most of the recordings."""
+_HIDDEN_SHARES = (0.25, 0.5, 0.75)
+"""Shares of a declared parameter that an effect which it hides may be."""
 _QUICK_ITERATIONS = 8
 """Iterations of the first fit of a candidate."""
 _VISIBLE_CHANGE = 1.0
@@ -229,12 +231,39 @@ def fit_quickly(
     bench: Workbench, base: Fit, name: str, slopes: Slopes, peaks: Sequence[Peak] = ()
 ) -> Candidate:
     """Fits an effect with few iterations, from a point off neutral or from the peaks of its wave."""
-    points = (
-        points_at_peaks(bench, base, name, peaks)
-        if peaks
-        else [_point_off_neutral(bench, base, name, slopes)]
+    if peaks:
+        return fit_from_best(bench, base, name, points_at_peaks(bench, base, name, peaks))
+    values = _point_off_neutral(bench, base, name, slopes)
+    starts = [([values], base), *(([v], near) for v, near in _hidden_starts(base, name))]
+    return min((fit_from_best(bench, base, name, *start) for start in starts), key=lambda c: c.fit.cost)
+
+
+def _hidden_starts(base: Fit, name: str) -> list[tuple[dict[str, float], Fit]]:
+    """Sizes of an effect, and the fit moved by what hides each; none for most effects.
+
+    Declared parameters that were fitted to such an effect have taken its place: with these as they are, every size is
+    worse than none. So it takes a share of them.
+    """
+    effect, fitted = REGISTRY[name], {u.name: v for u, v in zip(base.unknowns, base.values, strict=True)}
+    hiding = {k: rate for k, rate in effect.hidden_by.items() if k in fitted}
+    most = min((abs(fitted[k] / rate) for k, rate in hiding.items()), default=0.0)
+    if most == 0.0:
+        return []
+    neutral, first = effect.neutral(base.model.declared), effect.parameters[0].name
+    sizes = [share * most for share in _HIDDEN_SHARES]
+    return [({**neutral, first: w}, _moved(base, {k: v * w for k, v in hiding.items()})) for w in sizes]
+
+
+def _moved(base: Fit, changes: Mapping[str, float]) -> Fit:
+    """A fit with some of its declared parameters changed, within their bounds."""
+    values = np.array(
+        [
+            np.clip(v + changes.get(u.name, 0.0), *u.bounds) if u.kind == "rig" else v
+            for u, v in zip(base.unknowns, base.values, strict=True)
+        ]
     )
-    return fit_from_best(bench, base, name, points)
+    model, starts = model_and_starts_at(base.model, base.starts, base.unknowns, values)
+    return replace(base, model=model, starts=starts, values=values)
 
 
 def _point_off_neutral(bench: Workbench, base: Fit, name: str, slopes: Slopes) -> dict[str, float]:
@@ -255,20 +284,30 @@ def _point_off_neutral(bench: Workbench, base: Fit, name: str, slopes: Slopes) -
     return best_on_rays(bench, base, name)[0]
 
 
-def fit_from_best(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str, float]]) -> Candidate:
-    """The best fit of an effect from these points; the derivatives by declared parameters stay those of `base`."""
-    result = min((_fit_from(bench, base, name, values) for values in points), key=lambda f: f.cost)
+def fit_from_best(
+    bench: Workbench,
+    base: Fit,
+    name: str,
+    points: Sequence[Mapping[str, float]],
+    near: Fit | None = None,
+) -> Candidate:
+    """The best fit of an effect from these points; the derivatives by declared parameters stay those of `base`.
+
+    All else starts from the values of `near`, by default those of `base`.
+    """
+    near = near or base
+    result = min((_fit_from(bench, base, name, values, near) for values in points), key=lambda f: f.cost)
     # Choices, as which channels are delayed, are compared at the fitted values of the other parameters.
     chosen = _with_best_choices(bench, result, name)
     if chosen != result.model.effects[name]:
-        result = min(result, _fit_from(bench, base, name, chosen), key=lambda f: f.cost)
+        result = min(result, _fit_from(bench, base, name, chosen, near), key=lambda f: f.cost)
     return Candidate((*base.model.effects, name), result, score_gain(bench, base, result))
 
 
-def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
+def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float], near: Fit) -> Fit:
     model = with_effect(base.model, name, values)
     unknowns = fit_unknowns(bench, model, base)
-    first = initial_values(unknowns, model, base)
+    first = initial_values(unknowns, model, base, near)
     return minimise(bench, model, base.starts, unknowns, first, base.jacobian_columns, _QUICK_ITERATIONS)
 
 

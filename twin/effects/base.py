@@ -203,6 +203,8 @@ class Effect:
         them from `starts` as they are; all other parameters are scaled along a ray from neutral.
       wave: how the effect is periodic, if a spectrum has to give its order.
       replaces: declared parameters that the effect replaces: they are no longer calibrated within their uncertainty.
+      hidden_by: declared parameter -> its change, per unit of the effect's first parameter, that hides most of the
+        effect.
       search_multiples: multiples of the smallest visible size at which a search evaluates the effect before a fit.
     """
 
@@ -220,6 +222,7 @@ class Effect:
     replaces: tuple[str, ...] = ()
     undefined_at_neutral: tuple[str, ...] = ()
     wave: Wave | None = None
+    hidden_by: Mapping[str, float] = MappingProxyType({})
     search_multiples: tuple[float, ...] = (1.0, 20.0, 300.0)
 
     @property

@@ -1,5 +1,7 @@
 """Dead zone of the drive."""
 
+from types import MappingProxyType
+
 import numpy as np
 
 from twin.effects.base import TORQUES, Effect, EffectParameter
@@ -23,6 +25,8 @@ class DeadZone(Effect):
     }
     source = "G. Tao and P. V. Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996"
     parameters = (EffectParameter("half_width", "N*m", 0.0, (0.0, 10.0), 1e-3, possible=TORQUES),)
+    # A drive that lacks w of its torque is one that pushes against w more of friction, wherever it pushes.
+    hidden_by = MappingProxyType({"static_friction": -1.0, "coulomb_friction": -1.0})
 
     def drive(self, drive, p):
         return drive.replace(
