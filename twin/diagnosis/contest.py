@@ -117,7 +117,12 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     If the calibration stopped before its minimum, for example with a recording that began in motion, any candidate
     continues the descent and its score contains the gain of the calibration.
     """
-    first = candidates.initial_values(base.unknowns, base.model, base, best.fit)
+    moved = {name: best.fit.model.effects[name] for name in base.model.effects}
+    first = candidates.initial_values(base.unknowns, base.model.replace(effects=moved), base, best.fit)
+    # An effect that replaces a declared parameter has found a value of it.
+    instead = best.fit.model.effects.get(best.name, {})
+    replaced = [u.kind == "rig" and u.name in instead for u in base.unknowns]
+    first[replaced] = [instead[u.name] for u, new in zip(base.unknowns, replaced, strict=True) if new]
     goal = base.cost - rules.decisive_difference(best.score)
     again = minimise(bench, base.model, base.starts, base.unknowns, first, None, FULL_ITERATIONS, goal=goal)
     return again if again.cost < goal else None

@@ -188,8 +188,11 @@ def continued_on_output_errors(
     progress("fitting free runs")
     bench, fit = output_error.fit_output_error(state.bench, state.best)
     explained = bench.sizes(fit.residual).max(initial=0.0) < rules.WORST_RESIDUAL
-    if not explained and not output_error.is_repeatable(bench, fit, output_error.FRICTION_SCATTER):
-        return state, more
+    if not explained:
+        part = output_error.on_predictable_part(bench, fit)
+        if part is None:
+            return state, more
+        bench, fit = part
     if state.adopted:
         *earlier, last = state.adopting
         last = replace(last, adopted=replace(state.adopted[-1], fit=fit), bench=bench)

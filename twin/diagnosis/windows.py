@@ -166,9 +166,7 @@ class _DrivenRun:
             mode = int(np.sign(omega[0] + shift[1])) or mode
         phi += shift[0]
         omega += shift[1] if mode != 0 else -omega[0]
-        if self.plant.motor.gap > 0:
-            phi[-1] += np.sign(torque) * self.plant.motor.gap / 2
-        return phi, omega, mode
+        return self.plant.on_flank(phi, torque), omega, mode
 
     def readings(
         self, instants: np.ndarray, motion: Motion, channels: Sequence[str]

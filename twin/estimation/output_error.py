@@ -7,8 +7,9 @@ noise excites the link where its measured angle drives it (`twin.residuals.data`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import cast
 
 import numpy as np
@@ -32,6 +33,8 @@ BREAK_AWAY_CHANGE = 1e-3
 """Relative change of the break-away torque by which free runs are tried: a fit converges where it is not visible."""
 FRICTION_SCATTER = 1e-2
 """Scatter of a break-away torque from one stick to the next, which no model knows."""
+_LEAST_PREDICTABLE = 0.5
+"""Share of the samples that chance may not decide: most of them."""
 _HUB_SHARE = 0.9
 """Share of the variance of a channel's noise from which its own noise does not matter."""
 _STATIC_ROUNDS = 3  # of the search for the static friction
@@ -51,10 +54,13 @@ class OutputErrorData(FreeData):
       driven: the same recordings, the link driven by the measured hub.
     """
 
-    def __init__(self, driven: DrivenData):
+    def __init__(self, driven: DrivenData, ends: Mapping[int, int] = MappingProxyType({})):
+        """Takes the recordings of driven data; of recording i, only the samples before `ends[i]` are compared."""
         self.driven = driven
         self.prepared = driven.prepared
         self.groups, self.weight = layout(self.prepared, lambda channel, recording: recording[channel])
+        for g in self.groups:
+            self.weight[g.rows][ends.get(g.recording, g.rows.stop) :] = 0.0
         periods = [p.recording.period for p in self.prepared]
         self.blocks = tuple(
             block
@@ -83,12 +89,42 @@ class OutputErrorData(FreeData):
 def is_repeatable(bench: Workbench, fit: Fit, change: float = BREAK_AWAY_CHANGE) -> bool:
     """Whether no stick or slip decides a free run of any recording.
 
-    A relative change of the break-away torque must change no channel by more than its noise.
+    A relative change of the break-away torque must change no block by more than its noise, or than what the model
+    leaves of it.
     """
-    free = _output_errors(bench)
+    return not _decided(_output_errors(bench), fit, change).any()
+
+
+def on_predictable_part(free: Workbench, fit: Fit) -> tuple[Workbench, Fit] | None:
+    """The output errors without what comes after a stick or slip that is a matter of chance, and the fit to them.
+
+    Friction that breaks away `FRICTION_SCATTER` later or earlier may decide the rest of one run, as where a command
+    rests just below the static level. If it decides most of the recordings, the result is None.
+    """
+    ends: dict[int, int] = {}
+    first = {(g.recording, g.channel): g.rows.start for g in free.data.groups}
+    for g, decided in zip(free.groups, _decided(free, fit, FRICTION_SCATTER), strict=True):
+        if decided:
+            row = g.rows.start - first[g.recording, g.channel]
+            ends[g.recording] = min(row, ends.get(g.recording, row))
+    if not ends:
+        return free, fit
+    part = Workbench(OutputErrorData(driven_data(free), ends), free.pool)
+    if part.weight.sum() < _LEAST_PREDICTABLE * free.weight.sum():
+        return None
+    part = part.with_defect(free.defect)
+    return part, minimise(part, fit.model, fit.starts, fit.unknowns, fit.values, iterations=_ITERATIONS)
+
+
+def _decided(free: Workbench, fit: Fit, change: float) -> np.ndarray:
+    """Blocks (g) of output errors that a relative change of the break-away torque changes by more than is left there.
+
+    What is left is the residual of the fit, or the noise where that is larger.
+    """
     models = [fit.model, *(fit.model.with_break_away(1 + s * change) for s in (1, -1))]
     plain, *changed = free.residuals([(m, fit.starts, None) for m in models])
-    return all(float(free.sizes(other - plain).max(initial=0.0)) < 1 for other in changed)
+    left = np.maximum(1.0, free.sizes(plain))
+    return np.any([free.sizes(other - plain) >= left for other in changed], axis=0)
 
 
 def hub_sensor_dominates(bench: Workbench) -> bool:
@@ -133,19 +169,28 @@ def fit_output_error(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     states = tuple(first_state(fit.model, p, bench.pool) for p in bench.prepared)
     values = np.array([_value(u, v, states) for u, v in zip(fit.unknowns, fit.values, strict=True)])
     values = _likeliest_friction(free, fit, states, values, _COULOMB_GRID, _STATIC_GRID)
-    fitted = minimise(free, fit.model, states, fit.unknowns, values, iterations=_ITERATIONS)
-    # With the sliding friction right, the static one may be seen to be wrong.
-    for _ in range(_STATIC_ROUNDS):
-        again = _likeliest_friction(free, fit, fitted.starts, fitted.values, np.ones(1), _FINE_GRID)
-        other = minimise(free, fit.model, fitted.starts, fit.unknowns, again, iterations=_ITERATIONS)
-        if other.cost >= fitted.cost:
-            break
-        fitted = other
+    fitted = _with_likeliest_sticks(
+        free, minimise(free, fit.model, states, fit.unknowns, values, iterations=_ITERATIONS)
+    )
     free, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
     at = fitted.model, fitted.starts, fitted.unknowns, fitted.values
     return free, minimise(free, *at, fixed_jacobian=fitted.jacobian_columns)
+
+
+def _with_likeliest_sticks(free: Workbench, fitted: Fit) -> Fit:
+    """The fit to output errors with its static friction searched for again, as long as this lowers the cost.
+
+    With the sliding friction right, the static one may be seen to be wrong.
+    """
+    for _ in range(_STATIC_ROUNDS):
+        values = _likeliest_friction(free, fitted, fitted.starts, fitted.values, np.ones(1), _FINE_GRID)
+        other = minimise(free, fitted.model, fitted.starts, fitted.unknowns, values, iterations=_ITERATIONS)
+        if other.cost >= fitted.cost:
+            break
+        fitted = other
+    return fitted
 
 
 def _likeliest_friction(

@@ -228,6 +228,12 @@ class Plant(NamedTuple):
         """Returns angles or rates (n + 1 + k) from those of the segments (n + 1): appended ones equal the hub's."""
         return np.r_[state, np.full(len(self.link.lengths) - len(state), state[0])]
 
+    def on_flank(self, phi: np.ndarray, torque: float) -> np.ndarray:
+        """Returns angles (n + 1 + k) with the motor on the flank on which a torque [N m] presses it, if any."""
+        if self.motor.gap <= 0:
+            return phi
+        return np.r_[phi[:-1], phi[-1] + np.sign(torque) * self.motor.gap / 2]
+
     def _with_contact_step(self) -> Plant:
         """Returns the plant with the step on a flank that its inertias allow; itself where it has no backlash."""
         if self.motor.gap <= 0:

@@ -35,6 +35,10 @@ def integrate(model: Model, recording: Recording, start: Start, guide: Guide | N
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
     phi, omega = plant.extend_state(phi), plant.extend_state(omega)
+    if recording.start != "rest":
+        # A drive that moves its hub presses on it.
+        held = np.searchsorted(times, recording.time[0], side="right") - 1
+        phi = plant.on_flank(phi, float(torques[held]))
     motion = planar.simulate(
         plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.stable_step, *flags
     )
