@@ -50,6 +50,8 @@ class Sensor:
       zero_is_certain: whether its reading without load is 0 for certain. If not, that of a sensor on the link is a
         nuisance parameter of each recording.
       sees_gain: of `motor_torque`, whether it sees an error of the drive's gain; None where not declared.
+      gain_uncertainty: relative standard deviation of its gain; 0 for a gain that is certain.
+      delay_uncertainty: standard deviation of the delay of its readings [s]; 0 for time stamps that are certain.
     """
 
     channel: str
@@ -58,6 +60,8 @@ class Sensor:
     half_thickness: float = 0.0
     zero_is_certain: bool = False
     sees_gain: bool | None = None
+    gain_uncertainty: float = 0.0
+    delay_uncertainty: float = 0.0
 
     @property
     def has_unknown_zero(self) -> bool:

@@ -286,9 +286,15 @@ def _sensor(name: str, channel: schema.Channel) -> Sensor:
     # The noise is declared in the channel's unit: where that is V or A, the gain converts it.
     raw = abs(channel.gain or 1.0) if units.raw_unit(channel.unit) else 1.0
     noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
-    certain = channel.offset_uncertainty == 0
     return Sensor(
-        name, noise, channel.position or 0.0, channel.half_thickness or 0.0, certain, channel.sees_gain
+        name,
+        noise,
+        channel.position or 0.0,
+        channel.half_thickness or 0.0,
+        zero_is_certain=channel.offset_uncertainty == 0,
+        sees_gain=channel.sees_gain,
+        gain_uncertainty=channel.gain_uncertainty or 0.0,
+        delay_uncertainty=channel.delay_uncertainty or 0.0,
     )
 
 

@@ -32,7 +32,7 @@ from twin.rigs.model import Model
 
 _MOST_FITTED, _LEAST_FITTED = 6, 3
 """Candidates fitted a round: those with a positive score test, within these numbers."""
-_STRAIN = 2.0
+STRAIN = 2.0
 """Standard deviations from its declared value beyond which a calibrated parameter is suspect."""
 SLOPE_FACTOR = 15.0
 """A finite difference may change the residual by up to this factor more or less than `_VISIBLE_CHANGE`."""
@@ -171,7 +171,7 @@ def strained_parameters(base: Fit, names: Sequence[str]) -> bool:
     bounds, where the linear prediction is poor.
     """
     return any(
-        u.kind == "rig" and u.name in names and abs(v - u.start) > _STRAIN * u.scale
+        u.kind == "rig" and u.name in names and abs(v - u.start) > STRAIN * u.scale
         for u, v in zip(base.unknowns, base.values, strict=True)
     )
 
@@ -318,10 +318,10 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
 
 
 def fit_unknowns(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
-    """Unknowns of a fit: declared parameters that no effect replaces, clock, parameters of effects, first states."""
+    """Unknowns of a fit: declared parameters that no effect replaces, nuisances, effect parameters, first states."""
     replaced = replaced_parameters(model)
     kept = [u for u in base.unknowns if u.kind == "rig" and u.name not in replaced]
-    kept += [u for u in base.unknowns if u.kind == "clock"]
+    kept += [u for u in base.unknowns if u.is_nuisance]
     starts = [u for u in base.unknowns if u.kind == "start"]
     effects = [
         u for name, values in model.effects.items() for u in effect_unknowns(name, values, bench.channels())

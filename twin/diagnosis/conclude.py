@@ -194,6 +194,9 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
         if u.kind == "rig":
             unit = campaign.rig.parameters[u.name].unit
             calibrated[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
+        elif u.is_channel_error:
+            unit = "s" if u.kind == "delay" else "1"
+            calibrated[f"{u.name}.{u.kind}"] = Calibrated(u.start, float(value), float(error), unit, u.scale)
     for name, declared in campaign.effects.items():
         fitted, errors = fit.model.effects[name], standard_errors(fit, name)
         units = REGISTRY[name].units(fitted)

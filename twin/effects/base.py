@@ -203,6 +203,8 @@ class Effect:
         them from `starts` as they are; all other parameters are scaled along a ray from neutral.
       wave: how the effect is periodic, if a spectrum has to give its order.
       replaces: declared parameters that the effect replaces: they are no longer calibrated within their uncertainty.
+      channel_errors: parameter -> errors of channels that it is, each ("gain" or "delay", channel). Where a campaign
+        declares how uncertain these are, they are fitted beside the effect, which stands for what is beyond.
       search_multiples: multiples of the smallest visible size at which a search evaluates the effect before a fit.
     """
 
@@ -220,6 +222,7 @@ class Effect:
     replaces: tuple[str, ...] = ()
     undefined_at_neutral: tuple[str, ...] = ()
     wave: Wave | None = None
+    channel_errors: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType({})
     search_multiples: tuple[float, ...] = (1.0, 20.0, 300.0)
 
     @property

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from twin.effects.base import TIMES, TIMING_TOLERANCE, Effect, EffectParameter
+from twin.recording import MEASURED
 
 
 class SensorDelay(Effect):
@@ -29,6 +30,7 @@ class SensorDelay(Effect):
         EffectParameter("motor_torque", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),
     )
     undefined_at_neutral = ("hub_angle", "strain", "motor_torque")
+    channel_errors = {"delay": tuple(("delay", channel) for channel in MEASURED)}
 
     def starts(self, rig):
         which = ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -44,7 +46,7 @@ class SensorDelay(Effect):
 
     def sensing(self, time, channels, p):
         delays = {ch: self._delay_of(ch, p) for ch in channels}
-        delayed = {ch: _interpolated(time, v, time - delays[ch]) for ch, v in channels.items()}
+        delayed = {ch: interpolated(time, v, time - delays[ch]) for ch, v in channels.items()}
         if "motor_torque" in channels:
             delayed["motor_torque"] = _held(time, channels["motor_torque"], time - delays["motor_torque"])
         return delayed
@@ -56,10 +58,10 @@ class SensorDelay(Effect):
         return p["delay"] if p["hub_angle"] else 0.0
 
     def hub_angle_of(self, time, reading, p):
-        return _interpolated(time, reading, time + self.hub_delay(p))
+        return interpolated(time, reading, time + self.hub_delay(p))
 
 
-def _interpolated(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+def interpolated(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Values (m) interpolated at other instants by a cubic spline; constant beyond the ends.
 
     Values of a diverged simulation, not all finite, are returned unchanged.
