@@ -38,7 +38,7 @@ from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
-from twin.recording import HUB_TORQUE
+from twin.recording import HUB_TORQUE, ON_HUB
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
 _SPEEDS = "Record slews of one angle at several speeds."
@@ -282,7 +282,8 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
 def _place(channel: str) -> str:
     if channel == HUB_TORQUE:
         return "the balance of the hub (drive, friction, hub)"
-    return f"{labels.channel(channel).label} (link or sensor)"
+    where = "hub or sensor" if channel in ON_HUB else "link or sensor"
+    return f"{labels.channel(channel).label} ({where})"
 
 
 def _next_experiment(

@@ -8,9 +8,12 @@ from scipy.interpolate import CubicSpline
 from twin.effects.base import TIMES, TIMING_TOLERANCE, Effect, EffectParameter
 from twin.recording import MEASURED
 
+_CHOICES = {"hub_angle": "hub_angle", "hub_rate": "hub_angle", "motor_torque": "motor_torque"}
+"""Channel -> choice that says whether it is late; of all others "strain"."""
+
 
 class SensorDelay(Effect):
-    """Reading(t) = value(t - delay) of the channels whose choice is 1: hub angle, sensors of the link, motor torque."""
+    """Reading(t) = value(t - delay) of the channels whose choice is 1: of the hub, of the link, motor torque."""
 
     name = "sensor-delay"
     meaning = "a delay of sensor readings"
@@ -52,7 +55,7 @@ class SensorDelay(Effect):
         return delayed
 
     def _delay_of(self, channel, p):
-        return p[channel if channel in ("hub_angle", "motor_torque") else "strain"] * p["delay"]
+        return p[_CHOICES.get(channel, "strain")] * p["delay"]
 
     def hub_delay(self, p):
         return p["delay"] if p["hub_angle"] else 0.0
