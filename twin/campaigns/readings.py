@@ -78,12 +78,12 @@ def _off_cubic(x: np.ndarray) -> np.ndarray:
 
 
 def _off_lines(x: np.ndarray) -> np.ndarray:
-    """Distances (n - 4) of inner samples (n) from the nearer line through their two neighbours on one side.
+    """Distances (n - 4) of inner samples (n) from that cubic or the lines through the two neighbours on either side.
 
-    A rate has a kink where its command jumps or its hub sticks: there a sample lies on one of the lines.
+    The nearest counts: a rate has a kink where its command jumps or its hub sticks, and a sample there lies on a line.
     """
-    before, after = 2 * x[1:-3] - x[:-4], 2 * x[3:-1] - x[4:]
-    return np.minimum(np.abs(x[2:-2] - before), np.abs(x[2:-2] - after))
+    lines = np.stack([2 * x[1:-3] - x[:-4], 2 * x[3:-1] - x[4:]])
+    return np.minimum(_off_cubic(x), np.abs(x[2:-2] - lines).min(axis=0))
 
 
 def longest_valid_stretch(

@@ -28,6 +28,7 @@ from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import shortest_period
+from twin.rigs.channel_errors import replaced_errors, with_replaced_errors
 from twin.rigs.model import Model
 
 _MOST_FITTED, _LEAST_FITTED = 6, 3
@@ -257,7 +258,9 @@ def _point_off_neutral(bench: Workbench, base: Fit, name: str, slopes: Slopes) -
 
 def fit_from_best(bench: Workbench, base: Fit, name: str, points: Sequence[Mapping[str, float]]) -> Candidate:
     """The best fit of an effect from these points; the derivatives by declared parameters stay those of `base`."""
-    result = min((_fit_from(bench, base, name, values) for values in points), key=lambda f: f.cost)
+    errors = base.model.channel_errors
+    starts = [with_replaced_errors(name, values, errors) for values in points]
+    result = min((_fit_from(bench, base, name, values) for values in starts), key=lambda f: f.cost)
     # Choices, as which channels are delayed, are compared at the fitted values of the other parameters.
     chosen = _with_best_choices(bench, result, name)
     if chosen != result.model.effects[name]:
@@ -266,7 +269,7 @@ def fit_from_best(bench: Workbench, base: Fit, name: str, points: Sequence[Mappi
 
 
 def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float]) -> Fit:
-    model = with_effect(base.model, name, values)
+    model = without_replaced_errors(with_effect(base.model, name, values))
     unknowns = fit_unknowns(bench, model, base)
     first = initial_values(unknowns, model, base)
     return minimise(bench, model, base.starts, unknowns, first, base.jacobian_columns, _QUICK_ITERATIONS)
@@ -317,11 +320,17 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
     return model.replace(effects={**model.effects, name: dict(values)})
 
 
+def without_replaced_errors(model: Model) -> Model:
+    """The model without errors of channels that its effects are."""
+    return model.replace(channel_errors=model.channel_errors.without(replaced_errors(model.effects)))
+
+
 def fit_unknowns(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
     """Unknowns of a fit: declared parameters that no effect replaces, nuisances, effect parameters, first states."""
     replaced = replaced_parameters(model)
     kept = [u for u in base.unknowns if u.kind == "rig" and u.name not in replaced]
-    kept += [u for u in base.unknowns if u.is_nuisance]
+    errors = replaced_errors(model.effects)
+    kept += [u for u in base.unknowns if u.is_nuisance and (u.kind, u.name) not in errors]
     starts = [u for u in base.unknowns if u.kind == "start"]
     effects = [
         u for name, values in model.effects.items() for u in effect_unknowns(name, values, bench.channels())

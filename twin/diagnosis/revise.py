@@ -123,6 +123,7 @@ def refit(
     """
     bench = bench or state.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
+    model = candidates.without_replaced_errors(model)
     unknowns = candidates.fit_unknowns(bench, model, state.base)
     first = candidates.initial_values(unknowns, model, state.base, near)
     kept = near.jacobian_columns if iterations == _QUICK_ITERATIONS else None
@@ -344,13 +345,19 @@ def _channel_parameters(best: Fit, name: str, least: float = 0.0) -> set[str]:
 
 
 def _channel_deviations(best: Fit, candidate: Candidate) -> float:
-    """Largest distance of such a parameter from neutral in its standard errors: the declared deviation is in these."""
-    own = _channel_parameters(best, candidate.name, candidates.STRAIN)
-    neutral, fit = REGISTRY[candidate.name].neutral(best.model.declared), candidate.fit
+    """Largest distance of such a parameter from neutral, in standard deviations of it and its declaration."""
+    effect, fit = REGISTRY[candidate.name], candidate.fit
+    own, neutral = (
+        _channel_parameters(best, effect.name, candidates.STRAIN),
+        effect.neutral(fit.model.declared),
+    )
+    replaced = effect.replaced_errors(fit.model.effects[effect.name])
+    declared = {(str(u.kind), u.name): u.scale for u in best.unknowns if u.is_channel_error}
     distances = [
-        abs(value - neutral[u.name]) / error
+        abs(value - neutral[u.name])
+        / math.hypot(error, *(declared.get(e, 0.0) for e in effect.channel_errors[u.name] if e in replaced))
         for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True)
-        if u.effect == candidate.name and u.name in own and error > 0
+        if u.effect == effect.name and u.name in own
     ]
     return max(distances, default=0.0)
 

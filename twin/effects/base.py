@@ -204,7 +204,7 @@ class Effect:
       wave: how the effect is periodic, if a spectrum has to give its order.
       replaces: declared parameters that the effect replaces: they are no longer calibrated within their uncertainty.
       channel_errors: parameter -> errors of channels that it is, each ("gain" or "delay", channel). Where a campaign
-        declares how uncertain these are, they are fitted beside the effect, which stands for what is beyond.
+        declares how uncertain these are, they are fitted; the effect replaces them, as a declared parameter.
       search_multiples: multiples of the smallest visible size at which a search evaluates the effect before a fit.
     """
 
@@ -229,6 +229,10 @@ class Effect:
     def is_coupled(self) -> bool:
         """Whether the parameters have to be varied together, because some are undefined at neutral."""
         return bool(self.undefined_at_neutral)
+
+    def replaced_errors(self, p: Mapping[str, float]) -> set[tuple[str, str]]:
+        """Those of `channel_errors` that the effect is at these values."""
+        return {error for errors in self.channel_errors.values() for error in errors}
 
     @property
     def acts_on_readings(self) -> bool:

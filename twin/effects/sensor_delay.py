@@ -41,6 +41,9 @@ class SensorDelay(Effect):
             {"delay": 1e-3, **dict(zip(self.undefined_at_neutral, late, strict=True))} for late in which
         )
 
+    def replaced_errors(self, p):
+        return {(kind, ch) for kind, ch in super().replaced_errors(p) if p[_CHOICES.get(ch, "strain")]}
+
     def is_resolved(self, values, period):
         return values["delay"] >= TIMING_TOLERANCE * period
 

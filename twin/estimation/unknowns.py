@@ -14,7 +14,7 @@ from twin.effects.base import TIMING_TOLERANCE
 from twin.mechanics.state import Start
 from twin.parameters import declared_range, relative_uncertainty
 from twin.residuals.prepared import Prepared, shortest_period
-from twin.rigs.channel_errors import COMMAND, ChannelErrors
+from twin.rigs.channel_errors import COMMAND, ChannelErrors, replaced_errors
 from twin.rigs.model import Model
 
 _PRIOR_RANGE = 3.0  # standard deviations by which a fit may change a declared parameter, see `declared_range`
@@ -133,7 +133,8 @@ def channel_unknowns(model: Model, channels: set[str]) -> list[Unknown]:
         if (deviation := sensor.delay_uncertainty) > 0:
             limit = min(_PRIOR_RANGE * deviation, _LONGEST_DELAY)
             unknowns.append(Unknown("delay", name, 0.0, deviation, True, (-limit, limit)))
-    return unknowns
+    replaced = replaced_errors(model.effects)
+    return [u for u in unknowns if (u.kind, u.name) not in replaced]
 
 
 def effect_unknowns(effect: str, values: Mapping[str, float], channels: set[str]) -> list[Unknown]:

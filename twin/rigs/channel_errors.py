@@ -8,12 +8,12 @@ they are those of the drive: delivered(t) = gain * torque(t - delay).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin.effects import Drive
+from twin.effects import REGISTRY, Drive
 from twin.effects.sensor_delay import interpolated
 
 COMMAND = "torque_command"
@@ -30,6 +30,15 @@ class ChannelErrors:
 
     gains: Mapping[str, float] = field(default_factory=dict)
     delays: Mapping[str, float] = field(default_factory=dict)
+
+    def of(self, kind: str, channel: str) -> float | None:
+        """The "gain" or "delay" of a channel; None where it has none."""
+        return (self.gains if kind == "gain" else self.delays).get(channel)
+
+    def without(self, errors: Collection[tuple[str, str]]) -> ChannelErrors:
+        """These errors without some, each ("gain" or "delay", channel)."""
+        gains = {c: gain for c, gain in self.gains.items() if ("gain", c) not in errors}
+        return ChannelErrors(gains, {c: d for c, d in self.delays.items() if ("delay", c) not in errors})
 
     def read(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Readings (name -> (m,), SI) for the values of channels without these errors, at instants (m) [s]."""
@@ -51,6 +60,27 @@ class ChannelErrors:
         if gain is None:
             return drive
         return drive.replace(torque=gain * drive.torque, before=gain * drive.before)
+
+
+def replaced_errors(effects: Mapping[str, Mapping[str, float]]) -> set[tuple[str, str]]:
+    """Errors of channels, ("gain" or "delay", channel), that some of these effects are."""
+    return {error for name, p in effects.items() for error in REGISTRY[name].replaced_errors(p)}
+
+
+def with_replaced_errors(name: str, values: Mapping[str, float], errors: ChannelErrors) -> dict[str, float]:
+    """Values of an effect with which it does what it did beside the errors of channels that it replaces.
+
+    Of delays that differ between channels it takes the mean.
+    """
+    effect, replaced, changed = REGISTRY[name], REGISTRY[name].replaced_errors(values), dict(values)
+    for p in effect.parameters:
+        own = [error for error in effect.channel_errors.get(p.name, ()) if error in replaced]
+        known = [(kind, value) for kind, c in own if (value := errors.of(kind, c)) is not None]
+        gains, delays = ([v for kind, v in known if kind == which] for which in ("gain", "delay"))
+        value = values[p.name] * float(np.prod(gains)) + (float(np.mean(delays)) if delays else 0.0)
+        if known:
+            changed[p.name] = float(np.clip(value, *p.bounds))
+    return changed
 
 
 def _at(channel: str, time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
