@@ -42,6 +42,8 @@ class ChannelErrors:
 
     def read(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Readings (name -> (m,), SI) for the values of channels without these errors, at instants (m) [s]."""
+        if not self.gains and not self.delays:
+            return true
         late = {c: _at(c, time, v, time - self.delays[c]) for c, v in true.items() if c in self.delays}
         read = {**true, **late}
         return {**read, **{c: gain * read[c] for c, gain in self.gains.items() if c in read}}
