@@ -13,7 +13,7 @@ _CHOICES = {"hub_angle": "hub_angle", "hub_rate": "hub_angle", "motor_torque": "
 
 
 class SensorDelay(Effect):
-    """Reading(t) = value(t - delay) of the channels whose choice is 1: of the hub, of the link, motor torque."""
+    """Reading(t) = value(t - delay) of the channels whose choice is 1: hub, sensors of the link, motor torque."""
 
     name = "sensor-delay"
     meaning = "a delay of sensor readings"

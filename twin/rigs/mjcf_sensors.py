@@ -25,7 +25,6 @@ from twin.rigs.model import Effects
 
 SENSORS = {
     "hub_angle": "hub_angle",
-    "hub_rate": "hub_rate",
     "strain_base": "strain_base",
     "strain_mid": "strain_mid",
     "tip_deflection": "tip_from_hub",
@@ -132,7 +131,7 @@ def _delay(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor, delay: float) -> None:
     """
     kind, held = mujoco.mjtSensor, sensor.type == mujoco.mjtSensor.mjSENS_ACTUATORFRC
     step = spec.option.timestep
-    at_start = held or sensor.type in (kind.mjSENS_JOINTPOS, kind.mjSENS_JOINTVEL) or _MUJOCO >= 4
+    at_start = held or sensor.type == kind.mjSENS_JOINTPOS or _MUJOCO >= 4
     sensor.delay = delay if at_start else delay + step
     # Cubic interpolation needs one more sample at each end.
     sensor.nsample = math.ceil(sensor.delay / step) + 3
