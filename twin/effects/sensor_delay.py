@@ -33,7 +33,8 @@ class SensorDelay(Effect):
         EffectParameter("motor_torque", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),
     )
     undefined_at_neutral = ("hub_angle", "strain", "motor_torque")
-    channel_errors = {"delay": tuple(("delay", channel) for channel in MEASURED)}
+    # A tachometer may be late by itself: its own delay stays free beside that of the hub angle.
+    channel_errors = {"delay": tuple(("delay", channel) for channel in MEASURED if channel != "hub_rate")}
 
     def starts(self, rig):
         which = ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
