@@ -31,6 +31,7 @@ CHANNELS: Mapping[str, Display] = {
     "motor_torque": Display("motor torque", "N·m", 1.0),
     "hub_reference": Display("hub reference", "°", _DEGREE),
     "hub_angle": Display("hub angle", "°", _DEGREE),
+    "hub_rate": Display("hub rate", "rad/s", 1.0),
     "strain_base": Display("base strain", "µε", 1e6),
     "strain_mid": Display("mid strain", "µε", 1e6),
     "tip_deflection": Display("tip deflection", "mm", 1e3),
@@ -39,7 +40,7 @@ CHANNELS: Mapping[str, Display] = {
 """Channel of the recording format -> its display."""
 VARIABLES: Mapping[str, Display] = {
     "hub_angle": CHANNELS["hub_angle"],
-    "hub_rate": Display("hub rate", "rad/s", 1.0),
+    "hub_rate": CHANNELS["hub_rate"],
     "hub_acceleration": Display("hub acceleration", "rad/s²", 1.0),
     "time": Display("time", "s", 1.0),
     "tip_rate": Display("tip rate", "m/s", 1.0),

@@ -15,6 +15,7 @@ CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
         "motor_torque": "N*m",
         "hub_reference": "rad",
         "hub_angle": "rad",
+        "hub_rate": "rad/s",
         "strain_base": "1",
         "strain_mid": "1",
         "tip_deflection": "m",
@@ -23,11 +24,22 @@ CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
 )
 """Channel of the recording format -> its SI unit."""
 
-MEASURED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection", "tip_acceleration", "motor_torque")
+MEASURED = (
+    "hub_angle",
+    "hub_rate",
+    "strain_base",
+    "strain_mid",
+    "tip_deflection",
+    "tip_acceleration",
+    "motor_torque",
+)
 """Channels that a simulation predicts, in the order of all tables."""
 
 ON_LINK = ("strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 """Channels of sensors on the link."""
+
+ON_HUB = ("hub_angle", "hub_rate")
+"""Channels of sensors of the hub's motion."""
 
 HUB_TORQUE = "hub_torque"
 """Name under which residuals of the hub's torque balance are listed beside those of the channels."""
@@ -47,9 +59,11 @@ class Sensor:
       noise: standard deviation of the sensor noise, SI; None where not declared.
       position: distance of a strain gauge from the hub axis along the link [m].
       half_thickness: distance of a strain gauge from the neutral axis [m]; strain = half_thickness * w''.
-      zero_is_certain: whether its reading without load is 0 for certain. If not, that of a sensor on the link is a
-        nuisance parameter of each recording.
+      zero_is_certain: whether its reading at rest without load is 0 for certain. If not, that of a sensor on the link
+        or of a tachometer is a nuisance parameter of each recording.
       sees_gain: of `motor_torque`, whether it sees an error of the drive's gain; None where not declared.
+      gain_uncertainty: relative standard deviation of its gain; 0 for a gain that is certain.
+      delay_uncertainty: standard deviation of the delay of its readings [s]; 0 for time stamps that are certain.
     """
 
     channel: str
@@ -58,11 +72,13 @@ class Sensor:
     half_thickness: float = 0.0
     zero_is_certain: bool = False
     sees_gain: bool | None = None
+    gain_uncertainty: float = 0.0
+    delay_uncertainty: float = 0.0
 
     @property
     def has_unknown_zero(self) -> bool:
-        """Whether the zero is a nuisance parameter: of sensors on the link, unless it is certain."""
-        return not self.zero_is_certain and self.channel in ON_LINK
+        """Whether the zero is a nuisance parameter: of sensors on the link and tachometers, unless it is certain."""
+        return not self.zero_is_certain and self.channel in (*ON_LINK, "hub_rate")
 
 
 GAUGES = (

@@ -136,7 +136,7 @@ TOML = {
     ),
     "nothing measured": (
         toml_text({"torque_command": 'unit = "N*m"'}),
-        "channels has no measurement; expected one of: hub_angle, strain_base",
+        "channels has no measurement; expected one of: hub_angle, hub_rate, strain_base",
     ),
     "one column for two channels": (
         channel("strain_mid", f'column = "strain_base"\n{GAUGE}'),

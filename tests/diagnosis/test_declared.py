@@ -7,7 +7,7 @@ import pytest
 
 from twin.diagnosis import revise
 from twin.diagnosis.rules import CONTRADICTED, SIZE_DETERMINED, Declaration, Standing
-from twin.estimation.unknowns import effect_unknowns
+from twin.estimation.unknowns import Unknown, effect_unknowns
 
 
 @pytest.mark.parametrize(
@@ -57,3 +57,31 @@ def test_a_cable_is_told_by_stiffness_and_rest_angle_together():
     errors = {"stiffness": 0.01, "rest_angle": 0.3}
     assert told(revise.size_in_errors(fit("cable-torsion", values, errors, -0.99), "cable-torsion"))
     assert not told(revise.size_in_errors(fit("cable-torsion", values, errors), "cable-torsion"))
+
+
+def contradicted(gain, declared, error=1e-3):
+    """Deviations of the gain of a gauge, fitted without its prior, whose fit with the prior ended at its bound."""
+    bound = float(np.exp(3 * declared))
+    u = Unknown("gain", "strain_base", 1.0, declared, True, (1 / bound, bound))
+    model = SimpleNamespace(effects={}, declared={})
+    best = SimpleNamespace(unknowns=(u,), values=np.array([min(gain, bound)]), model=model)
+    values = {"gain_base": gain, "gain_mid": 1.2}
+    fitted = fit("strain-gain", values, dict.fromkeys(values, error))
+    return revise._channel_deviations(best, SimpleNamespace(name="strain-gain", fit=fitted))
+
+
+def test_a_gain_is_measured_in_the_deviations_that_are_declared():
+    # The other gain of the effect is off by 200 of its errors, but nothing is declared of it.
+    assert contradicted(1.08, 0.02) == pytest.approx(0.08 / np.hypot(0.02, 1e-3))
+    assert CONTRADICTED.judge(Declaration(contradicted(1.08, 0.02), 0.01, 2)).passed
+    assert not CONTRADICTED.judge(Declaration(contradicted(1.05, 0.02), 0.01, 2)).passed
+    assert contradicted(1.03, 0.02) == 0.0
+
+
+def test_only_effects_that_are_an_error_of_an_uncertain_channel_are_tested():
+    u = Unknown("gain", "strain_base", 1.0, 0.02, True, (0.94, 1.06))
+    best = SimpleNamespace(unknowns=(u,), values=np.array([1.05]), model=SimpleNamespace(effects={}))
+    assert revise._channel_parameters(best, "strain-gain") == {"gain_base"}
+    assert revise._channel_parameters(best, "hub-sensor-gain") == set()
+    best.model.effects = {"strain-gain": {}}
+    assert revise._channel_parameters(best, "strain-gain") == set()

@@ -96,3 +96,31 @@ def test_viscous_friction_under_a_voltage_looks_like_back_emf():
     assert "0.5 V s/rad" in said
     assert notes.back_emf(SimpleNamespace(torque_per_volt=None), found) == []
     assert notes.back_emf(SimpleNamespace(torque_per_volt=0.12), {}) == []
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "told"),
+    [
+        (
+            1.034,
+            0.001,
+            "The gain of the base strain is taken as 1.0340 ± 0.0010, within its declaration, 1.00 ± 0.05.",
+        ),
+        (1.05, 0.02, None),
+        (1.004, 0.0001, None),
+        (np.exp(0.15), 0.001, "the recordings contradict this declaration."),
+    ],
+)
+def test_a_gain_off_its_declared_value_is_told(value, error, told):
+    u = Unknown("gain", "strain_base", 1.0, 0.05, True, (np.exp(-0.15), np.exp(0.15)))
+    fit = SimpleNamespace(unknowns=(u,), values=np.array([value]), errors=np.array([error]))
+    said = notes.channel_error_notes(fit)
+    assert len(said) == (told is not None)
+    assert all(told in note for note in said)
+
+
+def test_a_delay_is_told_in_milliseconds():
+    u = Unknown("delay", "hub_rate", 0.0, 0.003, True, (-0.009, 0.009))
+    fit = SimpleNamespace(unknowns=(u,), values=np.array([0.002]), errors=np.array([1e-5]))
+    [note] = notes.channel_error_notes(fit)
+    assert "The delay of the hub rate is taken as 2.000 ± 0.010 ms, within its declaration, 0 ± 3 ms." in note

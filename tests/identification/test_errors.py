@@ -41,6 +41,7 @@ from twin.residuals.make_view import make_view
 from twin.residuals.prepared import prepare
 from twin.residuals.view import move_link
 from twin.rigs import preset
+from twin.rigs.channel_errors import ChannelErrors
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 from twin.virtual_rig import Rig as VirtualRig
@@ -211,6 +212,7 @@ class Line:
 
     declared: Declared
     effects: dict = field(default_factory=dict)
+    channel_errors: ChannelErrors = ChannelErrors()
 
     def replace(self, **changes):
         return replace(self, **changes)

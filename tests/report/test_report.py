@@ -13,7 +13,7 @@ import synthetic_diagnosis as synthetic
 from rich.console import Console
 
 from twin import labels
-from twin.diagnosis.answer import ChannelError, Contradiction, Patched, Trace
+from twin.diagnosis.answer import Calibrated, ChannelError, Contradiction, Patched, Trace
 from twin.diagnosis.rules import ADOPTION, REVISION, SCREENING
 from twin.report import certainty, display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
@@ -242,6 +242,16 @@ def test_a_model_that_is_worse_than_the_declared_one_is_told_with_what_decides_i
 def test_moved_parameter_is_told_in_declared_sigmas(diagnosis):
     # hub inertia: 7 % at a declared uncertainty of 3 %
     assert "+7.0 % +2.3" in seen(page(diagnosis))
+
+
+def test_gain_and_delay_of_a_channel_stand_among_the_calibrated_values(diagnosis):
+    calibrated = {
+        "strain_base.gain": Calibrated(1.0, 1.034, 0.002, "1", 0.05),
+        "hub_rate.delay": Calibrated(0.0, 0.002, 1e-5, "s", 0.003),
+    }
+    text = seen(page(replace(diagnosis, calibrated=calibrated)))
+    assert "strain base: gain 1.000 5 % 1.034 ± 0.002 +3.4 % +0.7" in text
+    assert "hub rate: delay 0 0.00300 s 0.002000 ± 0.000010 s – +0.7" in text
 
 
 def test_page_needs_no_network(diagnosis):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path, PurePath
@@ -14,6 +14,7 @@ import numpy as np
 
 from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
+from twin.campaigns.declaration_warnings import declaration_warnings
 from twin.campaigns.derived_channels import derive, derived_sensors
 from twin.campaigns.drive import check_drive, known_effects, torque_per_command, torque_per_volt
 from twin.campaigns.missing import check_complete
@@ -131,8 +132,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
         fit=fit,
         static=_read_static(root, content.static.second_moment),
         warnings=(
-            *_zero_noise_warnings(content),
-            *_uncertainty_warnings(content),
+            *declaration_warnings(content),
             *chain.from_iterable(notes for *_, notes in read),
             *stuck,
             *idle,
@@ -286,25 +286,16 @@ def _sensor(name: str, channel: schema.Channel) -> Sensor:
     # The noise is declared in the channel's unit: where that is V or A, the gain converts it.
     raw = abs(channel.gain or 1.0) if units.raw_unit(channel.unit) else 1.0
     noise = channel.noise * raw * _factor(name, channel) if channel.noise else None
-    certain = channel.offset_uncertainty == 0
     return Sensor(
-        name, noise, channel.position or 0.0, channel.half_thickness or 0.0, certain, channel.sees_gain
+        name,
+        noise,
+        channel.position or 0.0,
+        channel.half_thickness or 0.0,
+        zero_is_certain=channel.offset_uncertainty == 0,
+        sees_gain=channel.sees_gain,
+        gain_uncertainty=channel.gain_uncertainty or 0.0,
+        delay_uncertainty=channel.delay_uncertainty or 0.0,
     )
-
-
-def _zero_noise_warnings(content: schema.CampaignFile) -> Iterator[str]:
-    for name, channel in content.channels.items():
-        if channel.noise == 0.0:
-            yield f"{schema.FILE}: channels.{name}.noise is 0, which no sensor has; taken as not declared"
-
-
-def _uncertainty_warnings(content: schema.CampaignFile) -> Iterator[str]:
-    for name, relative in content.uncertainty.items():
-        if relative > 1.0:
-            yield (
-                f"{schema.FILE}: uncertainty.{name} is {relative:g}, which is {100 * relative:g} % of its value, so "
-                f"that it is hardly known; for {relative:g} % write {relative / 100:g}"
-            )
 
 
 def _factor(name: str, channel: schema.Channel) -> float:
@@ -326,9 +317,13 @@ def _check_recordings(content: schema.CampaignFile, rig: Rig) -> None:
         ):
             raise InputError(
                 f"{schema.FILE}: channels.hub_angle is missing; expected it for {entry.file}: "
-                "only a recording with clamped = true may lack it"
+                f"only a recording with clamped = true may lack it{_rate_is_no_angle(content)}"
             )
         check_deflection(f"{schema.FILE}: recordings[{i}] ({entry.file})", entry.initial_tip_deflection, rig)
+
+
+def _rate_is_no_angle(content: schema.CampaignFile) -> str:
+    return "; hub_rate does not replace it: its integral drifts" if "hub_rate" in content.channels else ""
 
 
 def check_deflection(where: str, deflection: float | None, rig: Rig) -> None:

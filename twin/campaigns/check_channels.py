@@ -26,6 +26,8 @@ _CLEAR = 0.6
 """Least partial correlation [1] with which a ratio is judged; channels with the right sign have 0.07 to 1."""
 _SHARE = 0.3
 """Least low-passed share of a channel's standard deviation [1] with which it is judged."""
+_RATE_FACTOR = 3.0
+"""The same of hub_rate: beside hub_angle it is 1 with any physics, so that rev/min (9.5 times) show too."""
 _FACTOR = 30.0
 """Factor from which a ratio is a unit error: between 1, with all physics that may be missing, and 1000."""
 _ALIKE = 3.0  # factor within which ratios are taken to have one common cause
@@ -50,7 +52,7 @@ def check_signs_and_units(recordings: Sequence[Recording], sensors: Mapping[str,
 def _error_text(channel: str, ratios: Mapping[str, float]) -> str:
     """What is wrong with a channel, and what is expected. `ratios`: recording -> factor too large, signed."""
     files, ratio = ", ".join(ratios), float(np.median(list(ratios.values())))
-    if not _is_unit_error(ratio):
+    if ratio < 0 and not _is_unit_error(ratio):
         return (
             f"it counts the wrong way round in {files}: {_WHY[channel]}. Expected {_EXPECTED[channel]}; turn the "
             "sign of its gain (no gain is a gain of 1)"
@@ -68,12 +70,14 @@ _STRAIN = "a strain that is positive where the link is bent towards positive ang
 _WHY = {
     "torque_command": "the hub speeds up against it",
     "hub_angle": "it speeds up against torque_command",
+    "hub_rate": "it falls where hub_angle speeds up",
     "motor_torque": "it falls where torque_command rises",
     "tip_acceleration": "the tip slows down where the hub speeds up",
 } | dict.fromkeys(("strain_base", "strain_mid", "tip_deflection"), _BENT)
 _EXPECTED = {
     "torque_command": "a torque that is positive towards positive angles",
     "hub_angle": "an angle that counts in the direction of the torque",
+    "hub_rate": "a rate that is positive where hub_angle rises",
     "motor_torque": "a torque that is positive towards positive angles",
     "strain_base": _STRAIN,
     "strain_mid": _STRAIN,
@@ -89,29 +93,31 @@ def _faults(ratios: Mapping[str, float]) -> dict[str, float]:
     """Returns the channels at fault -> factor too large; empty where the ratios do not tell which channel it is.
 
     Args:
-      ratios: channel -> measured ratio per expected ratio: of motor_torque to the command, of all others to the
-        acceleration of the hub.
+      ratios: channel -> measured ratio per expected ratio: of motor_torque to the command, of hub_rate to the rate of
+        hub_angle, of all others to the acceleration of the hub.
     """
     shape = [c for c in _SHAPE if c in ratios]
     wrong = {c: ratios[c] for c in shape if _is_wrong(ratios[c])}
-    command, motor = ratios.get("torque_command"), ratios.get("motor_torque", 1.0)
+    command, motor, rate = (ratios.get(c) for c in ("torque_command", "motor_torque", "hub_rate"))
+    motor = 1.0 if motor is None else motor
+    own = {} if rate is None or not _is_wrong(rate, _RATE_FACTOR) else {"hub_rate": rate}
     if command is None:
-        return wrong if len(wrong) < len(shape) else {}
+        return wrong | own if len(wrong) < max(len(shape), 1) else {}
     if not _is_wrong(command):
-        return wrong | ({"motor_torque": motor} if _is_wrong(motor) else {})
+        return wrong | own | ({"motor_torque": motor} if _is_wrong(motor) else {})
     # If all ratios to the hub's acceleration are wrong alike, the hub angle is at fault.
     one_cause = all(1 / _ALIKE < ratios[c] / command < _ALIKE for c in shape)
     if one_cause and (shape or not _is_wrong(motor)):
         return {"hub_angle": 1 / command}
-    return {"torque_command": command} | wrong
+    return {"torque_command": command} | wrong | own
 
 
-def _is_wrong(ratio: float) -> bool:
-    return ratio < 0 or _is_unit_error(ratio)
+def _is_wrong(ratio: float, factor: float = _FACTOR) -> bool:
+    return ratio < 0 or _is_unit_error(ratio, factor)
 
 
-def _is_unit_error(ratio: float) -> bool:
-    return abs(math.log(abs(ratio))) > math.log(_FACTOR)
+def _is_unit_error(ratio: float, factor: float = _FACTOR) -> bool:
+    return abs(math.log(abs(ratio))) > math.log(factor)
 
 
 # Ratios
@@ -129,6 +135,8 @@ def clear_ratios(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) 
     for channel in _SHAPE:
         if channel in recording:
             found[channel] = slow.slope(channel, nuisance[:2]) / _quasi_static_reading(sensors[channel], rig)
+    if "hub_rate" in recording:
+        found["hub_rate"] = slow.slope("hub_rate", (ones,), slow.rate)
     if "motor_torque" in recording:
         found["motor_torque"] = slow.slope("motor_torque", (ones,), slow.mean("torque_command"))
     return {channel: ratio for channel, ratio in found.items() if ratio}

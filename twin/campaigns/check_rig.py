@@ -18,7 +18,7 @@ from twin.campaigns import schema
 from twin.errors import InputError
 from twin.mechanics import beam
 from twin.parameters import Rig
-from twin.recording import CHANNEL_UNITS, Recording, Sensor
+from twin.recording import CHANNEL_UNITS, ON_HUB, Recording, Sensor
 
 # Range of a channel, in standard deviations of its noise, from which it moves: noise alone spans 8 in 50 000 samples.
 _NOISE_SPAN = 12.0
@@ -59,12 +59,12 @@ def _refuse_dead(
     channel: str, recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig
 ) -> None:
     present = [r for r in recordings if channel in r.measured()]
-    if channel == "hub_angle":
+    if channel in ON_HUB:
         present = [r for r in present if not r.clamped]
     if not present or not all(_is_constant(r[channel]) for r in present):
         return
     # Strain gauges are never without noise, but a hub may rest throughout.
-    may_rest = channel in ("hub_angle", "motor_torque")
+    may_rest = channel in (*ON_HUB, "motor_torque")
     if may_rest and not any(_is_stuck(channel, recording, sensors, rig) for recording in present):
         return
     value = _value(present[0], channel)
@@ -80,6 +80,9 @@ def _is_stuck(channel: str, recording: Recording, sensors: Mapping[str, Sensor],
         return False
     if channel == "hub_angle":
         return _hub_must_turn(recording, sensors, rig)
+    if channel == "hub_rate":
+        turns = "hub_angle" in recording and _exceeds_noise(recording["hub_angle"], sensors["hub_angle"])
+        return not recording.clamped and turns
     if channel == "motor_torque":
         return not recording.clamped and float(np.ptp(recording["torque_command"])) > 0
     others = [c for c in ("hub_angle", *_SHAPE) if c != channel and c in recording]

@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import label, median_filter
 
 from twin.campaigns.readings import sample_clock
-from twin.recording import CHANNEL_UNITS, Recording, Sensor, sample_period
+from twin.recording import CHANNEL_UNITS, ON_HUB, Recording, Sensor, sample_period
 
 _FEWEST = 200  # readings; a channel with fewer is not judged
 _RUN = 12  # equal readings in a row from which a channel may be frozen
@@ -55,7 +55,7 @@ def without_defects(
 def _cleaned(recording: Recording, sensors: Mapping[str, Sensor]) -> tuple[Recording, list[str]]:
     channels, notes = dict(recording.channels), []
     for channel in recording.measured():
-        if channel == "hub_angle" and recording.clamped:
+        if channel in ON_HUB and recording.clamped:
             continue
         noise = sensors[channel].noise or 0.0
         readings = _Readings.from_channel(recording, channel, channels[channel], noise)
@@ -197,7 +197,7 @@ def _noise_vanishes(readings: _Readings, first: int, last: int) -> bool:
     if readings.channel == "motor_torque":
         # Without a command, an amplifier may deliver exactly zero.
         return float(np.ptp(readings.command[first : last + 1])) > _JUMP * noise
-    if readings.channel != "hub_angle" and not at_start:
+    if readings.channel not in ON_HUB and not at_start:
         return True
     # The wiper of a potentiometer may be noisy in motion only.
     return readings.noisy_at_rest() or _jumps(readings, last, noise)
@@ -273,19 +273,19 @@ def _piled_up(readings: _Readings, runs: Sequence[tuple[int, int]], sign: float,
     flat = [(a, b) for a, b in runs if b - a + 1 >= _TOP and a > 0]
     pairs = sum(b - a for a, b in runs if a > 0)
     # A hub may rest at its extreme once.
-    fewest = 2 if readings.channel == "hub_angle" else 1
+    fewest = 2 if readings.channel in ON_HUB else 1
     if len(flat) < fewest or pairs < (_TOP - 1 if other else _PILE):
         return False
     noise = 1.4826 * float(np.median(readings.noise, axis=1).min())
     outer = sign * readings.values >= np.quantile(sign * readings.values, 0.8)
     if noise >= _step(readings.values[outer], readings.step):
-        if readings.channel == "hub_angle" and not readings.noisy_at_rest():
+        if readings.channel in ON_HUB and not readings.noisy_at_rest():
             return False
         elsewhere = readings.values != readings.values[runs[0][0]]
         equal = (np.diff(readings.values) == 0)[elsewhere[:-1]]
         chance = readings.chance(noise, equal) ** pairs
         return bool(len(readings.values) * chance < (_SECOND_CHANCE if other else _CHANCE))
-    if readings.channel == "hub_angle":
+    if readings.channel in ON_HUB:
         return False  # it may rest at its extreme
     # A coarse converter flattens true peaks too, but not where the channel arrives and leaves at full speed.
     if np.ptp(readings.values) < _COARSE_RANGE * readings.step:

@@ -1,4 +1,4 @@
-"""Channels that are turned into those of a recording when a campaign is read: motor angle, tip angle, hub rate."""
+"""Channels that are turned into those of a recording when a campaign is read: motor angle, tip angle."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ def derive(
 
 
 def derived_sensors(sensors: Mapping[str, Sensor], gear_ratio: float, length: float) -> dict[str, Sensor]:
-    """Returns the sensors of the channels of `derive`; arguments as there."""
+    """Returns the sensors of the channels of `derive`; arguments as there.
+
+    Gain and delay of a tip angle are none of the deflection, which is its difference from the hub angle.
+    """
     known = {name: s for name, s in sensors.items() if name not in DERIVED_UNITS}
     for name, channel, factor in (
         ("motor_angle", "hub_angle", 1 / gear_ratio),
@@ -47,4 +50,6 @@ def derived_sensors(sensors: Mapping[str, Sensor], gear_ratio: float, length: fl
             known[channel] = replace(
                 sensors[name], channel=channel, noise=None if noise is None else noise * factor
             )
+            if name == "tip_angle":
+                known[channel] = replace(known[channel], gain_uncertainty=0.0, delay_uncertainty=0.0)
     return known

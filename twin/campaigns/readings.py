@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
 
@@ -42,7 +44,7 @@ def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Rec
         # A measured torque jumps with its command.
         if name == "motor_torque" or not sigma > 0 or np.isfinite(values).sum() < 20:
             continue
-        far = _outliers(values, sigma)
+        far = _outliers(values, sigma, _off_lines if name == "hub_rate" else _off_cubic)
         if far.any():
             channels[name] = np.where(far, np.nan, values)
             many = f"{far.sum()} outlier{'s' if far.sum() > 1 else ''}"
@@ -50,22 +52,38 @@ def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Rec
     return recording.replace(channels=channels), notes
 
 
-def _outliers(values: np.ndarray, sigma: float) -> np.ndarray:
-    """Mask (n) of single samples far from the cubic through their four neighbours; of a group, the farthest first."""
+def _outliers(
+    values: np.ndarray, sigma: float, off_neighbours: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Mask (n) of single samples far from what their four neighbours predict; of a group, the farthest first."""
     index = np.arange(len(values))
     outliers = np.zeros(len(values), dtype=bool)
     for _ in range(5):
         known = np.isfinite(values) & ~outliers
         x = np.interp(index, index[known], values[known])
         distance = np.zeros(len(x))
-        distance[2:-2] = np.abs(x[2:-2] - (4 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6)
-        # During fast motion the cubic is inaccurate: an outlier also has to exceed the distances around it.
+        distance[2:-2] = off_neighbours(x)
+        # During fast motion the prediction is inaccurate: an outlier also has to exceed the distances around it.
         level = np.maximum(_OUTLIER * sigma, 6 * median_filter(distance, 15, mode="nearest"))
         far = known & (distance > level) & (distance >= maximum_filter(distance, 5, mode="nearest"))
         if not far.any():
             break
         outliers |= far
     return outliers
+
+
+def _off_cubic(x: np.ndarray) -> np.ndarray:
+    """Distances (n - 4) of inner samples (n) from the cubic through their four neighbours."""
+    return np.abs(x[2:-2] - (4 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6)
+
+
+def _off_lines(x: np.ndarray) -> np.ndarray:
+    """Distances (n - 4) of inner samples (n) from that cubic or the lines through the two neighbours on either side.
+
+    The nearest counts: a rate has a kink where its command jumps or its hub sticks, and a sample there lies on a line.
+    """
+    lines = np.stack([2 * x[1:-3] - x[:-4], 2 * x[3:-1] - x[4:]])
+    return np.minimum(_off_cubic(x), np.abs(x[2:-2] - lines).min(axis=0))
 
 
 def longest_valid_stretch(

@@ -32,7 +32,7 @@ UNITS = tuple(_USUAL)
 RAW_UNITS = ("V", "A")
 """Units of a raw sensor signal: the channel's `gain` turns them into the SI unit of the channel."""
 
-DERIVED_UNITS = {"motor_angle": "rad", "tip_angle": "rad", "hub_rate": "rad/s"}
+DERIVED_UNITS = {"motor_angle": "rad", "tip_angle": "rad"}
 """Channels that are turned into those of a recording when a campaign is read -> SI unit."""
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}

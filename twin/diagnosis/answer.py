@@ -52,12 +52,19 @@ class AdoptedEffect(KnownEffect):
 
 @dataclass(frozen=True)
 class Calibrated:
-    """A declared parameter fitted within its uncertainty, or a parameter of a known effect; SI units."""
+    """A declared parameter, or a channel's gain or delay, fitted within its uncertainty, or that of a known effect.
+
+    Attributes:
+      declared, fitted, standard_error: SI.
+      unit: of these.
+      uncertainty: declared standard deviation of a channel's gain or delay, in `unit`; None of any other.
+    """
 
     declared: float
     fitted: float
     standard_error: float
     unit: str
+    uncertainty: float | None = None
 
 
 @dataclass(frozen=True)
@@ -225,7 +232,8 @@ class Diagnosis:
       indistinguishable: sets of effects whose scores differ by too little for a decision.
       next_experiment: what to record to separate or confirm them.
       depends_on: variables on which unexplained residuals depend, strongest first.
-      calibrated: declared parameters that were fitted, those of known effects as "effect.parameter".
+      calibrated: declared parameters that were fitted, those of known effects as "effect.parameter", gains and delays
+        of channels as "channel.gain" and "channel.delay".
       predictions: file -> recording and simulations; held-out recordings were simulated once, at the end.
       traces: residuals of the calibrated model; outside the library, those of the final model.
       notes: assumptions, and defects of the data.

@@ -28,11 +28,12 @@ from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import shortest_period
+from twin.rigs.channel_errors import replaced_errors, with_replaced_errors
 from twin.rigs.model import Model
 
 _MOST_FITTED, _LEAST_FITTED = 6, 3
 """Candidates fitted a round: those with a positive score test, within these numbers."""
-_STRAIN = 2.0
+STRAIN = 2.0
 """Standard deviations from its declared value beyond which a calibrated parameter is suspect."""
 SLOPE_FACTOR = 15.0
 """A finite difference may change the residual by up to this factor more or less than `_VISIBLE_CHANGE`."""
@@ -173,7 +174,7 @@ def strained_parameters(base: Fit, names: Sequence[str]) -> bool:
     bounds, where the linear prediction is poor.
     """
     return any(
-        u.kind == "rig" and u.name in names and abs(v - u.start) > _STRAIN * u.scale
+        u.kind == "rig" and u.name in names and abs(v - u.start) > STRAIN * u.scale
         for u, v in zip(base.unknowns, base.values, strict=True)
     )
 
@@ -295,8 +296,9 @@ def fit_from_best(
 
     All else starts from the values of `near`, by default those of `base`.
     """
-    near = near or base
-    result = min((_fit_from(bench, base, name, values, near) for values in points), key=lambda f: f.cost)
+    near, errors = near or base, base.model.channel_errors
+    starts = [with_replaced_errors(name, values, errors) for values in points]
+    result = min((_fit_from(bench, base, name, values, near) for values in starts), key=lambda f: f.cost)
     # Choices, as which channels are delayed, are compared at the fitted values of the other parameters.
     chosen = _with_best_choices(bench, result, name)
     if chosen != result.model.effects[name]:
@@ -305,7 +307,7 @@ def fit_from_best(
 
 
 def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float], near: Fit) -> Fit:
-    model = with_effect(base.model, name, values)
+    model = without_replaced_errors(with_effect(base.model, name, values))
     unknowns = fit_unknowns(bench, model, base)
     first = initial_values(unknowns, model, base, near)
     return minimise(bench, model, base.starts, unknowns, first, base.jacobian_columns, _QUICK_ITERATIONS)
@@ -356,14 +358,29 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
     return model.replace(effects={**model.effects, name: dict(values)})
 
 
+def without_replaced_errors(model: Model) -> Model:
+    """The model without errors of channels that its effects are."""
+    return model.replace(channel_errors=model.channel_errors.without(replaced_errors(model.effects)))
+
+
 def fit_unknowns(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
-    """Unknowns of a fit: declared parameters that no effect replaces, clock, parameters of effects, first states."""
+    """Unknowns of a fit: declared parameters that no effect replaces, nuisances, effect parameters, first states.
+
+    Those of an effect that the base has are the base's: a declared effect keeps its uncertainty.
+    """
     replaced = replaced_parameters(model)
     kept = [u for u in base.unknowns if u.kind == "rig" and u.name not in replaced]
-    kept += [u for u in base.unknowns if u.kind == "clock"]
+    errors = replaced_errors(model.effects)
+    kept += [u for u in base.unknowns if u.is_nuisance and (u.kind, u.name) not in errors]
     starts = [u for u in base.unknowns if u.kind == "start"]
     effects = [
-        u for name, values in model.effects.items() for u in effect_unknowns(name, values, bench.channels())
+        u
+        for name, values in model.effects.items()
+        for u in (
+            [u for u in base.unknowns if u.effect == name]
+            if name in base.model.effects
+            else effect_unknowns(name, values, bench.channels())
+        )
     ]
     return (*kept, *effects, *starts)
 

@@ -38,7 +38,7 @@ from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
-from twin.recording import HUB_TORQUE
+from twin.recording import HUB_TORQUE, ON_HUB
 
 _BENDS = "Record slews of several sizes: the faster they are, the further the link bends."
 _SPEEDS = "Record slews of one angle at several speeds."
@@ -194,6 +194,9 @@ def _calibrated(campaign: Campaign, fit: Fit) -> dict[str, Calibrated]:
         if u.kind == "rig":
             unit = campaign.rig.parameters[u.name].unit
             calibrated[u.name] = Calibrated(campaign.rig[u.name], float(value), float(error), unit)
+        elif u.is_channel_error:
+            unit = "s" if u.kind == "delay" else "1"
+            calibrated[f"{u.name}.{u.kind}"] = Calibrated(u.start, float(value), float(error), unit, u.scale)
     for name, declared in campaign.effects.items():
         fitted, errors = fit.model.effects[name], standard_errors(fit, name)
         units = REGISTRY[name].units(fitted)
@@ -279,7 +282,8 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
 def _place(channel: str) -> str:
     if channel == HUB_TORQUE:
         return "the balance of the hub (drive, friction, hub)"
-    return f"{labels.channel(channel).label} (link or sensor)"
+    where = "hub or sensor" if channel in ON_HUB else "link or sensor"
+    return f"{labels.channel(channel).label} ({where})"
 
 
 def _next_experiment(

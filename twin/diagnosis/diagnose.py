@@ -35,6 +35,7 @@ from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
+from twin.recording import ON_LINK
 
 MOST_EFFECTS = 3
 """Effects that are adopted at most."""
@@ -243,7 +244,7 @@ def on_sound_channels(state: SearchState) -> tuple[SearchState, Workbench]:
     An effect on a sensor whose residuals it does not explain is withdrawn.
     """
     bench, best = state.bench, state.best
-    link = bench.channels() - {"hub_angle", "motor_torque"}
+    link = bench.channels() & set(ON_LINK)
     faulty = link & set(remainder.unexplained_channels(state))
     if state.adopted and _sensors_of(state.adopted[-1].name) & faulty:
         return on_sound_channels(_without_last(state))

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import chirp
 
 from twin.diagnosis.separation import Explanation, difference
-from twin.recording import Recording
+from twin.recording import ON_HUB, Recording
 
 _ADDED_PAYLOAD = 0.5  # added mass, as a share of the payload
 _DEFAULT_LIMIT = 0.2  # N m, if no torque limit is declared: that of a small servo
@@ -133,7 +133,7 @@ def _plan_of(
     return Plan(experiment, best, channel, added)
 
 
-_NEEDS_HUB = ("hub_angle", "motor_torque")  # channels without information if the hub is locked
+_NEEDS_HUB = (*ON_HUB, "motor_torque")  # channels without information if the hub is locked
 
 
 # Torques

@@ -14,13 +14,17 @@ from twin.diagnosis.state import SearchState
 from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
-from twin.labels import with_the
+from twin.estimation.unknowns import Unknown
+from twin.labels import with_error, with_the
 from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.recording import HUB_TORQUE
 from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View
 
+_SIGNIFICANT = 3.0  # standard errors from which a gain or a delay of a channel is noted
+_SMALL = 0.1  # share of its declared standard deviation up to which it is not
+_AT_BOUND = 1e-3  # share of the range of an unknown within which it is at its bound
 _DRIFT_SHARE = 0.2  # share of the variance of the residuals from which a drifting parameter is noted
 _UNPREDICTABLE = 30.0
 """Sensitivity `ChannelError.reach` [noise levels] from which a held-out recording is called unpredictable."""
@@ -45,6 +49,7 @@ def all_notes(
         *state.start.notes,
         *(note for p in predictions.values() if p.role == "holdout" for note in p.left_out),
         *late_command_notes(polished.augmented),
+        *channel_error_notes(polished.augmented),
         *_assumptions(campaign),
         *_known_effects(state),
         *back_emf(campaign, polished.augmented.model.effects if state.adopted else {}),
@@ -59,6 +64,28 @@ def all_notes(
         *_unpredictable(predictions),
         *missed_held_out(state, predictions),
     )
+
+
+def channel_error_notes(fit: Fit) -> list[str]:
+    """A note on each fitted gain or delay of a channel that differs significantly from its declaration."""
+    notes = []
+    for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
+        if not u.is_channel_error or abs(value - u.start) <= max(_SIGNIFICANT * error, _SMALL * u.scale):
+            continue
+        fitted = f"The {u.kind} of {with_the(u.name)} is taken as {_in_its_unit(u, value, error)}"
+        note = f"{fitted}, within its declaration, {_in_its_unit(u, u.start, u.scale)}."
+        if min(value - u.bounds[0], u.bounds[1] - value) < _AT_BOUND * (u.bounds[1] - u.bounds[0]):
+            note = (
+                f"{fitted}, the end of what its declaration allows, {_in_its_unit(u, u.start, u.scale)}: the "
+                "recordings contradict this declaration."
+            )
+        notes.append(note)
+    return notes
+
+
+def _in_its_unit(u: Unknown, value: float, error: float) -> str:
+    """A gain, or a delay in milliseconds, with its standard deviation."""
+    return with_error(value, error) if u.kind == "gain" else f"{with_error(1e3 * value, 1e3 * error)} ms"
 
 
 def drifting_parameter(residuals: Mapping[str, Unexplained], depends: Sequence[str]) -> list[str]:

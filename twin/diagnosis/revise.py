@@ -123,6 +123,7 @@ def refit(
     """
     bench = bench or state.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
+    model = candidates.without_replaced_errors(model)
     unknowns = candidates.fit_unknowns(bench, model, state.base)
     first = candidates.initial_values(unknowns, model, state.base, near)
     kept = near.jacobian_columns if iterations == _QUICK_ITERATIONS else None
@@ -285,21 +286,25 @@ def replace_function_by_effect(state: SearchState) -> SearchState | None:
 
 
 def with_contradicted_declaration(state: SearchState, rate: float) -> SearchState | None:
-    """The state with an effect that replaces a declared parameter which the recordings contradict; None without one.
+    """The state with an effect for a declaration which the recordings contradict; None without one.
 
-    A calibration moves a parameter away from its declared value without a word, and what it gains by that is small:
-    half the square of the deviations. Where everything else is explained, their number is a test of its own.
+    It replaces a declared parameter, or stands for gain or delay of a channel beyond the declared uncertainty. A
+    calibration moves these away from their declared value without a word, and what it gains by that is small: half the
+    square of the deviations. Where everything else is explained, their number is a test of its own.
 
     Args:
       state: with standard errors.
       rate: the false-alarm rate of all such parameters together.
     """
-    names = [n for n in REGISTRY if _replaced_alone(n) in {u.name for u in state.best.unknowns if u.prior}]
-    strained = [n for n in names if candidates.strained_parameters(state.best, REGISTRY[n].replaces)]
+    best = state.best
+    replacing = [n for n in REGISTRY if _replaced_alone(n) in {u.name for u in best.unknowns if u.prior}]
+    names = [*replacing, *(n for n in REGISTRY if _channel_parameters(best, n))]
+    strained = [n for n in replacing if candidates.strained_parameters(best, REGISTRY[n].replaces)]
+    strained += [n for n in names if _channel_parameters(best, n, candidates.STRAIN)]
     if not strained or remainder.unexplained_channels(state):
         return None
-    tried = [candidates.try_effect(state.bench, state.best, n) for n in strained]
-    fitted = [contest.fit_fully(state.bench, state.best, c, c.fit.values) for c in tried]
+    tried = [candidates.try_effect(state.bench, best, n) for n in strained]
+    fitted = [contest.fit_fully(state.bench, best, c, c.fit.values) for c in tried]
     deviations = [_deviations(state, c) for c in fitted]
     choice = fitted[int(np.argmax(deviations))]
     judgement = CONTRADICTED.judge(Declaration(max(deviations), rate, len(names)))
@@ -324,9 +329,44 @@ def _replaced_alone(name: str) -> str | None:
     return parameters[0].name if alone else None
 
 
+def _channel_parameters(best: Fit, name: str, least: float = 0.0) -> set[str]:
+    """Parameters of an effect that is not in the model which are errors of channels, within a declared uncertainty.
+
+    Only those errors count that the fit has moved by `least` standard deviations or more.
+    """
+    if name in best.model.effects:
+        return set()
+    moved = {
+        (u.kind, u.name)
+        for u, value in zip(best.unknowns, best.values, strict=True)
+        if u.is_channel_error and abs(value - u.start) >= least * u.scale
+    }
+    return {p for p, errors in REGISTRY[name].channel_errors.items() if moved & set(errors)}
+
+
+def _channel_deviations(best: Fit, candidate: Candidate) -> float:
+    """Largest distance of such a parameter from neutral, in standard deviations of it and its declaration."""
+    effect, fit = REGISTRY[candidate.name], candidate.fit
+    own, neutral = (
+        _channel_parameters(best, effect.name, candidates.STRAIN),
+        effect.neutral(fit.model.declared),
+    )
+    replaced = effect.replaced_errors(fit.model.effects[effect.name])
+    declared = {(str(u.kind), u.name): u.scale for u in best.unknowns if u.is_channel_error}
+    distances = [
+        abs(value - neutral[u.name])
+        / math.hypot(error, *(declared.get(e, 0.0) for e in effect.channel_errors[u.name] if e in replaced))
+        for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True)
+        if u.effect == effect.name and u.name in own
+    ]
+    return max(distances, default=0.0)
+
+
 def _deviations(state: SearchState, candidate: Candidate) -> float:
     """Distance of an effect's value from the declared one, in standard deviations of their difference, log-normal."""
     name = candidate.name
+    if _replaced_alone(name) is None:
+        return _channel_deviations(state.best, candidate)
     declared = state.start.declared.declared.parameters[REGISTRY[name].replaces[0]]
     for u, value, error in zip(
         candidate.fit.unknowns, candidate.fit.values, candidate.fit.errors, strict=True

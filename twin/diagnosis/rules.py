@@ -246,12 +246,12 @@ SIZE_DETERMINED: Rule[Standing] = Rule(
 
 @dataclass(frozen=True)
 class Declaration:
-    """A declared parameter beside its value in a fit without its prior.
+    """A declared parameter beside its value in a fit without its prior; also gain or delay of a channel.
 
     Attributes:
       deviations: distance of the two in standard deviations of their difference.
       rate: the false-alarm rate.
-      tested: number of declared parameters that an effect replaces.
+      tested: number of effects that replace a declared parameter, or are an error of a channel.
     """
 
     deviations: float
@@ -261,11 +261,11 @@ class Declaration:
 
 CONTRADICTED: Rule[Declaration] = Rule(
     "declaration-contradicted",
-    "Do the recordings contradict a declared parameter that an effect replaces?",
+    "Do the recordings contradict a declaration that an effect replaces?",
     "distance of the fitted from the declared value [standard deviations of their difference]",
     lambda d: d.deviations,
     lambda d: float(norm.isf(0.5 * d.rate / max(d.tested, 1))),
-    "two-sided normal quantile of the false-alarm rate over the number of such parameters",
+    "two-sided normal quantile of the false-alarm rate over the number of such effects",
     "derived",
     "the declared uncertainty is the deviation of a normal distribution; Bonferroni",
 )

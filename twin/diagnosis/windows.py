@@ -36,7 +36,7 @@ _FEWEST = 4  # samples of a window
 _LOOSE = 3.0
 """Standard deviation of the error of a driven state in multiples of the error that the noise of the hub angle makes."""
 _STEP = 0.1  # of difference quotients, in standard deviations of the driven state
-_FITTED = ("hub_angle", "strain_base", "strain_mid", "tip_deflection")
+_FITTED = ("hub_angle", "hub_rate", "strain_base", "strain_mid", "tip_deflection")
 """Channels to which the state is fitted; an acceleration or a torque says little about it."""
 
 

@@ -18,6 +18,7 @@ class ActuatorDelay(Effect):
     }
     source = "K. J. Åström and B. Wittenmark, Computer-Controlled Systems, 1997"
     parameters = (EffectParameter("delay", "s", 0.0, (0.0, 0.2), 2e-3, possible=TIMES),)
+    channel_errors = {"delay": (("delay", "torque_command"),)}
 
     def is_resolved(self, values, period):
         return values["delay"] >= TIMING_TOLERANCE * period

@@ -205,6 +205,8 @@ class Effect:
       replaces: declared parameters that the effect replaces: they are no longer calibrated within their uncertainty.
       hidden_by: declared parameter -> its change, per unit of the effect's first parameter, that hides most of the
         effect.
+      channel_errors: parameter -> errors of channels that it is, each ("gain" or "delay", channel). Where a campaign
+        declares how uncertain these are, they are fitted; the effect replaces them, as a declared parameter.
       search_multiples: multiples of the smallest visible size at which a search evaluates the effect before a fit.
     """
 
@@ -223,12 +225,17 @@ class Effect:
     undefined_at_neutral: tuple[str, ...] = ()
     wave: Wave | None = None
     hidden_by: Mapping[str, float] = MappingProxyType({})
+    channel_errors: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType({})
     search_multiples: tuple[float, ...] = (1.0, 20.0, 300.0)
 
     @property
     def is_coupled(self) -> bool:
         """Whether the parameters have to be varied together, because some are undefined at neutral."""
         return bool(self.undefined_at_neutral)
+
+    def replaced_errors(self, p: Mapping[str, float]) -> set[tuple[str, str]]:
+        """Those of `channel_errors` that the effect is at these values."""
+        return {error for errors in self.channel_errors.values() for error in errors}
 
     @property
     def acts_on_readings(self) -> bool:

@@ -15,6 +15,7 @@ class HubSensorGain(Effect):
     }
     source = "a definition"
     parameters = (EffectParameter("gain", "1", 1.0, (0.1, 10.0), 5e-3, "hub_angle", possible=GAIN_ERRORS),)
+    channel_errors = {"gain": (("gain", "hub_angle"),)}
 
     def reading(self, reading, channel, p):
         return reading.scaled(p["gain"]) if channel == "hub_angle" else reading

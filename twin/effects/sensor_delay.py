@@ -6,10 +6,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from twin.effects.base import TIMES, TIMING_TOLERANCE, Effect, EffectParameter
+from twin.recording import MEASURED
+
+_CHOICES = {"hub_angle": "hub_angle", "hub_rate": "hub_angle", "motor_torque": "motor_torque"}
+"""Channel -> choice that says whether it is late; of all others "strain"."""
 
 
 class SensorDelay(Effect):
-    """Reading(t) = value(t - delay) of the channels whose choice is 1: hub angle, sensors of the link, motor torque."""
+    """Reading(t) = value(t - delay) of the channels whose choice is 1: hub, sensors of the link, motor torque."""
 
     name = "sensor-delay"
     meaning = "a delay of sensor readings"
@@ -29,12 +33,17 @@ class SensorDelay(Effect):
         EffectParameter("motor_torque", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),
     )
     undefined_at_neutral = ("hub_angle", "strain", "motor_torque")
+    # A tachometer may be late by itself: its own delay stays free beside that of the hub angle.
+    channel_errors = {"delay": tuple(("delay", channel) for channel in MEASURED if channel != "hub_rate")}
 
     def starts(self, rig):
         which = ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
         return tuple(
             {"delay": 1e-3, **dict(zip(self.undefined_at_neutral, late, strict=True))} for late in which
         )
+
+    def replaced_errors(self, p):
+        return {(kind, ch) for kind, ch in super().replaced_errors(p) if p[_CHOICES.get(ch, "strain")]}
 
     def is_resolved(self, values, period):
         return values["delay"] >= TIMING_TOLERANCE * period
@@ -44,22 +53,22 @@ class SensorDelay(Effect):
 
     def sensing(self, time, channels, p):
         delays = {ch: self._delay_of(ch, p) for ch in channels}
-        delayed = {ch: _interpolated(time, v, time - delays[ch]) for ch, v in channels.items()}
+        delayed = {ch: interpolated(time, v, time - delays[ch]) for ch, v in channels.items()}
         if "motor_torque" in channels:
             delayed["motor_torque"] = _held(time, channels["motor_torque"], time - delays["motor_torque"])
         return delayed
 
     def _delay_of(self, channel, p):
-        return p[channel if channel in ("hub_angle", "motor_torque") else "strain"] * p["delay"]
+        return p[_CHOICES.get(channel, "strain")] * p["delay"]
 
     def hub_delay(self, p):
         return p["delay"] if p["hub_angle"] else 0.0
 
     def hub_angle_of(self, time, reading, p):
-        return _interpolated(time, reading, time + self.hub_delay(p))
+        return interpolated(time, reading, time + self.hub_delay(p))
 
 
-def _interpolated(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+def interpolated(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Values (m) interpolated at other instants by a cubic spline; constant beyond the ends.
 
     Values of a diverged simulation, not all finite, are returned unchanged.

@@ -26,6 +26,7 @@ class StrainGain(Effect):
         EffectParameter(gain, "1", 1.0, (0.1, 10.0), 5e-3, ch, possible=GAIN_ERRORS)
         for ch, gain in GAINS.items()
     )
+    channel_errors = {gain: (("gain", channel),) for channel, gain in GAINS.items()}
 
     def is_resolved(self, values, period):
         return max(abs(values[gain] - 1) for gain in GAINS.values()) >= _GAUGE_FACTOR_TOLERANCE

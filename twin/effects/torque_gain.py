@@ -27,6 +27,7 @@ class TorqueGain(Effect):
         EffectParameter("behind_sensor", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),
     )
     undefined_at_neutral = ("behind_sensor",)
+    channel_errors = {"gain": (("gain", "torque_command"),)}
 
     def starts(self, rig):
         return tuple({"gain": 1.01, "behind_sensor": choice} for choice in (0.0, 1.0))

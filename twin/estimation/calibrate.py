@@ -24,6 +24,7 @@ from twin.estimation.minimise import minimise
 from twin.estimation.slopes import cost_of, costs_at, difference_jacobian, first_steps
 from twin.estimation.unknowns import (
     Unknown,
+    channel_unknowns,
     clock_unknown,
     declared_unknowns,
     known_effect_unknowns,
@@ -225,11 +226,12 @@ def _rough_calibration(
 
 
 def _all_unknowns(model: Model, bench: Workbench, given: _Given) -> tuple[Unknown, ...]:
-    """Unknowns of a calibration: declared parameters and effects, clock of the commands, initial states."""
+    """Unknowns of a calibration: declared parameters and effects, clock, errors of channels, initial states."""
     return (
         *declared_unknowns(model),
         *known_effect_unknowns(model, given.effect_errors, bench.channels()),
         clock_unknown(bench.prepared),
+        *channel_unknowns(model, bench.channels()),
         *start_unknowns(bench.prepared),
     )
 

@@ -1,4 +1,4 @@
-"""Unknowns of a fit: declared parameters, effect parameters, command clock, initial states of recordings."""
+"""Unknowns of a fit: declared and effect parameters, command clock, errors of channels, initial states."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from twin.effects.base import TIMING_TOLERANCE
 from twin.mechanics.state import Start
 from twin.parameters import declared_range, relative_uncertainty
 from twin.residuals.prepared import Prepared, shortest_period
+from twin.rigs.channel_errors import COMMAND, ChannelErrors, replaced_errors
 from twin.rigs.model import Model
 
 _PRIOR_RANGE = 3.0  # standard deviations by which a fit may change a declared parameter, see `declared_range`
+_LONGEST_DELAY = 0.05
+"""Delay of a channel that a fit tries at most [s]: that of the effect `sensor-delay`, a third of a period at 7 Hz."""
 _NOT_FITTED = ("torque_limit",)  # declared parameters that are known exactly: a setting of the amplifier
 
-Kind = Literal["rig", "effect", "clock", "start"]
+Kind = Literal["rig", "effect", "clock", "gain", "delay", "start"]
 Key = tuple[Kind, str, str, int | None, int | None]
 
 
@@ -29,8 +32,10 @@ class Unknown:
 
     Attributes:
       kind: "rig" for a declared parameter, "effect" for a parameter of an effect, "clock" for the delay of the
-        commands, "start" for the state of one recording at its first sample.
-      name: of the parameter; for "clock" the attribute of `Model`, for "start" the attribute of `Start`.
+        commands, "gain" and "delay" for the errors of a channel, "start" for the state of one recording at its first
+        sample.
+      name: of the parameter; for "clock" the attribute of `Model`, for "gain" and "delay" the channel, for "start" the
+        attribute of `Start`.
       start: initial value, and mean of the prior if there is one.
       scale: standard deviation of the prior; without a prior, a small change that is visible in the residual.
       prior: whether there is a Gaussian prior.
@@ -59,8 +64,18 @@ class Unknown:
 
     @property
     def is_parameter(self) -> bool:
-        """Whether it is a parameter of the rig or of an effect, as opposed to clock delay and initial states."""
+        """Whether it is a parameter of the rig or of an effect, as opposed to nuisance parameters and first states."""
         return self.kind in ("rig", "effect")
+
+    @property
+    def is_nuisance(self) -> bool:
+        """Whether it is an error of clock or channels, which is fitted beside every effect."""
+        return self.kind in ("clock", "gain", "delay")
+
+    @property
+    def is_channel_error(self) -> bool:
+        """Whether it is the gain or the delay of a channel, within its declared uncertainty."""
+        return self.kind in ("gain", "delay")
 
     @property
     def full_name(self) -> str:
@@ -100,6 +115,26 @@ def clock_unknown(prepared: Sequence[Prepared]) -> Unknown:
     """
     limit = TIMING_TOLERANCE * shortest_period(prepared)
     return Unknown("clock", "late", 0.0, limit / 2, True, (-limit, limit))
+
+
+def channel_unknowns(model: Model, channels: set[str]) -> list[Unknown]:
+    """Gain and delay of each of these channels, and of the command, whose uncertainty is declared.
+
+    The prior is that declaration, about a gain of 1 and no delay. As of a declared parameter, a fit stays within
+    `_PRIOR_RANGE` standard deviations of it: what is left beyond is an effect.
+    """
+    unknowns = []
+    for name, sensor in model.sensors.items():
+        if name not in channels and name != COMMAND:
+            continue
+        if (relative := sensor.gain_uncertainty) > 0:
+            factor = math.exp(_PRIOR_RANGE * relative)
+            unknowns.append(Unknown("gain", name, 1.0, relative, True, (1 / factor, factor)))
+        if (deviation := sensor.delay_uncertainty) > 0:
+            limit = min(_PRIOR_RANGE * deviation, _LONGEST_DELAY)
+            unknowns.append(Unknown("delay", name, 0.0, deviation, True, (-limit, limit)))
+    replaced = replaced_errors(model.effects)
+    return [u for u in unknowns if (u.kind, u.name) not in replaced]
 
 
 def effect_unknowns(effect: str, values: Mapping[str, float], channels: set[str]) -> list[Unknown]:
@@ -165,16 +200,20 @@ def start_unknowns(prepared: Sequence[Prepared]) -> list[Unknown]:
 def model_at(model: Model, unknowns: Sequence[Unknown], values: np.ndarray) -> Model:
     """The model with its parameters at these values (p) of the unknowns."""
     rig, clock = dict[str, float](), dict[str, float]()
+    errors = {"gain": dict(model.channel_errors.gains), "delay": dict(model.channel_errors.delays)}
     effects = {name: dict(p) for name, p in model.effects.items()}
     for u, v in zip(unknowns, values, strict=True):
         if u.kind == "rig":
             rig[u.name] = float(v)
         elif u.kind == "clock":
             clock[u.name] = float(v)
+        elif u.kind in errors:
+            errors[u.kind][u.name] = float(v)
         elif u.effect in effects:
             effects[u.effect][u.name] = u.turned(float(v))
     declared = model.declared.replace(source="fitted", **rig) if rig else model.declared
-    return model.replace(declared=declared, effects=effects, **clock)
+    of_channels = ChannelErrors(errors["gain"], errors["delay"])
+    return model.replace(declared=declared, effects=effects, channel_errors=of_channels, **clock)
 
 
 def starts_at(starts: Sequence[Start], unknowns: Sequence[Unknown], values: np.ndarray) -> tuple[Start, ...]:

@@ -205,9 +205,7 @@ def calibrated(diagnosis: Diagnosis) -> Table:
 
 def _calibrated(name: str, diagnosis: Diagnosis) -> Row:
     moved = diagnosis.calibrated[name]
-    parameter = diagnosis.declared.parameters.get(name)
-    uncertainty = parameter.uncertainty if parameter else None
-    sigma = abs(moved.declared) * uncertainty if uncertainty else 0.0
+    sigma, uncertainty = _declared_deviation(name, diagnosis)
     change = moved.fitted - moved.declared
     far = (
         Cell(f"{change / sigma:+.1f}".replace("-", "−"), warns=abs(change) > _FAR * sigma)
@@ -217,9 +215,21 @@ def _calibrated(name: str, diagnosis: Diagnosis) -> Row:
     return (
         labels.words(name).replace(".", ": "),
         labels.number(moved.declared, 4),
-        f"{100 * uncertainty:.3g} %" if uncertainty is not None else "not declared",
+        uncertainty,
         labels.with_error(moved.fitted, moved.standard_error, labels.PAGE_DIGITS),
         labels.unit(moved.unit),
         f"{100 * change / moved.declared:+.1f} %".replace("-", "−") if moved.declared else "–",
         far,
     )
+
+
+def _declared_deviation(name: str, diagnosis: Diagnosis) -> tuple[float, str]:
+    """Returns the declared standard deviation of a parameter [SI], and how it is shown; 0 where there is none."""
+    moved = diagnosis.calibrated[name]
+    if moved.uncertainty is not None and not moved.declared:
+        return moved.uncertainty, f"{labels.number(moved.uncertainty)} {labels.unit(moved.unit)}"
+    parameter = diagnosis.declared.parameters.get(name)
+    relative = moved.uncertainty if parameter is None else parameter.uncertainty
+    if relative is None:
+        return 0.0, "not declared"
+    return abs(moved.declared) * relative, f"{100 * relative:.3g} %"

@@ -43,6 +43,8 @@ class Prepared:
 def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared, list[str]]:
     """The prepared recording, and notes on the outliers that were left out; `noise`: channel -> deviation."""
     known = {name: noise[name] for name in recording.measured() if noise.get(name, 0.0) > 0}
+    if recording.clamped:
+        known.pop("hub_rate", None)
     clean, notes = without_outliers(recording, known)
     channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= _MIN_READINGS)
     hub = None

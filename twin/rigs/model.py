@@ -15,6 +15,7 @@ from twin.mechanics.hub_law import HubTorque, as_arrays
 from twin.mechanics.plant import Plant, declared_plant
 from twin.parameters import Rig
 from twin.recording import Recording, Sensor
+from twin.rigs.channel_errors import COMMAND, ChannelErrors
 from twin.rigs.check import check_gauges, check_parameters
 from twin.rigs.drive_law import apply_drive_effects
 from twin.rigs.patch import Patch
@@ -38,6 +39,7 @@ class Model:
       patch: empirical lookup table added to the hub torque or a reading; None for none.
       friction: fields of `Friction` that override those of rig and effects.
       break_away: factor on the static friction levels [1].
+      channel_errors: gains and delays of measured channels.
     """
 
     declared: Rig
@@ -49,6 +51,7 @@ class Model:
     patch: Patch | None = None
     friction: Mapping[str, float] = field(default_factory=dict)
     break_away: float = 1.0
+    channel_errors: ChannelErrors = ChannelErrors()
 
     def replace(self, **changes) -> Model:
         """Returns a model with some attributes changed."""
@@ -136,10 +139,8 @@ class Model:
     def drive(self, recording: Recording) -> Drive:
         """Delivered torque for a recording's command: limited by the amplifier, then changed by the drive's effects."""
         limit = self.declared["torque_limit"]
-        put_out = recording.commanded_at + self.late
-        command = apply_drive_effects(
-            self.effects, Drive(put_out, np.clip(recording["torque_command"], -limit, limit))
-        )
+        put_out = recording.commanded_at + self.late + self.channel_errors.delays.get(COMMAND, 0.0)
+        command = self._delivered(Drive(put_out, np.clip(recording[COMMAND], -limit, limit)))
         if self.patch is not None:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
@@ -148,26 +149,37 @@ class Model:
     def torque_gain(self) -> float:
         """Delivered torque per commanded torque far beyond any dead zone [1], without bias."""
         far = np.array([_FAR, 2 * _FAR])
-        steps = apply_drive_effects(self.effects, Drive(np.arange(2.0), far))
+        steps = self._delivered(Drive(np.arange(2.0), far))
         return float(np.diff(steps.torque)[0]) / _FAR
+
+    def _delivered(self, command: Drive) -> Drive:
+        """Delivered torque for a command behind the limit of the amplifier."""
+        return self.channel_errors.driven(apply_drive_effects(self.effects, command))
 
     def read_torque(self, recording: Recording) -> np.ndarray:
         """Delivered torque (m) [N m] at the samples of a recording; a card reads it when it outputs its commands."""
-        return self.drive(recording).at(recording.commanded_at + self.late)
+        read = self.drive(recording).at(recording.commanded_at + self.late)
+        sensor = self.sensors.get("motor_torque")
+        # Before the error of the gain stands a sensor of the current.
+        before = sensor is not None and sensor.sees_gain is False
+        return read / self.channel_errors.gains.get(COMMAND, 1.0) if before else read
 
     def report(self, time: np.ndarray, true: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Returns the readings of true channel values (name -> (m), SI), `time` [s] from the start of a recording."""
         for name, p in self.effects.items():
             true = REGISTRY[name].sensing(time, true, p)
+        true = self.channel_errors.read(time, true)
         return true if self.patch is None else self.patch.on_reading(time, true)
 
     @property
     def hub_late(self) -> float:
         """Delay of the hub's reading [s]; the last motion of a recording within it is not measured."""
-        return sum(REGISTRY[name].hub_delay(p) for name, p in self.effects.items())
+        own = self.channel_errors.delays.get("hub_angle", 0.0)
+        return own + sum(REGISTRY[name].hub_delay(p) for name, p in self.effects.items())
 
     def hub_angle_of(self, reading: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Returns the hub angle (m) [rad] for which the sensor reports `reading` (m)."""
+        reading = self.channel_errors.value_of("hub_angle", time, reading)
         for name, p in reversed(list(self.effects.items())):
             reading = REGISTRY[name].hub_angle_of(time, reading, p)
         return reading

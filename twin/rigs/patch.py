@@ -91,7 +91,10 @@ class Patch:
     @property
     def allowed_variables(self) -> tuple[str, ...]:
         """Variables on which a patch of this channel may depend in a simulation."""
-        return (*_HUB_VARIABLES, "torque_command") if self.channel == HUB_TORQUE else ("time", *MEASURED)
+        if self.channel == HUB_TORQUE:
+            return (*_HUB_VARIABLES, "torque_command")
+        # Few rigs read the rate: a simulation of another has only the angle.
+        return ("time", *(channel for channel in MEASURED if channel != "hub_rate"))
 
     @property
     def is_simulable(self) -> bool:

@@ -142,6 +142,8 @@ def _true_channel(model: Model, recording: Recording, motion: Motion, channel: s
     match channel:
         case "hub_angle":
             return motion.angles[:, 0]
+        case "hub_rate":
+            return motion.rates[:, 0]
         case "strain_base" | "strain_mid":
             sensor = model.sensors[channel]
             curvature = hinges @ model.curvature_rows[channel]

@@ -1,0 +1,58 @@
+"""Sentences on declarations of a `campaign.toml` that can be used, and are probably not what was meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from twin.campaigns import schema
+
+_LONG_DELAY = 0.05
+"""Standard deviation of a delay [s] from which it is likely to be given in milliseconds."""
+_NOT_COMPARED = {
+    "hub_reference": "no simulation is compared with it",
+    "tip_angle": "the deflection is its difference from the hub angle",
+}
+"""Channel -> why its gain and delay are not fitted."""
+
+
+def declaration_warnings(content: schema.CampaignFile) -> tuple[str, ...]:
+    """Returns a sentence for each."""
+    return (
+        *_zero_noise_warnings(content),
+        *_uncertainty_warnings(content),
+        *_channel_uncertainty_warnings(content),
+    )
+
+
+def _zero_noise_warnings(content: schema.CampaignFile) -> Iterator[str]:
+    for name, channel in content.channels.items():
+        if channel.noise == 0.0:
+            yield f"{schema.FILE}: channels.{name}.noise is 0, which no sensor has; taken as not declared"
+
+
+def _uncertainty_warnings(content: schema.CampaignFile) -> Iterator[str]:
+    for name, relative in content.uncertainty.items():
+        if relative > 1.0:
+            yield (
+                f"{schema.FILE}: uncertainty.{name} is {relative:g}, which is {100 * relative:g} % of its value, so "
+                f"that it is hardly known; for {relative:g} % write {relative / 100:g}"
+            )
+
+
+def _channel_uncertainty_warnings(content: schema.CampaignFile) -> Iterator[str]:
+    for name, channel in content.channels.items():
+        where, gain, delay = (
+            f"{schema.FILE}: channels.{name}",
+            channel.gain_uncertainty,
+            channel.delay_uncertainty,
+        )
+        reason = _NOT_COMPARED.get(name)
+        if name == "torque_command" and content.drive.kind != "torque":
+            reason, delay = "that of [drive] is", None
+        for key, value in (("gain_uncertainty", gain), ("delay_uncertainty", delay)):
+            if reason and value:
+                yield f"{where}.{key} is not used: {reason}"
+        if gain and gain > 1.0:
+            yield f"{where}.gain_uncertainty is {gain:g}, which is {100 * gain:g} % of the gain; it is relative"
+        if delay and delay > _LONG_DELAY:
+            yield f"{where}.delay_uncertainty is {delay:g} s; delays of more than {_LONG_DELAY:g} s are not tried"
