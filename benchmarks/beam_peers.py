@@ -10,10 +10,10 @@ The rig without friction and damping, as none of the others has this rig's stick
 
 Frequencies are those of the linearised model times what the time step does to them: tan for the trapezoidal rule, the
 argument of the amplification for RK4. The step is the largest part of a sample period (2 ms) that is stable and leaves
-f1 to f3, free and clamped, within 0.1 %; where the elements alone do not, that changes their frequencies by less. The
-trajectory, hub angle of the quarter turn of `frequencies.py`, is compared with a fitted chain of 24 segments. Cost is
-processor time per simulated second; all models of a row's size run in turn. (A slew that is off by a radian diverged: its step is stable for a cable that
-lies straight and bends in the plane alone.)
+f1 to f3, free and clamped, within 0.1 %; where the elements alone do not, that changes their frequencies by less. A
+slew that is off by a radian diverged: its step is stable for a straight cable in the plane. The trajectory, hub angle
+of the quarter turn of `frequencies.py`, is compared with a fitted chain of 24 segments. Cost is processor time per
+simulated second; all models of a row's size run in turn.
 """
 
 from __future__ import annotations
