@@ -6,10 +6,14 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+
+import numpy as np
 
 
 def describe() -> str:
@@ -31,6 +35,35 @@ def timed(run: Callable[[], Any], repeats: int) -> tuple[Any, float]:
         result = run()
         times.append(time.process_time() - start)
     return result, min(times)
+
+
+def paired(
+    runs: Sequence[Callable[[], Any]], rounds: int, clock: Callable[[], float] = time.process_time
+) -> np.ndarray:
+    """Returns times (rounds x runs) [s] of runs that take turns, after one that is not timed: it compiles."""
+    for run in runs:
+        run()
+    times = np.empty((rounds, len(runs)))
+    for row in times:
+        for i, run in enumerate(runs):
+            start = clock()
+            run()
+            row[i] = clock() - start
+    return times
+
+
+def peer(module: str, install: str) -> ModuleType:
+    """Returns a module that only benchmarks need.
+
+    Raises:
+      SystemExit: it is not installed; says how to install it.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        raise SystemExit(
+            f"{module} is not installed, which this row compares with: pip install {install}"
+        ) from None
 
 
 def _processor() -> str:

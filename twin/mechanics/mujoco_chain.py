@@ -61,7 +61,9 @@ class MujocoChain:
             # MuJoCo would write MUJOCO_LOG.TXT into the working directory; a plant that diverges is reported as such.
             mujoco.set_mju_user_warning(_ignore)
         self._plant, self._size, self._links = plant, len(plant.link.lengths), len(chain.lengths)
-        self._largest_step = chain.largest_step()
+        self._largest_step, self._plant_step = chain.largest_step(), plant.largest_step
+        # A contact of the backlash lasts a few steps only: check after each.
+        self._unchecked = 0.0 if plant.motor.gap > 0 else _LONGEST_UNCHECKED
         self._sliding = ChainModel(rig, chain, plant, torques, "")
         self._clamp = ChainModel(rig, chain, plant, torques, "hub")
         self._stuck = ChainModel(rig, chain, plant, torques, "rotor") if plant.rubs_on_motor else self._clamp
@@ -253,9 +255,7 @@ class MujocoChain:
 
     def _advance(self, span: float, h_max: float) -> None:
         end = self._time + span
-        h_max = min(h_max, self._plant.largest_step)
-        # A contact of the backlash lasts a few steps only: check after each.
-        unchecked = 0.0 if self._plant.motor.gap > 0 else _LONGEST_UNCHECKED
+        h_max = min(h_max, self._plant_step)
         while (left := end - self._time) > _NO_TIME:
             steps = max(1, math.ceil(left / h_max - 1e-9))
             if self._clamped:
@@ -263,7 +263,7 @@ class MujocoChain:
                 self._locked.step(self._time, left / steps, steps)
                 break
             h = left / steps
-            self._move(h, min(steps, int(unchecked / h)))
+            self._move(h, min(steps, int(self._unchecked / h)))
         self._time = end
 
     def _move(self, h: float, steps: int) -> None:
@@ -278,14 +278,8 @@ class MujocoChain:
         model, start, mode = self._locked if self._mode == 0 else self._sliding, self._time, self._mode
         model.save()
         model.apply_torque(self._u, mode)
-
-        def margin_after(length: float, count: int = 1) -> float:
-            model.step(start, length / count, count)
-            self._time = start + length
-            return self._mode_margin()
-
         if steps > 1 and before > 2 * self._margin_change:
-            after = margin_after(steps * h, steps)
+            after = self._margin_after(model, start, steps * h, steps)
             self._margin_change = abs(after - before)
             if min(before, after) > self._margin_change:
                 self._last_margin = after
@@ -293,11 +287,19 @@ class MujocoChain:
             model.restore()
             model.apply_torque(self._u, mode)
 
-        after = margin_after(h)
+        after = self._margin_after(model, start, h)
         self._margin_change, self._last_margin = steps * abs(after - before), after
         if after < 0:
-            _locate_zero(margin_after, model.restore, h, before, after)
+            _locate_zero(
+                lambda length: self._margin_after(model, start, length), model.restore, h, before, after
+            )
             self._switch_mode()
+
+    def _margin_after(self, model: ChainModel, start: float, length: float, count: int = 1) -> float:
+        """Integrates the model from the time `start` over `length` [s] by `count` steps; returns `_mode_margin`."""
+        model.step(start, length / count, count)
+        self._time = start + length
+        return self._mode_margin()
 
     def _mode_margin(self) -> float:
         """Margin to the end of the present mode: rate [rad/s] of a sliding hub, or unused static friction [N m]."""

@@ -46,6 +46,7 @@ class ChainModel:
         self.model.opt.disableflags = _DISABLED
         self.data, self._options = mujoco.MjData(self.model), self.model.opt
         self.qpos, self.qvel, self._applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
+        self._acceleration, self._inverse_inertia = self.data.qacc, self.data.qLDiagInv
         self._saved = self.qpos.copy(), self.qvel.copy()
         self._plant, self._curvature = plant, plant.link.curvature_per_angle
         self._wave = self.model.actuator("friction").id if self._waves else -1
@@ -53,6 +54,8 @@ class ChainModel:
         self._gravity = complex(plant.link.gravity_x, plant.link.gravity_y)
         # Torques held over a step: on the hub, from the motor [N m]; mode; and the torque of `torque_to_hold`.
         self._held, self._drive, self._mode, self.needed = 0.0, 0.0, 0, 0.0
+        self._given = math.nan, 0  # torque and mode that were applied last
+        self._h = math.nan  # s, time step that was set last
         self._angle = self._motor = 0.0  # rad, of a locked hub, of a locked motor
         self._first = 0 if locked == "hub" else 1  # index of the first hinge among the joints
         self._has_rotor = plant.motor.gap > 0 and locked != "rotor"
@@ -85,11 +88,16 @@ class ChainModel:
 
     def step(self, time: float, h: float, steps: int = 1) -> None:
         """Integrates from `time` by `steps` steps of `h` [s]."""
-        self._options.timestep, self.data.time = h, time
+        if h != self._h:
+            self._options.timestep = self._h = h
+        self.data.time = time
         mujoco.mj_step(self.model, self.data, steps)
 
     def apply_torque(self, torque: float, mode: int) -> None:
         """Applies a motor torque [N m], and Coulomb friction against sliding in direction `mode`; 0: none."""
+        if self._given == (torque, mode):
+            return
+        self._given = torque, mode
         p = self._plant
         raised = p.friction.amplitude / 2
         _, level = p.friction.levels(mode)
@@ -114,7 +122,7 @@ class ChainModel:
         self.data.time = time
         mujoco.mj_forward(self.model, self.data)
         # M = L^T D L with the hub first: (M^-1)_00 = 1 / D_0, one over the hub's articulated inertia; a motor is alone.
-        self.needed = float(self.data.qacc[self.rubbing] / self.data.qLDiagInv[self.rubbing])
+        self.needed = float(self._acceleration[self.rubbing] / self._inverse_inertia[self.rubbing])
         return self.needed
 
     # Forces without a MuJoCo element, at the state of a stage of the integrator

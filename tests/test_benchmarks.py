@@ -1,0 +1,48 @@
+"""What benchmarks compute besides timing, where a mistake would not show in their tables."""
+
+import beam_peers
+import numpy as np
+import pytest
+import where_time_goes
+
+from twin.mechanics import beam
+from twin.mechanics.chain import build, uniform_shape
+from twin.rigs import preset
+
+
+def test_mujocos_cable_with_half_bodies_at_its_ends_is_the_uniform_chain():
+    rig = preset("bossi2009")
+    found = beam_peers.cable_frequencies(beam_peers.cable_spec(rig, 5, shifted=True).compile())
+    links = build(rig, 5, uniform_shape(5))
+    for frequencies, boundary in zip(found, ("free", "clamped"), strict=True):
+        # The stiffness is a central difference over 1e-5 rad.
+        np.testing.assert_allclose(frequencies, links.modes(boundary)[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rate", "order", "share"), [(beam_peers.rk4_rate, 4, 1 / 120), (beam_peers.trapezoidal_rate, 2, 1 / 12)]
+)
+def test_a_time_step_slows_an_oscillation_by_the_error_of_its_integrator(rate, order, share):
+    phase = np.array([0.1])
+    assert 1 - rate(phase) == pytest.approx(share * phase**order, rel=0.02)
+
+
+def test_a_step_is_the_longest_within_the_bound_and_stable():
+    rig = preset("bossi2009")
+    frequencies = tuple(beam.modes(rig, 3, boundary).frequencies for boundary in ("free", "clamped"))
+    step = beam_peers.step_of(rig, frequencies, beam_peers.trapezoidal_rate, stable=1.0)
+    assert beam_peers.error(rig, frequencies, beam_peers.trapezoidal_rate, step) <= beam_peers.WITHIN
+    longer = beam_peers.SAMPLE / (round(beam_peers.SAMPLE / step) - 1)
+    assert beam_peers.error(rig, frequencies, beam_peers.trapezoidal_rate, longer) > beam_peers.WITHIN
+    assert beam_peers.step_of(rig, frequencies, beam_peers.rk4_rate, stable=1e-4) == pytest.approx(1e-4)
+
+
+def test_a_simulation_counts_for_the_innermost_purpose():
+    def calibrate():
+        return first_state()
+
+    def first_state():
+        return where_time_goes.purpose()
+
+    assert calibrate() == "first states"
+    assert where_time_goes.purpose() == where_time_goes.OTHER
