@@ -8,7 +8,12 @@ from __future__ import annotations
 from concurrent.futures import BrokenExecutor, CancelledError
 
 
-def is_lost(error: BaseException) -> bool:
-    """Whether a task has no result because what ran it ended, not because the task failed."""
-    # By its name, as Dask is the library of an extra: every worker that began the task has ended.
-    return isinstance(error, BrokenExecutor | CancelledError) or type(error).__name__ == "KilledWorker"
+def lost_its_process(error: BaseException) -> bool:
+    """Whether a task has no result because the process that ran it ended, and with Dask, several one after another."""
+    # By its name, as Dask is the library of an extra.
+    return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+
+
+def lost_its_executor(error: BaseException) -> bool:
+    """Whether a task has no result because what ran all tasks has ended."""
+    return isinstance(error, CancelledError)

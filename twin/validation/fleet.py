@@ -22,7 +22,7 @@ from twin.control.plants.chain import CompiledPlant
 from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
-from twin.executors import is_lost
+from twin.executors import lost_its_executor, lost_its_process
 from twin.executors.processes import processes
 from twin.parameters import Rig
 from twin.rigs.check import check_parameters
@@ -203,7 +203,7 @@ def _outcomes_elsewhere(job: Job, rigs: Sequence[DrawnRig], executor: Executor) 
         for chunk in running:
             yield from chunk.result()
     except Exception as error:
-        if not is_lost(error):
+        if not (lost_its_process(error) or lost_its_executor(error)):
             raise
         raise InputError(
             f"{job.controller}: a process ended while it ran this controller; expected one that neither ends its "
