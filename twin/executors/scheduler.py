@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from twin.errors import InputError, quoted
 from twin.files import extras
 
 _PACKAGE = "flexlink-twin"
+_ADDRESS = re.compile(r"(\w+://)?[^\s/]+:\d{1,5}")
 _CONNECTING = 10.0  # s until a scheduler that does not answer is given up
 _WORKERS_COME = (
     30.0  # s until one that has no worker is given up: a new worker loads its libraries for some seconds
@@ -40,9 +42,8 @@ def scheduler(address: str) -> Iterator[Executor]:
         client = _connected(distributed, address)
         try:
             _check_workers(client, address)
-            # A task is done once: its workers may be the only ones that still have the compiled equations in memory.
-            executor = client.get_executor(pure=False)
-            yield executor
+            # Each task is one of its own: its result is not that of an earlier one with equal arguments.
+            yield client.get_executor(pure=False)
         finally:
             client.close()
 
@@ -54,13 +55,14 @@ def _silence() -> None:
 
 
 def _connected(distributed: ModuleType, address: str) -> Any:
+    expected = "expected the address that `dask scheduler` prints, as tcp://192.168.0.10:8786"
+    if not _ADDRESS.fullmatch(address):
+        raise InputError(f"the scheduler {quoted(address)} is no address; {expected}")
     try:
         return distributed.Client(address, timeout=_CONNECTING, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(
-            f"the scheduler {quoted(address)} does not answer ({_first_line(error)}); expected the address that "
-            "`dask scheduler` prints, as tcp://192.168.0.10:8786"
-        ) from None
+    except (OSError, ValueError) as error:
+        why = _first_line(error)
+        raise InputError(f"the scheduler {quoted(address)} does not answer ({why}); {expected}") from None
 
 
 def _check_workers(client: Any, address: str) -> None:
