@@ -8,11 +8,13 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import campaign_folder
 import pytest
-from fleet_tasks import noted, solved, solved_slowly
+import resumable
+from fleet_tasks import case, itself, noted, refused, solved, solved_slowly
 from paths import ROOT
 
 from twin.errors import InputError
@@ -99,8 +101,6 @@ def answers(fleet):
 
 @needs_dask
 def test_answers_are_those_of_processes_of_this_machine(cluster, campaigns, tmp_path):
-    from concurrent.futures import ThreadPoolExecutor
-
     with ThreadPoolExecutor(1) as pool:
         here = run.diagnose_fleet(run.Asked(campaigns, tmp_path / "here"), pool, lambda r: None, solved)
     with scheduler(cluster.address) as workers:
@@ -111,8 +111,6 @@ def test_answers_are_those_of_processes_of_this_machine(cluster, campaigns, tmp_
 
 @needs_dask
 def test_an_error_on_a_worker_is_that_of_its_rig(cluster, campaigns, tmp_path):
-    from fleet_tasks import refused
-
     with scheduler(cluster.address) as workers:
         fleet = run.diagnose_fleet(
             run.Asked(campaigns[:1], tmp_path / "out"), workers, lambda r: None, refused
@@ -139,6 +137,7 @@ def test_a_killed_worker_loses_nothing(cluster, campaigns, tmp_path):
 
 
 @needs_dask
+@pytest.mark.slow  # a scheduler of its own, and Dask's patience with one that has gone
 def test_a_scheduler_that_ends_leaves_the_answers_and_says_so(campaigns, tmp_path):
     folder = tmp_path / "cluster"
     folder.mkdir()
@@ -162,15 +161,21 @@ def test_a_scheduler_that_ends_leaves_the_answers_and_says_so(campaigns, tmp_pat
 
 @needs_dask
 def test_rigs_of_a_validation_run_on_the_workers(cluster, monkeypatch):
-    # A chunk returns its rigs in the place of their outcomes: the order, and that all come, is what is tested.
-    monkeypatch.setattr(validation_fleet, "_evaluate", _itself)
+    # In the place of their outcomes: the order, and that all come, is what is tested.
+    monkeypatch.setattr(validation_fleet, "_evaluate", itself)
     job = validation_fleet.Job("lqi", None, "lq-step-120")
     with scheduler(cluster.address) as workers:
         assert validation_fleet.run_fleet(job, range(23), lambda text: None, workers) == list(range(23))
 
 
-def _itself(run, job, rigs):
-    return list(rigs)
+@needs_dask
+def test_cases_of_a_benchmark_run_on_the_workers_and_leave_no_campaign(cluster, tmp_path):
+    options = resumable.parser("", 1).parse_args([str(tmp_path / "work"), "--scheduler", cluster.address])
+    found = resumable.answers({"one": 1, "two": 2}, case, options)
+    assert [a["number"] for a in found] == [1, 2]
+    assert os.getpid() not in {a["process"] for a in found}
+    assert os.listdir(tmp_path / "work") == [resumable.FILE]
+    assert resumable.answers({"one": 1, "two": 2}, case, options) == found  # from the file
 
 
 @needs_dask
