@@ -203,9 +203,10 @@ def main() -> None:
         ("rigs of a validation, `lqi`", options.rigs, validation(options.rigs)),
         ("diagnoses of three slews, nothing missing", options.campaigns, diagnose),
     )
-    measured = [
-        Times(what, tasks, tuple(on_workers(n, work) for n in _WORKERS)) for what, tasks, work in works
-    ]
+    measured = []
+    for what, tasks, work in works:
+        measured.append(Times(what, tasks, tuple(on_workers(n, work) for n in _WORKERS)))
+        print(measured[-1], flush=True)
     own = own_work(campaigns[0], options.work / "own", fleets[-1])
     where = f"`{command()}`, {describe()}, load of the machine at the end {os.getloadavg()[0]:.1f}"
     text = f"{where}\n\n{table(measured)}\n{where_it_stops(own)}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -70,7 +69,7 @@ def failed(task: Task) -> Contents:
 def killed(task: Task, rig: str) -> Contents:
     """Ends the process where it is the turn of a rig."""
     if task.campaign.name == rig:
-        os.kill(os.getpid(), signal.SIGKILL)
+        os._exit(1)
     return solved(task)
 
 

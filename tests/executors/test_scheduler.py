@@ -126,7 +126,7 @@ def test_a_killed_worker_loses_nothing(cluster, campaigns, tmp_path):
     def kill_the_first():
         while not noted(log):
             time.sleep(0.01)
-        os.kill(noted(log)[0][1], signal.SIGKILL)
+        os.kill(noted(log)[0][1], getattr(signal, "SIGKILL", signal.SIGTERM))
 
     threading.Thread(target=kill_the_first).start()
     solve = partial(solved_slowly, log=log, seconds=0.5)
