@@ -169,7 +169,8 @@ def test_rigs_of_a_validation_run_on_the_workers(cluster, monkeypatch):
 
 
 @needs_dask
-def test_cases_of_a_benchmark_run_on_the_workers_and_leave_no_campaign(cluster, tmp_path):
+def test_cases_of_a_benchmark_run_on_the_workers_and_leave_no_campaign(cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(case, "__module__", "__main__")  # as in the script of a benchmark
     options = resumable.parser("", 1).parse_args([str(tmp_path / "work"), "--scheduler", cluster.address])
     found = resumable.answers({"one": 1, "two": 2}, case, options)
     assert [a["number"] for a in found] == [1, 2]
