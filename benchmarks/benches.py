@@ -1,6 +1,7 @@
 """Hit rates of the diagnosis on virtual benches: campaigns as laboratories record them.
 
-    python benchmarks/benches.py [--count 60] [--first-seed 0] [--workers 2] [--minutes M] [--work FOLDER]
+    python benchmarks/benches.py [--count 60] [--first-seed 0] [--workers 2] [--scheduler ADDRESS] [--minutes M]
+        [--work FOLDER]
 
 The seed of a bench decides its kind, see `twin.virtual_rig.bench.kinds`: twelve in a row hold every kind. FOLDER is for
 the campaigns, removed once judged, and for `answers.jsonl`, from which an interrupted run with the same FOLDER
@@ -178,6 +179,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--workers", dest="jobs", type=int, default=2, help="benches side by side")
+    resumable.add_scheduler(parser)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no bench later than that")
     parser.add_argument("--work", type=Path, help="folder of an interrupted run")
     options = parser.parse_args()

@@ -1,7 +1,7 @@
 """Hit rates of the diagnosis on campaigns of the virtual rig with known undeclared effects.
 
     python benchmarks/diagnosis.py WORK [--each 5] [--small 0] [--nulls 20] [--pairs 20] [--triples 5] [--far 0]
-        [--outside 20] [--seed 1000] [--jobs 2] [--dirty] [--whole] [--minutes M]
+        [--outside 20] [--seed 1000] [--jobs 2] [--scheduler ADDRESS] [--dirty] [--whole] [--minutes M]
 
 WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run continues from it. With `--minutes`, no
 campaign is begun later than that, and the table contains those that are finished. Verdict and ranking are those of the

@@ -14,9 +14,12 @@ import shlex
 import shutil
 import sys
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import campaign_folder
 import fill_readme
+import fleet_tasks
 import numpy as np
 import plotly.graph_objects as go
 import pytest
@@ -29,6 +32,7 @@ import twin as package
 from twin.cli import app
 from twin.commands.virtual_rig import parsed_effect
 from twin.effects import REGISTRY
+from twin.fleet import run as fleet_run
 from twin.validation.requirements import read_requirements
 
 EXAMPLES = ROOT / "docs" / "examples"
@@ -45,8 +49,9 @@ LINES = [
 AT_ONCE = [(name, line) for name, line in LINES if line.split()[1] not in MINUTES]
 
 sys.path.insert(0, str(ROOT / "docs" / "tools"))
-import build  # noqa: E402
 import pages  # noqa: E402
+
+import build  # noqa: E402
 
 
 def words(line: str) -> list[str]:
@@ -94,6 +99,8 @@ def test_other_lines_of_shell_blocks_name_what_is_there(name):
         match shlex.split(line, comments=True):
             case ["twin", *_] | [".venv/bin/rerun", _]:
                 pass
+            case ["dask", "scheduler"] | ["dask", "worker", *_]:
+                pass  # started with these options in tests/executors/test_scheduler.py
             case ["python", script, *_]:
                 assert (ROOT / script).is_file(), line
             case ["make", target]:
@@ -105,7 +112,7 @@ def test_other_lines_of_shell_blocks_name_what_is_there(name):
 def test_a_wrong_option_or_one_argument_too_many_is_found():
     for arguments in (["--nonsense"], ["one", "two"]):
         with pytest.raises(Exception, match="nonsense|left|two"):
-            parsed("diagnose", arguments)
+            parsed("identify", arguments)
 
 
 @pytest.fixture
@@ -252,9 +259,28 @@ def test_the_effect_of_the_documents_is_that_of_the_example():
     assert definition in (EXAMPLES / "own_effect.py").read_text(encoding="utf-8")
 
 
+def test_the_fleet_of_the_documents_runs(tmp_path, monkeypatch):
+    """With a task in the place of a diagnosis, in a thread."""
+    (tmp_path / "RIGS" / "a").mkdir(parents=True)
+    campaign_folder.write(tmp_path / "RIGS" / "a")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(fleet_run.diagnose_fleet, "__defaults__", (fleet_tasks.solved,))
+    monkeypatch.setattr("twin.executors.processes.processes", ThreadPoolExecutor)
+    (block,) = blocks(DOCUMENTS["docs/fleets.md"], "python")
+    names = {}
+    exec(block, names)
+    assert names["fleet"].effects == {"cable-torsion": ("small",)}
+
+
 def test_every_python_block_is_run_by_one_of_these():
     having = {name for name, text in DOCUMENTS.items() if blocks(text, "python")}
-    assert having == {"README.md", "docs/adding-an-effect.md", "docs/control.md", "docs/index.md"}
+    assert having == {
+        "README.md",
+        "docs/adding-an-effect.md",
+        "docs/control.md",
+        "docs/fleets.md",
+        "docs/index.md",
+    }
     assert {p.stem for p in EXAMPLES.glob("*.ipynb")} == {"diagnosis", "controller", "models"}
 
 

@@ -18,7 +18,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from twin import effects as effects
     from twin.api.answers import Diagnosis, Identification, Run
-    from twin.api.functions import diagnose, identify, load, plan_experiment, run, state_space, validate
+    from twin.api.functions import (
+        diagnose,
+        diagnose_fleet,
+        identify,
+        load,
+        plan_experiment,
+        run,
+        state_space,
+        validate,
+    )
     from twin.api.inputs import RigFile, read_campaign, read_rig, rig
     from twin.api.simulation import RigModel, model
     from twin.api.table import Table
@@ -33,6 +42,7 @@ _HOMES = {
     "twin.api.answers": ("Diagnosis", "Identification", "Run"),
     "twin.api.functions": (
         "diagnose",
+        "diagnose_fleet",
         "identify",
         "load",
         "plan_experiment",
@@ -63,6 +73,7 @@ __all__ = [
     "Table",
     "__version__",
     "diagnose",
+    "diagnose_fleet",
     "effects",
     "identify",
     "load",

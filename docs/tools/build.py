@@ -38,7 +38,7 @@ CONTENTS: Mapping[str, tuple[str, ...]] = {
         "limits",
         "reference",
     ),
-    "your-rig": ("recordings", "diagnosis", "identification", "files-out", "commands"),
+    "your-rig": ("recordings", "diagnosis", "fleets", "identification", "files-out", "commands"),
     "method": ("accuracy", "structural-effects"),
     "effects": ("adding-an-effect", *(f"effects/{name}" for name in REGISTRY)),
     "control": ("validation", "scenarios", "mjcf"),

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from types import SimpleNamespace
 
@@ -258,23 +259,22 @@ def test_every_rig_has_a_controller_of_its_own(tmp_path):
     assert bench.no_form == ""  # with an integral left from the pulse before, it would not be linear
 
 
-def test_a_process_that_dies_is_told_in_a_sentence(monkeypatch):
-    class Dying:
-        def __init__(self, *_):
-            pass
-
-        def map(self, *_, **__):
-            raise BrokenProcessPool("a child process terminated abruptly")
-
-        def shutdown(self, **_):
-            pass
-
-    monkeypatch.setattr(fleet, "ProcessPoolExecutor", Dying)
+@pytest.mark.parametrize(
+    "error",
+    [BrokenProcessPool("a child process terminated abruptly"), type("KilledWorker", (Exception,), {})()],
+)
+def test_a_process_that_dies_is_told_in_a_sentence(monkeypatch, error):
+    monkeypatch.setattr(fleet, "_evaluate", lambda *_: dying.result())
+    dying = Future()
+    dying.set_exception(error)
     rigs = draw_rigs(RIG, {}, (), 6, 0)
-    with pytest.raises(
-        InputError, match="mine.py:law: a process ended while it ran this controller; expected"
+    with (
+        pytest.raises(
+            InputError, match="mine.py:law: a process ended while it ran this controller; expected"
+        ),
+        ThreadPoolExecutor(1) as pool,
     ):
-        fleet.run_fleet(Job("mine.py:law", RIG, "lq-step-120"), rigs, print)
+        fleet.run_fleet(Job("mine.py:law", RIG, "lq-step-120"), rigs, print, pool)
 
 
 def test_a_late_reading_is_what_was_true_then():

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from dm_control.rl.control import Environment
 
     from twin.diagnosis.plan import ExperimentPlan
+    from twin.fleet.answer import Fleet, RigResult
     from twin.validation.requirements import Requirements
     from twin.validation.validation import Validation as _Validation
 
@@ -60,6 +64,48 @@ def diagnose(
     record = recorded(files, folder, None, SEEDS)
     answer = search(given, progress, workers, false_alarm_rate)
     return Diagnosis(replace(answer, provenance=record), given)
+
+
+def diagnose_fleet(
+    campaigns: Iterable[FilePath],
+    out: FilePath,
+    *,
+    executor: Executor | None = None,
+    rig: FilePath | None = None,
+    false_alarm_rate: float = 0.01,
+    force: bool = False,
+    ended: Callable[[RigResult], None] | None = None,
+) -> Fleet:
+    """Diagnoses many rigs side by side, writes a folder of results for each, and a page over all of them.
+
+    A rig has the name that its `campaign.toml` gives. One that has an answer of the same files in `out` is not
+    diagnosed again; one that cannot be diagnosed is in the answer with its error.
+
+    Args:
+      campaigns: folder of each rig's campaign.
+      out: folder of the results; made if it is not there.
+      executor: any of `concurrent.futures`, each task of which takes one thread for minutes; by default a process for
+        each processor.
+      rig: parameter file that declares every rig instead of its campaign.
+      false_alarm_rate: how often something may be found where nothing is missing, of each rig.
+      force: whether `out` may hold something else than earlier results.
+      ended: called with the result of each rig as it is there.
+
+    Raises:
+      InputError: there are no campaigns, the rate or a file cannot be used, or `out` cannot be written.
+    """
+    from twin.executors.processes import processes
+    from twin.fleet import run
+    from twin.fleet.store import FOLDER
+
+    folders = tuple(Path(c) for c in campaigns)
+    if not folders:
+        raise InputError("there are no campaigns; expected the folder of one at least")
+    chosen = FOLDER.choose(Path(out), Path(out), force)
+    asked = run.Asked(folders, chosen, None if rig is None else Path(rig), false_alarm_rate)
+    here = processes(min(os.cpu_count() or 1, len(folders))) if executor is None else nullcontext(executor)
+    with here as chosen_executor:
+        return run.diagnose_fleet(asked, chosen_executor, ended or (lambda result: None))
 
 
 def identify(
@@ -145,6 +191,7 @@ def validate(
     rigs: int = 200,
     seed: int = 0,
     requirements: FilePath | None = None,
+    executor: Executor | None = None,
     progress: Callable[[str], None] = silent,
 ) -> _Validation:
     """Tries a controller on rigs drawn from the uncertainty of the parameters, against requirements.
@@ -156,6 +203,7 @@ def validate(
       rigs: number of rigs to draw.
       seed: of the draw.
       requirements: file with other limits (TOML); None for the stated defaults.
+      executor: any of `concurrent.futures`; by default two processes.
       progress: called with the name of each stage.
 
     Raises:
@@ -164,13 +212,16 @@ def validate(
     from twin.rigs.rig_file import read_uncertainty
     from twin.validation import validation
     from twin.validation.requirements import defaults, read_requirements
+    from twin.validation.rigs import INDEPENDENT
 
     known = rig_of(rig)
     from_file = isinstance(rig, str | PathLike) and (Path(rig).suffix or Path(rig).exists())
-    errors = read_uncertainty(rig) if from_file else ({},)  # type: ignore[arg-type]
+    errors, correlations = read_uncertainty(rig) if from_file else ({}, INDEPENDENT)  # type: ignore[arg-type]
     limits: Requirements = defaults() if requirements is None else read_requirements(Path(requirements))
     job = validation.Job(controller, known.rig, scenario)
-    return validation.validate(job, known.effects, errors[0], limits, rigs, seed, progress, *errors[1:])
+    return validation.validate(
+        job, known.effects, errors, limits, rigs, seed, progress, correlations, executor
+    )
 
 
 def load(

@@ -1,4 +1,4 @@
-"""`twin demo` and `twin diagnose`: which physical effect the model of a campaign lacks."""
+"""`twin demo` and `twin diagnose`: which physical effect the model of a campaign lacks, or of many rigs each."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from twin.commands.fleet import FleetOptions, diagnose_fleet
 from twin.commands.opening import Opener, check_opener, open_results
 from twin.commands.shared import (
     COMPILING,
-    CampaignFolder,
     DeclaredRig,
     DiagnosisFolder,
     Force,
     JsonFile,
+    SchedulerAddress,
     console,
     progress,
 )
@@ -49,7 +50,14 @@ def demo(
 
 
 def diagnose(
-    campaign: CampaignFolder,
+    campaigns: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="Folder with campaign.toml and the recordings; several for a fleet, whose rigs are told apart by the "
+            "name in campaign.toml.",
+        ),
+    ],
     out: DiagnosisFolder = None,
     json_file: JsonFile = None,
     force: Force = False,
@@ -58,9 +66,23 @@ def diagnose(
     ] = 0.01,
     rig: DeclaredRig = None,
     opener: Opener = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Of several campaigns: processes, a campaign each; of one: threads.",
+            show_default="one a processor",
+            min=1,
+        ),
+    ] = None,
+    scheduler: SchedulerAddress = None,
 ) -> None:
     """Find which physical effect the declared model lacks; write report, rerun recording and augmented model."""
-    _diagnose(campaign, out, json_file, force, false_alarm_rate, rig, opener)
+    if len(campaigns) == 1 and scheduler is None:
+        _diagnose(campaigns[0], out, json_file, force, false_alarm_rate, rig, opener, workers)
+    else:
+        options = FleetOptions(out, json_file, force, false_alarm_rate, rig, opener, workers, scheduler)
+        diagnose_fleet(campaigns, options)
 
 
 def _with_rig_file(campaign: Campaign, file: Path) -> Campaign:
@@ -82,6 +104,7 @@ def _diagnose(
     rate: float = 0.01,
     rig: Path | None = None,
     opener: Literal["report", "viewer"] | None = None,
+    workers: int | None = None,
 ) -> None:
     from twin.campaigns.campaign import campaign_files, read_campaign
     from twin.files import provenance
@@ -100,7 +123,7 @@ def _diagnose(
         from twin.diagnosis.permutation import SEEDS
 
         record = provenance.recorded(read, campaign, provenance.command_line(), SEEDS)
-        result = replace(loop(given, report, false_alarm_rate=rate), provenance=record)
+        result = replace(loop(given, report, workers, false_alarm_rate=rate), provenance=record)
         report("writing the results")
         delivery = deliver.deliver(result, given.sensors, folder)
         if json_file is not None:

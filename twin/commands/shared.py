@@ -6,7 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,8 @@ import typer
 from twin.errors import InputError
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from twin.commands.screen import Screen
     from twin.commands.stages import Stage, Stages
     from twin.parameters import Rig
@@ -73,6 +75,14 @@ DeclaredRig = Annotated[
         show_default="as the campaign declares it",
     ),
 ]
+SchedulerAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Dask scheduler whose workers do it, as tcp://192.168.0.10:8786.",
+    ),
+]
 DEFAULT_RIG = "bossi2009"
 DiagnosisFolder = Annotated[Path | None, _out_folder("diagnosis")]
 IdentificationFolder = Annotated[Path | None, _out_folder("identification")]
@@ -126,6 +136,15 @@ def _spinner(screen: Screen, followed: Stages) -> Iterator[Callable[[str], None]
     with Progress(spinner, TimeElapsedColumn(), Line(), console=screen, transient=True) as display:
         display.add_task("", total=None)
         yield followed.update
+
+
+def executor(scheduler: str | None) -> AbstractContextManager[Executor | None]:
+    """Returns a context with the workers of the scheduler that `--scheduler` names; with None where it names none."""
+    if scheduler is None:
+        return nullcontext()
+    from twin.executors.scheduler import scheduler as workers_of
+
+    return workers_of(scheduler)
 
 
 def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:

@@ -15,9 +15,11 @@ from twin.commands.shared import (
     RIGS,
     JsonFile,
     ReportFile,
+    SchedulerAddress,
     completed,
     console,
     controller_file,
+    executor,
     load_rig,
     progress,
     rig_file,
@@ -61,6 +63,7 @@ def validate(
     ] = None,
     json_file: JsonFile = None,
     report_file: ReportFile = None,
+    scheduler: SchedulerAddress = None,
 ) -> None:
     """Check requirements on a controller on randomly drawn rigs; exit code 1 where it fails them."""
     check_writable(json_file, report_file, read=_read(controller, rig, campaign, requirements))
@@ -68,13 +71,13 @@ def validate(
     from twin.validation.requirements import defaults, read_requirements
 
     limits = defaults() if requirements is None else read_requirements(requirements)
-    with progress() as report:
+    with progress() as report, executor(scheduler) as elsewhere:
         report("loading the equations of motion")
         from twin.validation import validation
 
         job = validation.Job(controller, nominal.rig, scenario)
         result = validation.validate(
-            job, nominal.effects, nominal.errors, limits, rigs, seed, report, nominal.correlations
+            job, nominal.effects, nominal.errors, limits, rigs, seed, report, nominal.correlations, elsewhere
         )
     if json_file is not None:
         write_json(json_file, validation.to_json(result))

@@ -62,8 +62,7 @@ def diagnose(
     Raises:
       InputError: the rate is not between 1/`permutation.DRAWS` and 0.5, or there cannot be so many threads.
     """
-    least = 1 / permutation.DRAWS
-    checked_number("false-alarm rate", false_alarm_rate, least, 0.5)
+    checked_rate(false_alarm_rate)
     if workers is not None:
         checked_count("workers", workers, 1, _MOST_WORKERS)
     began = time.perf_counter()
@@ -81,6 +80,11 @@ def diagnose(
         patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
         answer = conclude(campaign, state, left, polished, predicted, plans, patched)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
+
+
+def checked_rate(false_alarm_rate: float) -> float:
+    """Returns a false-alarm rate; raises InputError where the permutation test cannot have it."""
+    return checked_number("false-alarm rate", false_alarm_rate, 1 / permutation.DRAWS, 0.5)
 
 
 def _final_models(

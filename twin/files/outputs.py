@@ -32,12 +32,14 @@ class ResultsFolder:
       files: description of each file -> its name in the folder.
       answer: name of the JSON file with all results, which is written last.
       keys: keys that this file has at least; by them folders without a marker, of earlier versions, are recognised.
+      parts: kind of the results that subfolders hold; None where there are none.
     """
 
     kind: str
     files: Mapping[str, str]
     answer: str
     keys: frozenset[str]
+    parts: ResultsFolder | None = None
 
     def choose(self, out: Path | None, campaign: Path, force: bool = False) -> Path:
         """Returns the folder to write to, in which at most earlier results of the same kind are overwritten.
@@ -98,12 +100,22 @@ class ResultsFolder:
                 raise InputError(f"{folder} is a file; expected a folder for the results, new or empty")
             names = sorted(path.name for path in folder.iterdir())
         own = (MARKER, *(self.files.values() if self._wrote(folder) else ()))
-        foreign = [name for name in names if name not in own and not is_temporary(name)]
+        foreign = [n for n in names if n not in own and not is_temporary(n) and not self._is_part(folder / n)]
         if foreign and not force:
             raise InputError(
                 f"{folder} holds {foreign[0]}{' and more' if foreign[1:] else ''}, which no {self.kind} wrote; "
                 "name another folder with --out, or write into this one with --force"
             )
+
+    def _is_part(self, path: Path) -> bool:
+        """Whether a path is a folder of the results that subfolders hold."""
+        if self.parts is None or not path.is_dir():
+            return False
+        try:
+            self.parts._check(path, force=False)
+        except InputError:
+            return False
+        return True
 
     def _wrote(self, folder: Path) -> bool:
         """Whether a folder contains results of an earlier run."""

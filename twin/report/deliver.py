@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,6 +41,19 @@ class Delivery:
     left_out: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Rendered:
+    """The results of a diagnosis before they are written.
+
+    Attributes:
+      contents: name of a file -> its content; None for one of earlier results that is removed.
+      left_out: mechanisms that the MJCF file leaves out.
+    """
+
+    contents: Mapping[str, str | bytes | None]
+    left_out: tuple[str, ...]
+
+
 def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -> Delivery:
     """Writes all results of a diagnosis.
 
@@ -52,12 +65,18 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
     Raises:
       InputError: the folder cannot be written.
     """
+    made = rendered(diagnosis, sensors)
+    FOLDER.write(folder, made.contents)
+    paths = {what: folder / name for what, name in FILES.items() if made.contents[name] is not None}
+    return Delivery(paths, made.left_out)
+
+
+def rendered(diagnosis: Diagnosis, sensors: Mapping[str, Sensor]) -> Rendered:
+    """Returns all results of a diagnosis; arguments as `deliver`."""
     mjcf = augmented_rig.to_mjcf(diagnosis, sensors)
-    paths = {what: folder / name for what, name in FILES.items()}
-    if diagnosis.patched is None:
-        del paths["patch"]
+    written = [what for what in FILES if what != "patch" or diagnosis.patched is not None]
     contents: dict[str, str | bytes | None] = {
-        "report": html.render(diagnosis, _file_descriptions(paths, mjcf.left_out)),
+        "report": html.render(diagnosis, _file_descriptions(written, mjcf.left_out)),
         "rerun": to_rrd(diagnosis, sensors),
         "answer": to_text(diagnosis.to_json()),
         "rig": augmented_rig.to_toml(diagnosis),
@@ -65,11 +84,10 @@ def deliver(diagnosis: Diagnosis, sensors: Mapping[str, Sensor], folder: Path) -
         # None removes that of an earlier run.
         "patch": None if diagnosis.patched is None else to_csv(diagnosis.patched.patch),
     }
-    FOLDER.write(folder, {FILES[what]: content for what, content in contents.items()})
-    return Delivery(paths, mjcf.left_out)
+    return Rendered({FILES[what]: content for what, content in contents.items()}, mjcf.left_out)
 
 
-def _file_descriptions(paths: Mapping[str, Path], left_out: tuple[str, ...]) -> dict[str, str]:
+def _file_descriptions(written: Collection[str], left_out: tuple[str, ...]) -> dict[str, str]:
     """Name of each file in the folder -> what it is, and how to open it."""
     texts = {
         "rerun": f"The measured arm, that of the declared model and that of the final one, moving together. "
@@ -80,4 +98,4 @@ def _file_descriptions(paths: Mapping[str, Path], left_out: tuple[str, ...]) -> 
         "patch": "A lookup table of what no effect explains: a correction, no physical law. Add it to a run with: "
         f"twin run SCENARIO --rig {FILES['rig']} --patch {FILES['patch']}",
     }
-    return {paths[what].name: text for what, text in texts.items() if what in paths}
+    return {FILES[what]: text for what, text in texts.items() if what in written}

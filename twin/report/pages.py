@@ -50,6 +50,7 @@ class Cell:
       strong: whether the text is bold.
       warns: whether the text is a warning.
       width: length of a bar in the place of the text, from 0 to 100; None for none.
+      link: address that the text leads to, relative to the page; "" for none.
     """
 
     text: str
@@ -57,6 +58,7 @@ class Cell:
     strong: bool = False
     warns: bool = False
     width: float | None = None
+    link: str = ""
 
 
 Row = tuple[str | Cell, ...]

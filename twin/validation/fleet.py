@@ -1,20 +1,16 @@
-"""One controller on many rigs, in parallel processes.
+"""One controller on many rigs, side by side.
 
 The controller is synthesised for the nominal rig, because that one goes to the hardware. It is reset before each rig;
-one from a user's file is then made anew. Every process makes its own, since not every controller can be pickled.
+one from a user's file is then made anew. Every thread of a worker makes its own, since not every controller can be
+pickled.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import sys
+import secrets
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +22,8 @@ from twin.control.plants.chain import CompiledPlant
 from twin.control.plants.sensor_effects import SensorEffects
 from twin.control.plants.sensors import Sensors
 from twin.errors import InputError
+from twin.executors import lost_its_executor, lost_its_process
+from twin.executors.processes import processes
 from twin.parameters import Rig
 from twin.rigs.check import check_parameters
 from twin.validation.linear_form import LinearForm, NoLinearFormError, linear_form_of
@@ -36,7 +34,7 @@ from twin.validation.rigs import DrawnRig, Effects
 
 PROCESSES = 2
 """Processes by default."""
-_CHUNK_SIZE = 5  # rigs that a process takes at a time
+_CHUNK_SIZE = 5  # rigs that a worker takes at a time
 _MODE_COUNTS = range(1, 5)  # bending modes of the modal models whose margins are compared
 _TRACE_POINTS = 250  # samples of a run that are kept for plots
 TRACED = ("hub_angle", "tip_deflection", "motor_torque")
@@ -45,7 +43,7 @@ TRACED = ("hub_angle", "tip_deflection", "motor_torque")
 
 @dataclass(frozen=True)
 class Job:
-    """What every process needs.
+    """What every worker needs.
 
     Attributes:
       controller: name or FILE.py:NAME.
@@ -167,7 +165,7 @@ class Evaluator:
 
 
 def run_fleet(
-    job: Job, rigs: Sequence[DrawnRig], report: Callable[[str], None], processes: int = PROCESSES
+    job: Job, rigs: Sequence[DrawnRig], report: Callable[[str], None], executor: Executor | None = None
 ) -> list[Outcome]:
     """Returns the outcome of each rig, in their order.
 
@@ -175,96 +173,55 @@ def run_fleet(
       job: controller and scenario.
       rigs: the rigs.
       report: called with a text on the progress.
-      processes: number of processes; 1 for this one alone.
+      executor: where they run; None for processes of this machine, or for a few rigs this one.
 
     Raises:
       InputError: the controller fails on a rig.
     """
     outcomes = []
-    for outcome in _outcomes(job, rigs, processes):
+    for outcome in _outcomes(job, rigs, executor):
         outcomes.append(outcome)
         report(f"{len(outcomes)} of {len(rigs)} rigs")
     return outcomes
 
 
-def _outcomes(job: Job, rigs: Sequence[DrawnRig], processes: int) -> Iterator[Outcome]:
-    if processes == 1 or len(rigs) <= _CHUNK_SIZE:
+def _outcomes(job: Job, rigs: Sequence[DrawnRig], executor: Executor | None) -> Iterator[Outcome]:
+    if executor is not None:
+        yield from _outcomes_elsewhere(job, rigs, executor)
+    elif len(rigs) <= _CHUNK_SIZE:
         yield from map(Evaluator(job).outcome, rigs)
-        return
-    # "spawn": a forked process may deadlock, because numerical libraries have started threads.
-    fresh = multiprocessing.get_context("spawn")
-    others = multiprocessing.active_children()
-    pool = ProcessPoolExecutor(processes, fresh, _start_process, (job,))
+    else:
+        with processes(PROCESSES) as pool:
+            yield from _outcomes_elsewhere(job, rigs, pool)
+
+
+def _outcomes_elsewhere(job: Job, rigs: Sequence[DrawnRig], executor: Executor) -> Iterator[Outcome]:
+    chunks = [rigs[k : k + _CHUNK_SIZE] for k in range(0, len(rigs), _CHUNK_SIZE)]
+    run = secrets.token_hex(8)
+    running = [executor.submit(_evaluate, run, job, chunk) for chunk in chunks]
     try:
-        with _script_hidden(), _interrupts_ignored():
-            results = pool.map(_evaluate_in_process, rigs, chunksize=_CHUNK_SIZE)
-        yield from results
-    except BrokenProcessPool:
+        for chunk in running:
+            yield from chunk.result()
+    except Exception as error:
+        if not (lost_its_process(error) or lost_its_executor(error)):
+            raise
         raise InputError(
             f"{job.controller}: a process ended while it ran this controller; expected one that neither ends its "
             "process nor makes compiled code crash, and enough memory"
         ) from None
-    except BaseException:
-        # What they compute is not wanted any more: do not wait for it.
-        for process in multiprocessing.active_children():
-            if process not in others:
-                process.terminate()
-        raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        for chunk in running:
+            chunk.cancel()
 
 
-@contextmanager
-def _script_hidden() -> Iterator[None]:
-    """Hides the running script from processes that are started: all that they need is in this package.
-
-    Otherwise each of them would run the script again, and a script without `if __name__ == "__main__"` would not end.
-    """
-    main = sys.modules["__main__"]
-    hidden = {name: vars(main).get(name) for name in ("__file__", "__spec__")}
-    vars(main).update(dict.fromkeys(hidden))
-    try:
-        yield
-    finally:
-        vars(main).update(hidden)
+_own = threading.local()
+"""The evaluator of a thread of a worker, and the run that it is of: a later run may find a file changed."""
 
 
-@contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """Ignores Ctrl-C while processes are started, which they inherit: this one ends them, without their tracebacks."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # Python delivers signals to the main thread only
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-_job: Job
-_bench: Evaluator | None = None
-
-
-def _start_process(job: Job) -> None:
-    global _job
+def _evaluate(run: str, job: Job, rigs: Sequence[DrawnRig]) -> list[Outcome]:
     from threadpoolctl import threadpool_limits
 
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    threadpool_limits(1)  # the processes share the cores; matrices are small
-    _job = job
-
-
-def _end_with_parent() -> None:
-    """Ends this process when the one that started it has ended, even by a signal that it could not pass on."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _evaluate_in_process(drawn: DrawnRig) -> Outcome:
-    global _bench
-    if _bench is None:  # at the start of the process, its errors would not reach the caller
-        _bench = Evaluator(_job)
-    return _bench.outcome(drawn)
+    with threadpool_limits(1):  # the workers share the cores; matrices are small
+        if getattr(_own, "run", None) != run:
+            _own.evaluator, _own.run = Evaluator(job), run
+        return [_own.evaluator.outcome(rig) for rig in rigs]

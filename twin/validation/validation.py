@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -139,6 +140,7 @@ def validate(
     seed: int,
     report: Callable[[str], None],
     correlations: Correlations = INDEPENDENT,
+    executor: Executor | None = None,
 ) -> Validation:
     """Checks the requirements on the nominal rig and on `count` drawn ones.
 
@@ -151,6 +153,7 @@ def validate(
       seed: of the draw.
       report: called with a text on the progress.
       correlations: of the errors of all parameters.
+      executor: where the rigs run, see `run_fleet`.
 
     Raises:
       InputError: scenario, controller, count or seed cannot be used, or no parameter is uncertain.
@@ -165,7 +168,7 @@ def validate(
     bench = Evaluator(job)
     no_margins, by_modes = bench.no_form, bench.by_modes(job.rig, effects)
     drawn = draw_rigs(job.rig, effects, uncertain, count, seed, correlations)
-    nominal, *outcomes = run_fleet(job, drawn, report)
+    nominal, *outcomes = run_fleet(job, drawn, report, executor)
     limits = [r for r in requirements.limits.values() if not (no_margins and r.name in LINEAR_METRICS)]
     verdicts = tuple(_verdict(r, nominal, outcomes) for r in limits)
     share = requirements.share
