@@ -13,7 +13,16 @@ from twin.virtual_rig.beam import Array, build_link
 from twin.virtual_rig.effects import switch_on
 from twin.virtual_rig.experiments import HUB_RANGE, Experiment, planned_campaign, run_experiment
 from twin.virtual_rig.rig import UNCERTAINTY, Rig, declared_values, with_declared
-from twin.virtual_rig.sensors import Sensed, Sensors, checked_dirt, noise_of, readings, sample_times, sensed, soiled
+from twin.virtual_rig.sensors import (
+    Sensed,
+    Sensors,
+    checked_dirt,
+    noise_of,
+    readings,
+    sample_times,
+    sensed,
+    soiled,
+)
 
 # Decimals of each channel in the CSV files.
 DECIMALS = {
