@@ -2,8 +2,8 @@
 
     make_campaign(folder, effects, seed, engine=exudyn_engine)
 
-Link, hub and payload, their damping and the contact of a backlash are Exudyn's, see `exudyn_model`. What acts on the hub
-from outside, drive, friction, cable and controller, and what sensors make of a motion are those of the virtual rig:
+Link, hub and payload, their damping and the contact of a backlash are Exudyn's, see `exudyn_model`. What acts on the
+hub from outside, drive, friction, cable and controller, and what sensors make of a motion are those of the virtual rig:
 they are the definition of the effects, not mechanics.
 
 A stuck hub is held by a constraint on its velocity, whose Lagrange multiplier is the holding torque: it does not creep.
@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import exudyn_model
 import numba
 import numpy as np
+from cases import VIRTUAL_RIG_ALONE
 from exudyn_model import exudyn
 
 from twin.errors import InputError
@@ -35,26 +36,16 @@ EVENT = 1e-7  # rad/s and N m, to which the velocity or the excess of torque at 
 TRIALS = 6  # repetitions of a step with an event, which a secant needs at most
 TINY = 1e-12  # s, N m
 
-IMPOSSIBLE = {
-    "softening-stiffness": "softening",
-    "loose-payload": "loose_share",
-}
-"""Effect that this engine does not have -> field of the rig that is not neutral with it."""
-
-
-class Impossible(InputError):
-    """This engine does not have an effect of the rig."""
-
 
 def exudyn_engine(rig: Rig, sensors: Sensors, plan: Experiment, times: Array, hub_noise: Array) -> Sensed:
     """Returns what the sensors are exposed to in one experiment; see `campaign_writer.Engine`.
 
     Raises:
-        Impossible: for an effect of `IMPOSSIBLE`.
+        InputError: for an effect of `VIRTUAL_RIG_ALONE`.
     """
-    for effect, field in IMPOSSIBLE.items():
+    for effect, field in VIRTUAL_RIG_ALONE.items():
         if getattr(rig, field) != 0.0:
-            raise Impossible(f"Exudyn's engine has no {effect}; expected another effect, or the virtual rig.")
+            raise InputError(f"Exudyn's engine has no {effect}; expected another effect, or the virtual rig.")
     hub = HubLaws(rig)
 
     def simulated(times: Array, commands: Array, loop: Loop | None) -> Sensed:
