@@ -5,8 +5,8 @@
 
 WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run continues from it. With `--minutes`, no
 campaign is begun later than that, and the table contains those that are finished. Verdict and ranking are those of the
-search, values those of the last fit; `--whole` also simulates the held-out recordings. Half of the campaigns are made by
-the virtual rig's own engine, half by Exudyn's (`exudyn_rig`); `--engine virtual-rig` or `exudyn` takes one alone.
+search, values those of the last fit; `--whole` also simulates the held-out recordings. Half of the campaigns are made
+by the virtual rig's own engine, half by Exudyn's (`exudyn_rig`); `--engine virtual-rig` or `exudyn` takes one alone.
 """
 
 from __future__ import annotations
