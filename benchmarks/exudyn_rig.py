@@ -32,6 +32,7 @@ from twin.virtual_rig.rig import Rig
 from twin.virtual_rig.sensors import Sensed, Sensors
 
 STEP = 5e-4  # s; the period of the second free mode is then exact to 0.03 %
+CONTACT_STEP = 2e-4  # s, with a backlash: a ninth of the shortest period of the motor on its flanks
 EVENT = 1e-7  # rad/s and N m, to which the velocity or the excess of torque at an event is zero
 TRIALS = 6  # repetitions of a step with an event, which a secant needs at most
 TINY = 1e-12  # s, N m
@@ -242,9 +243,10 @@ class Run:
 
     def _advance(self, end: float) -> None:
         """Integrates to `end` [s] under one held command."""
+        longest = STEP if self.model.motor is None else CONTACT_STEP
         while (rest := end - self.solver.it.currentTime) > TINY:
             before, at_start = self._saved(), self._violation()
-            h = rest / max(math.ceil(rest / STEP - 1e-6), 1)
+            h = rest / max(math.ceil(rest / longest - 1e-6), 1)
             self._step(h)
             if not self.clamped:
                 h = self._to_dip(before, h)
