@@ -32,7 +32,7 @@ from twin.virtual_rig.rig import Rig
 from twin.virtual_rig.sensors import Sensed, Sensors
 
 STEP = 5e-4  # s; the period of the second free mode is then exact to 0.03 %
-CONTACT_STEP = 2e-4  # s, with a backlash: a ninth of the shortest period of the motor on its flanks
+CONTACT_STEP = 2e-4  # s, with a backlash: a twelfth of the shortest period of the motor on its flanks
 EVENT = 1e-7  # rad/s and N m, to which the velocity or the excess of torque at an event is zero
 TRIALS = 6  # repetitions of a step with an event, which a secant needs at most
 TINY = 1e-12  # s, N m
