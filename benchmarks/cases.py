@@ -14,6 +14,7 @@ from twin.virtual_rig.sensors import DIRT
 
 Kind = Literal["single", "small", "pair", "triple", "far", "nothing", "outside"]
 Effects = dict[str, dict[str, float]]
+Engine = Literal["virtual-rig", "exudyn"]
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,13 @@ DEPENDS: Mapping[str, Sequence[str]] = {
 """Fault -> variables, one of which a correct diagnosis names first as what the residual depends on."""
 
 
+VIRTUAL_RIG_ALONE: Mapping[str, str] = {
+    "softening-stiffness": "softening",
+    "loose-payload": "loose_share",
+}
+"""Effect that Exudyn's engine does not have -> field of the rig that is not zero with it."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One campaign.
@@ -181,6 +189,7 @@ class Case:
       dirty: kinds of defects in its data.
       perturb: standard deviation of the true parameters about the declared ones, over their uncertainty [1].
       torque_sensor: whether the motor torque is measured.
+      engine: what simulates its recordings.
     """
 
     kind: Kind
@@ -189,6 +198,7 @@ class Case:
     dirty: tuple[str, ...] = ()
     perturb: float = 0.5
     torque_sensor: bool = True
+    engine: Engine = "virtual-rig"
 
     @property
     def name(self) -> str:
@@ -238,11 +248,13 @@ def cases(
     outside: int,
     seed: int,
     dirty: bool = False,
+    engines: Sequence[Engine] = ("virtual-rig",),
 ) -> Iterator[Case]:
     """Yields the campaigns with their kinds interleaved, so that the first ones are a fair sample.
 
     Every fifth one has defective data, with `dirty` every one. Every other one has no torque sensor. Every third one
-    with nothing missing has exactly the declared parameters.
+    with nothing missing has exactly the declared parameters. Engines take turns, two campaigns each; the virtual rig
+    takes the effects that it alone has.
 
     Args:
       each, small: usual and small campaigns of each effect.
@@ -252,6 +264,7 @@ def cases(
       outside: with a fault of `OUTSIDE`.
       seed: of the first campaign and of the drawn combinations.
       dirty: whether every campaign has a defect in its data.
+      engines: what simulates the campaigns.
     """
     draw = np.random.default_rng(seed)
     every = list(SIZES)
@@ -271,4 +284,7 @@ def cases(
         turn = number if dirty else number // 5
         dirt = _DIRT[turn % len(_DIRT)] if dirty or number % 5 == 4 else ()
         perturb = 0.0 if kind == "nothing" and number % 3 == 0 else 0.5
-        yield Case(kind, missing, seed + number, dirt, perturb, torque_sensor=number % 2 == 0)
+        engine = engines[number // 2 % len(engines)]
+        if VIRTUAL_RIG_ALONE.keys() & set(missing):
+            engine = "virtual-rig"
+        yield Case(kind, missing, seed + number, dirt, perturb, number % 2 == 0, engine)

@@ -1,11 +1,13 @@
 """Hit rates of the diagnosis on campaigns of the virtual rig with known undeclared effects.
 
     python benchmarks/diagnosis.py WORK [--each 5] [--small 0] [--nulls 20] [--pairs 20] [--triples 5] [--far 0]
-        [--outside 20] [--seed 1000] [--jobs 2] [--scheduler ADDRESS] [--dirty] [--whole] [--minutes M]
+        [--outside 20] [--seed 1000] [--engine virtual-rig] [--jobs 2] [--scheduler ADDRESS] [--dirty] [--whole]
+        [--minutes M]
 
 WORK is a folder for the campaigns and `answers.jsonl`; an interrupted run continues from it. With `--minutes`, no
 campaign is begun later than that, and the table contains those that are finished. Verdict and ranking are those of the
-search, values those of the last fit; `--whole` also simulates the held-out recordings.
+search, values those of the last fit; `--whole` also simulates the held-out recordings. The campaigns are made by
+the virtual rig's own engine; with `--engine exudyn` by Exudyn's (`exudyn_rig`), with `both` half and half.
 """
 
 from __future__ import annotations
@@ -16,10 +18,11 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import resumable
-from cases import DEPENDS, NAMED, SIZES, Case, cases
+from cases import DEPENDS, NAMED, SIZES, Case, Engine, Kind, cases
 from machine import describe
 
 from twin.campaigns.campaign import Campaign, read_campaign
@@ -31,8 +34,15 @@ from twin.diagnosis.remainder import residual_sizes
 from twin.diagnosis.rules import alternatives
 from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
+from twin.errors import InputError
 from twin.estimation.static_friction import final_models
-from twin.virtual_rig import make_campaign
+from twin.virtual_rig import campaign_writer, make_campaign
+
+ENGINES: dict[str, tuple[Engine, ...]] = {
+    "both": ("virtual-rig", "exudyn"),
+    "virtual-rig": ("virtual-rig",),
+    "exudyn": ("exudyn",),
+}
 
 
 def solve(case: Case, folder: Path, whole: bool) -> dict:
@@ -45,6 +55,7 @@ def solve(case: Case, folder: Path, whole: bool) -> dict:
         dirty=case.dirty,
         motor_torque=case.torque_sensor,
         force=True,
+        engine=_engine(case.engine),
     )
     began = time.perf_counter()
     campaign = read_campaign(folder)
@@ -55,8 +66,22 @@ def solve(case: Case, folder: Path, whole: bool) -> dict:
         "truth": {NAMED.get(name, name): dict(values) for name, values in truth.effects.items()},
         "dirty": list(case.dirty),
         "torque_sensor": case.torque_sensor,
+        "engine": case.engine,
         "seconds": time.perf_counter() - began,
     }
+
+
+def _engine(name: Engine) -> campaign_writer.Engine:
+    """Returns an engine; that of Exudyn is imported only where it is used.
+
+    Raises:
+        InputError: Exudyn is not installed.
+    """
+    if name == "virtual-rig":
+        return campaign_writer.ritz_engine
+    from exudyn_rig import exudyn_engine
+
+    return exudyn_engine
 
 
 def _full_diagnosis(result: Diagnosis) -> dict:
@@ -126,7 +151,7 @@ def table(answers: Sequence[dict]) -> str:
         mine = [a for a in singles if a["missing"] == [effect]]
         if mine:
             lines.append("| " + " | ".join(str(c) for c in _row(effect, mine)) + " |")
-    return "\n".join([*lines, "", *_figures(answers, singles)])
+    return "\n".join([*lines, "", *_figures(answers, singles), *_by_engine(answers)])
 
 
 def _row(effect: str, mine: Sequence[dict]) -> list:
@@ -196,6 +221,24 @@ def _detection(answers: Sequence[dict]) -> list[str]:
             lines.append(f"| {limits} | {len(inside)} | {first} | {alone} | {other} |")
     head = "| noise levels left by the calibration | campaigns | first in ranking | adopted alone | others adopted |"
     return ["", head, "| --- | --- | --- | --- | --- |", *lines] if lines else []
+
+
+def _by_engine(answers: Sequence[dict]) -> list[str]:
+    """Exactly correct diagnoses by engine and kind, where there are two engines."""
+    engines = sorted({a.get("engine", "virtual-rig") for a in answers})
+    kinds = [kind for kind in get_args(Kind) if any(a["kind"] == kind for a in answers)]
+    if len(engines) < 2:
+        return []
+    lines = [
+        "",
+        "| exactly right, by engine | " + " | ".join(kinds) + " |",
+        "| --- " * (len(kinds) + 1) + "|",
+    ]
+    for engine in engines:
+        mine = [a for a in answers if a.get("engine", "virtual-rig") == engine]
+        of_kind = [[not _is_wrong(a) for a in mine if a["kind"] == kind] for kind in kinds]
+        lines.append(f"| {engine} | " + " | ".join(f"{sum(k)} of {len(k)}" for k in of_kind) + " |")
+    return lines
 
 
 def _adopted_of_several(answers: Sequence[dict]) -> str:
@@ -319,6 +362,9 @@ def main() -> None:
     )
     parser.add_argument("--outside", type=int, default=20, help="campaigns with a fault outside the library")
     parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument(
+        "--engine", choices=list(ENGINES), default="virtual-rig", help="what makes the campaigns"
+    )
     parser.add_argument("--dirty", action="store_true", help="every campaign has a defect in its data")
     parser.add_argument("--whole", action="store_true", help="with the last fit and the held-out recordings")
     options = parser.parse_args()
@@ -326,10 +372,15 @@ def main() -> None:
         k: getattr(options, k)
         for k in ("each", "small", "nulls", "pairs", "triples", "far", "outside", "seed")
     }
-    todo = cases(**numbers, dirty=options.dirty)
+    try:
+        for engine in ENGINES[options.engine]:
+            _engine(engine)
+    except InputError as error:
+        parser.error(f"{error} Or give --engine virtual-rig.")
+    todo = cases(**numbers, dirty=options.dirty, engines=ENGINES[options.engine])
     tasks = {case.name: case for case in todo}
     found = resumable.answers(tasks, partial(solve, whole=options.whole), options)
-    given = " ".join(f"--{k} {number}" for k, number in numbers.items())
+    given = " ".join(f"--{k} {number}" for k, number in numbers.items()) + f" --engine {options.engine}"
     given += "".join(f" --{flag}" for flag in ("dirty", "whole") if getattr(options, flag))
     print(
         f"`python benchmarks/diagnosis.py WORK {given}`, {describe()},"

@@ -13,7 +13,7 @@ from twin.residuals import creep, hub_balance, stribeck_reversals
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID, REACH, low_passed, smooth_spline
 from twin.residuals.prepared import prepare
-from twin.residuals.rest_run import RestRun
+from twin.residuals.rest_run import SAMPLES_BEFORE_ONSET, RestRun
 from twin.residuals.view import Signals, move_link
 from twin.rigs import preset
 from twin.rigs.model import Model
@@ -125,6 +125,18 @@ def test_a_jump_of_the_command_is_no_slow_torque(plain):
         twin, prepared.__class__(**{**vars(prepared), "recording": jumped}), motion, onset, direction
     )
     assert not again.is_slow
+
+
+def test_a_rest_of_one_reading_tells_no_static_level(plain):
+    data, twin = plain
+    [prepared], [view] = data.prepared, data.views
+    motion, _ = move_link(view, prepared, twin, prepared.start)
+    onset, direction = view.departures[0]
+    hub = prepared.recording["hub_angle"].copy()
+    hub[onset - 400 : onset - SAMPLES_BEFORE_ONSET] = np.nan
+    holed = prepared.recording.replace(channels={**prepared.recording.channels, "hub_angle": hub})
+    of_one = prepared.__class__(**{**vars(prepared), "recording": holed})
+    assert RestRun.of(twin, of_one, motion, onset, direction) is None
 
 
 def test_samples_that_share_an_instant_have_the_noise_of_one(plain):

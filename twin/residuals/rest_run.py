@@ -83,7 +83,7 @@ class RestRun:
         known = np.isfinite(recording["hub_angle"])
         rows = np.flatnonzero((time > motion.time[row]) & (time < end + _TAIL_SPAN) & known)
         rows = rows[rows < again[0]] if len(again) else rows
-        if (rows > last).sum() < _MIN_READINGS:
+        if (rows > last).sum() < _MIN_READINGS or (rows <= last).sum() < 2:
             return None
         plant = model.plant_of(recording).with_backlash_closed()
         angles, rates = (plant.extend_state(values[row]) for values in motion.state())

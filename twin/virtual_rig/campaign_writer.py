@@ -1,7 +1,7 @@
 """Writes campaigns: a folder of CSV files and a campaign.toml that declares the rig, but not its effects."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,9 +12,17 @@ from twin.files.whole import check_file, check_folder, is_temporary, write_files
 from twin.virtual_rig.beam import Array, build_link
 from twin.virtual_rig.effects import switch_on
 from twin.virtual_rig.experiments import HUB_RANGE, Experiment, planned_campaign, run_experiment
-from twin.virtual_rig.plant import hub_angle
 from twin.virtual_rig.rig import UNCERTAINTY, Rig, declared_values, with_declared
-from twin.virtual_rig.sensors import Sensors, checked_dirt, measured, noise_of, sample_times, soiled
+from twin.virtual_rig.sensors import (
+    Sensed,
+    Sensors,
+    checked_dirt,
+    noise_of,
+    readings,
+    sample_times,
+    sensed,
+    soiled,
+)
 
 # Decimals of each channel in the CSV files.
 DECIMALS = {
@@ -44,6 +52,17 @@ class Truth:
         return json.dumps(asdict(self), indent=2) + "\n"
 
 
+Engine = Callable[[Rig, Sensors, Experiment, Array, Array], Sensed]
+"""Simulates an experiment: true rig, data acquisition, plan, sample times (samples,) [s], noise of the hub sensor
+(samples,) [rad] -> what the sensors are exposed to."""
+
+
+def ritz_engine(rig: Rig, sensors: Sensors, plan: Experiment, times: Array, hub_noise: Array) -> Sensed:
+    """The engine of this package, see `beam` and `plant`."""
+    link = build_link(rig)
+    return sensed(rig, link, sensors, run_experiment(rig, link, sensors, plan, times, hub_noise))
+
+
 _LARGEST_SEED = 2**128 - 1  # of numpy's generators
 _LARGEST_SHARE = 4.0
 """Largest factor on the declared uncertainty of at most 10 %: two standard deviations leave parameters positive."""
@@ -63,6 +82,7 @@ def make_campaign(
     motor_torque: bool = True,
     truth_file: Path | str | None = None,
     force: bool = False,
+    engine: Engine = ritz_engine,
 ) -> Truth:
     """Generates a campaign of a rig with undeclared effects and returns what it does not declare.
 
@@ -79,6 +99,7 @@ def make_campaign(
         motor_torque: Whether the motor torque is measured.
         truth_file: Where to write the truth as JSON, outside `folder`.
         force: Whether to write into a folder that is not empty.
+        engine: What simulates the experiments; default, that of this package.
 
     Raises:
         InputError: for unknown effects or defects, numbers that cannot be, a folder that is not empty, a truth file
@@ -98,7 +119,7 @@ def make_campaign(
     files: dict[Path, str] = {}
     defects = {}
     for number, plan in enumerate(plans):
-        table = _record(true_rig, card, plan, kinds, np.random.default_rng([seed, 3, number]))
+        table = _record(engine, true_rig, card, plan, kinds, np.random.default_rng([seed, 3, number]))
         table, found = soiled(table, card, kinds, np.random.default_rng([seed, 4, number]))
         if not motor_torque:
             table.pop("motor_torque", None)
@@ -152,20 +173,24 @@ def _perturbed(rig: Rig, share: float, generator: np.random.Generator) -> Rig:
 
 
 def _record(
-    rig: Rig, sensors: Sensors, plan: Experiment, kinds: Iterable[str], generator: np.random.Generator
+    engine: Engine,
+    rig: Rig,
+    sensors: Sensors,
+    plan: Experiment,
+    kinds: Iterable[str],
+    generator: np.random.Generator,
 ) -> dict[str, Array]:
     """Returns the columns of one recording (samples,) by channel name."""
-    link = build_link(rig)
     if rig.knock_torque:
         rig = rig._replace(knock_phase=generator.uniform(0.0, 2 * np.pi))
     times = sample_times(sensors, len(plan.commands), kinds, generator)
     noise = noise_of(sensors, len(times), generator)
-    motion = run_experiment(rig, link, sensors, plan, times, noise["hub_angle"])
-    table = {"time": times, "torque_command": motion.commands}
+    true = engine(rig, sensors, plan, times, noise["hub_angle"])
+    table = {"time": times, "torque_command": true.commands}
     if plan.reference is not None:
         table["hub_reference"] = plan.reference
-    channels = measured(rig, link, sensors, times, motion, noise)
-    kept = _within_range(hub_angle(rig, link, motion.states))
+    channels = readings(rig, sensors, times, true, noise)
+    kept = _within_range(true.hub_angle)
     if plan.clamped:
         # The hub of the locked rig does not turn and its motor is off.
         channels = {name: channels[name] for name in ("strain_base", "strain_mid")}

@@ -6,7 +6,9 @@ unclamped link is available, but not in the default plan.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.signal import bilinear_zpk
@@ -20,6 +22,8 @@ RAMP_RATE = 0.02  # N m/s, slow enough for a quasi-static link
 RAMP_TOP = 0.12  # N m
 HUB_RANGE = 2.6  # rad, of the potentiometer: a recording ends where the hub leaves it
 MOVED = 0.02  # rad of motion at which the ramp of a break-away test ends
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -194,11 +198,40 @@ def run_experiment(
         hub_noise: Noise of the hub sensor (samples,) [rad] in the readings of a controller.
     """
     start = _initial_state(rig, link, plan)
+
+    def simulated(times: Array, commands: Array, loop: Loop | None) -> Motion:
+        return simulate(rig, link, start, times, commands, clamped=plan.clamped, loop=loop)
+
+    def angle(motion: Motion) -> Array:
+        return hub_angle(rig, link, motion.states)
+
+    return conducted(sensors, plan, times, hub_noise, simulated, angle)
+
+
+def conducted(
+    sensors: Sensors,
+    plan: Experiment,
+    times: Array,
+    hub_noise: Array,
+    simulated: Callable[[Array, Array, Loop | None], Result],
+    angle: Callable[[Result], Array],
+) -> Result:
+    """Returns what an engine simulates in one experiment, see `run_experiment`.
+
+    Args:
+        sensors: The data acquisition.
+        plan: The experiment.
+        times: Sample times (samples,) [s].
+        hub_noise: Noise of the hub sensor (samples,) [rad].
+        simulated: The engine, from sample times, commands [N m] and controller, at the plan's initial state.
+        angle: The hub angle (samples,) [rad] of what the engine returns.
+    """
     if plan.reference is None:
         commands = plan.commands
         for first, last in plan.ramps:
-            commands = _cut_ramp(rig, link, start, times, commands, first, last)
-        return simulate(rig, link, start, times, commands, clamped=plan.clamped)
+            tried = angle(simulated(times[:last], commands[:last], None))
+            commands = _cut_ramp(tried, commands, first, last)
+        return simulated(times, commands, None)
     loop = Loop(
         True,
         compensator(sensors.sample_rate),
@@ -207,7 +240,7 @@ def run_experiment(
         sensors.hub_step,
         sensors.torque_step,
     )
-    return simulate(rig, link, start, times, plan.commands, loop=loop)
+    return simulated(times, plan.commands, loop)
 
 
 def _initial_state(rig: Rig, link: Link, plan: Experiment) -> Array:
@@ -219,13 +252,9 @@ def _initial_state(rig: Rig, link: Link, plan: Experiment) -> Array:
     return at_rest(rig, link, plan.start_angle, shape)
 
 
-def _cut_ramp(
-    rig: Rig, link: Link, start: Array, times: Array, commands: Array, first: int, last: int
-) -> Array:
-    """Returns the commands with the ramp between two samples cut off where the hub has moved."""
-    motion = simulate(rig, link, start, times[:last], commands[:last])
-    angle = hub_angle(rig, link, motion.states)[first:]
-    moved = np.abs(angle - angle[0]) > MOVED
+def _cut_ramp(angle: Array, commands: Array, first: int, last: int) -> Array:
+    """Returns the commands with the ramp between two samples cut off where the hub, at `angle` [rad], has moved."""
+    moved = np.abs(angle[first:] - angle[first]) > MOVED
     result = commands.copy()
     if moved.any():
         result[first + int(np.argmax(moved)) : last] = 0.0

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,15 @@ class Sensors:
     half_thickness: float = 0.0008  # m, neutral axis to gauge
 
 
+class Sensed(NamedTuple):
+    """What the sensors of a rig are exposed to at the times of their readings."""
+
+    commands: Array  # (samples,) [N m]
+    hub_angle: Array  # (samples,) [rad]
+    strain: Array  # (samples, 2), of the gauges at base and middle by bending
+    torsion: Array  # (samples,), of the torsional oscillator relative to the hub [rad]
+
+
 def noise_of(sensors: Sensors, samples: int, generator: np.random.Generator) -> dict[str, Array]:
     """Returns the noise of every measured channel (samples,) in its unit."""
     spread = {
@@ -49,14 +59,30 @@ def measured(
     rig: Rig, link: Link, sensors: Sensors, times: Array, motion: Motion, noise: Mapping[str, Array]
 ) -> dict[str, Array]:
     """Returns the readings of a motion: the measured channels by name (samples,) in SI units."""
+    return readings(rig, sensors, times, sensed(rig, link, sensors, motion), noise)
+
+
+def sensed(rig: Rig, link: Link, sensors: Sensors, motion: Motion) -> Sensed:
+    """Returns what the sensors are exposed to in a motion."""
     bends = curvature_at(rig, np.array([sensors.position_base, sensors.position_mid]), len(link.stiffness))
-    strain = sensors.half_thickness * motion.states[:, : len(link.stiffness)] @ bends.T
-    strain = strain + np.outer(torsion_angle(rig, link, motion.states), TORSION_STRAIN)
-    torque = delivered_torque(rig, times, motion.commands)
+    return Sensed(
+        commands=motion.commands,
+        hub_angle=hub_angle(rig, link, motion.states),
+        strain=sensors.half_thickness * motion.states[:, : len(link.stiffness)] @ bends.T,
+        torsion=torsion_angle(rig, link, motion.states),
+    )
+
+
+def readings(
+    rig: Rig, sensors: Sensors, times: Array, sensed: Sensed, noise: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Returns the readings of exposed sensors: the measured channels by name (samples,) in SI units."""
+    strain = sensed.strain + np.outer(sensed.torsion, TORSION_STRAIN)
+    torque = delivered_torque(rig, times, sensed.commands)
     base = rig.gain_base * strain[:, 0] + rig.drift_base * times + rig.pickup_base * torque
     mid = rig.gain_mid * strain[:, 1] + rig.drift_mid * times + rig.pickup_mid * torque
     base, mid = np.clip(base, -rig.clip_base, rig.clip_base), np.clip(mid, -rig.clip_mid, rig.clip_mid)
-    hub = sensed_hub(rig, hub_angle(rig, link, motion.states))
+    hub = sensed_hub(rig, sensed.hub_angle)
     return {
         "hub_angle": quantised(hub + noise["hub_angle"], sensors.hub_step),
         "strain_base": quantised(base + noise["strain_base"], sensors.strain_step),
