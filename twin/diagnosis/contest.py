@@ -119,10 +119,11 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     """
     moved = {name: best.fit.model.effects[name] for name in base.model.effects}
     first = candidates.initial_values(base.unknowns, base.model.replace(effects=moved), base, best.fit)
-    # An effect that replaces a declared parameter has found a value of it.
+    # An effect that replaces a declared parameter has found a value of it, maybe beyond its uncertainty.
     instead = best.fit.model.effects.get(best.name, {})
-    replaced = [u.kind == "rig" and u.name in instead for u in base.unknowns]
-    first[replaced] = [instead[u.name] for u, new in zip(base.unknowns, replaced, strict=True) if new]
+    for k, u in enumerate(base.unknowns):
+        if u.kind == "rig" and u.name in instead:
+            first[k] = np.clip(instead[u.name], *u.bounds)
     goal = base.cost - rules.decisive_difference(best.score)
     again = minimise(bench, base.model, base.starts, base.unknowns, first, None, FULL_ITERATIONS, goal=goal)
     return again if again.cost < goal else None
