@@ -118,6 +118,7 @@ def search(
         if not more or len(state.adopted) == MOST_EFFECTS:
             break
         state, more = continued_on_output_errors(*next_round(state, progress, false_alarm_rate), progress)
+    state = revise.with_closer_free_runs(state)
     progress("computing standard errors")
     state, sound = on_sound_channels(state)
     state = with_errors(state, sound)
@@ -223,7 +224,6 @@ def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) 
     by_chance, ranked = permutation.threshold(draws, false_alarm_rate), explored.ranked
     if ranked and ranked[0].score > rules.MODEL_ERROR_SCORE:
         ranked = contest.fit_to_convergence(bench, current, ranked, progress)
-        ranked = contest.prefer_closer_free_runs(bench, ranked)
         better = contest.better_calibration(bench, current, ranked[0])
         if better is not None:
             progress("repeating the round with a better calibration")

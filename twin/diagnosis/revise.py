@@ -98,6 +98,42 @@ def _exchanged(state: SearchState) -> SearchState:
     return state if best is None else rebuild(state, best, closest, reason)
 
 
+def with_closer_free_runs(state: SearchState) -> SearchState:
+    """The state with an effect exchanged for one that was tied with it in its round, if free runs clearly prefer it.
+
+    Free runs are compared with all effects in the models: what a later effect explains would decide them otherwise.
+    """
+    for k in range(len(state.adopted)):
+        ranked = _tied_models(state, k)
+        first, *others = contest.prefer_closer_free_runs(state.bench, ranked)
+        if first.name != ranked[0].name:
+            names = [first.name if i == k else name for i, name in enumerate(state.names)]
+            state = rebuild(state, names, first.fit)
+        # What free runs have told apart is tied no longer.
+        told = {c.name: c.score for c in others}
+        decided = state.rounds[k]
+        ranked = [replace(c, score=min(c.score, told.get(c.name, c.score))) for c in decided.ranked]
+        rounds = [replace(r, ranked=tuple(ranked)) if r is decided else r for r in state.rounds]
+        state = replace(state, rounds=tuple(rounds))
+    return state
+
+
+def _tied_models(state: SearchState, k: int) -> list[Candidate]:
+    """The adopted model, then those with another candidate of round k that was tied with the adopted one, fitted."""
+    adopted, names, best = state.adopting[k].adopted, state.names, state.best
+    assert adopted is not None
+    tied = [Candidate(tuple(best.model.effects), best, adopted.score)]
+    least = adopted.score - rules.decisive_difference(adopted.score)
+    for other in state.adopting[k].ranked[: contest.CONTENDERS]:
+        if other.score > least and other.is_fitted and other.name not in best.model.effects:
+            kept = {n: p for n, p in best.model.effects.items() if n != names[k]}
+            effects = {**kept, other.name: other.fit.model.effects[other.name]}
+            fit = refit(state, effects, _QUICK_ITERATIONS, best)
+            tied.append(Candidate(tuple(effects), fit, other.score))
+    tied[0] = replace(tied[0], effects=(*(n for n in tied[0].effects if n != names[k]), names[k]))
+    return tied
+
+
 def _close_candidates(ranked: Sequence[Candidate]) -> list[Candidate]:
     """Fitted candidates of a round whose scores are close to the best."""
     best = ranked[0].score
