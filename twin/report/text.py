@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -16,6 +17,9 @@ from twin.report.prose import prose
 if TYPE_CHECKING:
     from rich.console import Console, Group, RenderableType
     from rich.table import Table
+
+_HEAD = 15
+"""Longest line of a head of a table [characters]."""
 
 
 def summary(diagnosis: Diagnosis, paths: Mapping[str, str | PathLike[str]] | None = None) -> str:
@@ -137,7 +141,7 @@ def _table(plain: bool, *columns: str) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for column in columns:
         right = column.startswith(">")
-        label = labels.printable(column.removeprefix(">"), plain)
+        label = "\n".join(textwrap.wrap(labels.printable(column.removeprefix(">"), plain), _HEAD))
         table.add_column(label, justify="right" if right else "left", no_wrap=right, overflow="fold")
     return table
 
