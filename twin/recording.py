@@ -38,6 +38,9 @@ MEASURED = (
 ON_LINK = ("strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 """Channels of sensors on the link."""
 
+LONGEST_DELAY = 0.05
+"""Delay of a sensor that is tried at most [s]: a third of a period at 7 Hz."""
+
 ON_HUB = ("hub_angle", "hub_rate")
 """Channels of sensors of the hub's motion."""
 

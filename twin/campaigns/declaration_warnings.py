@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from twin.campaigns import schema
+from twin.recording import LONGEST_DELAY
 
-_LONG_DELAY = 0.05
-"""Standard deviation of a delay [s] from which it is likely to be given in milliseconds."""
 _NOT_COMPARED = {
     "hub_reference": "no simulation is compared with it",
     "tip_angle": "the deflection is its difference from the hub angle",
@@ -54,5 +53,5 @@ def _channel_uncertainty_warnings(content: schema.CampaignFile) -> Iterator[str]
                 yield f"{where}.{key} is not used: {reason}"
         if gain and gain > 1.0:
             yield f"{where}.gain_uncertainty is {gain:g}, which is {100 * gain:g} % of the gain; it is relative"
-        if delay and delay > _LONG_DELAY:
-            yield f"{where}.delay_uncertainty is {delay:g} s; delays of more than {_LONG_DELAY:g} s are not tried"
+        if delay and delay > LONGEST_DELAY:
+            yield f"{where}.delay_uncertainty is {delay:g} s; delays of more than {LONGEST_DELAY:g} s are not tried"

@@ -122,8 +122,8 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     # An effect that replaces a declared parameter has found a value of it, maybe beyond its uncertainty.
     instead = best.fit.model.effects.get(best.name, {})
     for k, u in enumerate(base.unknowns):
-        if u.kind == "rig" and u.name in instead:
-            first[k] = np.clip(instead[u.name], *u.bounds)
+        if u.kind == "rig":
+            first[k] = instead.get(u.name, first[k])
     goal = base.cost - rules.decisive_difference(best.score)
     again = minimise(bench, base.model, base.starts, base.unknowns, first, None, FULL_ITERATIONS, goal=goal)
     return again if again.cost < goal else None

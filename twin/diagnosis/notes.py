@@ -11,7 +11,7 @@ from twin.diagnosis import dependence, remainder, revise, rules
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import SearchState
-from twin.estimation.calibrate import late_command_notes
+from twin.estimation.calibrate import SIGNIFICANT, late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
 from twin.estimation.unknowns import Unknown
@@ -22,8 +22,9 @@ from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View
 
-_SIGNIFICANT = 3.0  # standard errors from which a gain or a delay of a channel is noted
-_SMALL = 0.1  # share of its declared standard deviation up to which it is not
+_SMALL = (
+    0.1  # share of its declared standard deviation up to which a gain or a delay of a channel is not noted
+)
 _AT_BOUND = 1e-3  # share of the range of an unknown within which it is at its bound
 _DRIFT_SHARE = 0.2  # share of the variance of the residuals from which a drifting parameter is noted
 _UNPREDICTABLE = 30.0
@@ -70,7 +71,7 @@ def channel_error_notes(fit: Fit) -> list[str]:
     """A note on each fitted gain or delay of a channel that differs significantly from its declaration."""
     notes = []
     for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
-        if not u.is_channel_error or abs(value - u.start) <= max(_SIGNIFICANT * error, _SMALL * u.scale):
+        if not u.is_channel_error or abs(value - u.start) <= max(SIGNIFICANT * error, _SMALL * u.scale):
             continue
         fitted = f"The {u.kind} of {with_the(u.name)} is taken as {_in_its_unit(u, value, error)}"
         note = f"{fitted}, within its declaration, {_in_its_unit(u, u.start, u.scale)}."

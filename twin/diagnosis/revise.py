@@ -37,6 +37,7 @@ from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.parameters import relative_uncertainty
 from twin.progress import Progress, silent
+from twin.residuals.data import DrivenData
 
 _QUICK_ITERATIONS = 5  # of a fit that decides whether a fit to convergence is needed
 _CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which such a fit decides
@@ -103,6 +104,8 @@ def with_closer_free_runs(state: SearchState) -> SearchState:
 
     Free runs are compared with all effects in the models: what a later effect explains would decide them otherwise.
     """
+    if not isinstance(state.bench.data, DrivenData):
+        return state
     for k in range(len(state.adopted)):
         ranked = _tied_models(state, k)
         first, *others = contest.prefer_closer_free_runs(state.bench, ranked)
@@ -120,17 +123,15 @@ def with_closer_free_runs(state: SearchState) -> SearchState:
 
 def _tied_models(state: SearchState, k: int) -> list[Candidate]:
     """The adopted model, then those with another candidate of round k that was tied with the adopted one, fitted."""
-    adopted, names, best = state.adopting[k].adopted, state.names, state.best
-    assert adopted is not None
-    tied = [Candidate(tuple(best.model.effects), best, adopted.score)]
+    adopted, best = state.adopted[k], state.best
+    kept = {n: p for n, p in best.model.effects.items() if n != adopted.name}
+    tied = [Candidate((*kept, adopted.name), best, adopted.score)]
     least = adopted.score - rules.decisive_difference(adopted.score)
     for other in state.adopting[k].ranked[: contest.CONTENDERS]:
         if other.score > least and other.is_fitted and other.name not in best.model.effects:
-            kept = {n: p for n, p in best.model.effects.items() if n != names[k]}
             effects = {**kept, other.name: other.fit.model.effects[other.name]}
             fit = refit(state, effects, _QUICK_ITERATIONS, best)
             tied.append(Candidate(tuple(effects), fit, other.score))
-    tied[0] = replace(tied[0], effects=(*(n for n in tied[0].effects if n != names[k]), names[k]))
     return tied
 
 

@@ -16,7 +16,7 @@ class Backlash(Effect):
     of a gear motor with its back-EMF: a resting motor then leaves the hub free within the play. Otherwise friction acts
     on the hub, as that of its bearing. All other torques act on the hub.
 
-    A flank in contact is a spring with a damper, both fitted: tooth and shaft yield from 30 N m/rad on.
+    A flank in contact is a spring with a damper, both fitted.
     """
 
     name = "backlash"

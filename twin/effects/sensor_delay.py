@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from twin.effects.base import TIMES, TIMING_TOLERANCE, Effect, EffectParameter
-from twin.recording import MEASURED
+from twin.recording import LONGEST_DELAY, MEASURED
 
 _CHOICES = {"hub_angle": "hub_angle", "hub_rate": "hub_angle", "motor_torque": "motor_torque"}
 """Channel -> choice that says whether it is late; of all others "strain"."""
@@ -27,7 +27,7 @@ class SensorDelay(Effect):
     }
     source = "K. J. Åström and B. Wittenmark, Computer-Controlled Systems, 1997"
     parameters = (
-        EffectParameter("delay", "s", 0.0, (0.0, 0.05), 1e-3, possible=TIMES),
+        EffectParameter("delay", "s", 0.0, (0.0, LONGEST_DELAY), 1e-3, possible=TIMES),
         EffectParameter("hub_angle", "1", 1.0, (0.0, 1.0), 1.0, "hub_angle", choice=True),
         EffectParameter("strain", "1", 1.0, (0.0, 1.0), 1.0, choice=True),
         EffectParameter("motor_torque", "1", 0.0, (0.0, 1.0), 1.0, "motor_torque", choice=True),

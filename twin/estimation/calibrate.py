@@ -45,7 +45,7 @@ SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """Segments and integration step [s] of the search. Its discretisation error is removed, see `chain_limit`."""
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
 _WIDE = 0.2  # relative standard deviation beyond which a declared value is only a rough starting value
-_SIGNIFICANT = 3.0  # standard errors from which a delay of the commands is reported
+SIGNIFICANT = 3.0  # standard errors from which a gain or a delay is reported
 
 
 @dataclass(frozen=True)
@@ -340,6 +340,6 @@ def initial_point(
 def late_command_notes(fit: Fit) -> list[str]:
     """A note on the fitted delay of the commands against their time stamps, if it is significant."""
     for u, value, error in zip(fit.unknowns, fit.values, fit.errors, strict=True):
-        if u.kind == "clock" and abs(value) > _SIGNIFICANT * error:
+        if u.kind == "clock" and abs(value) > SIGNIFICANT * error:
             return [f"Commands are taken to act {1e3 * value:+.2f} ms off their time stamps."]
     return []

@@ -41,7 +41,7 @@ def minimise(
       model: where the unknowns are set; it has the effects that they belong to.
       starts: initial state of each recording.
       unknowns: (p).
-      values: (p) first values; by default the unknowns' own.
+      values: (p) first values, set to the nearest bound where they are beyond; by default the unknowns' own.
       fixed_jacobian: `Unknown.key` -> column (n) that is kept instead of computed (chord method).
       iterations: most Jacobians by differences.
       tolerance: reduction of the cost below which a step is the last one.
@@ -54,6 +54,7 @@ def minimise(
     """
     unknowns = tuple(unknowns)
     x = np.array([u.start for u in unknowns]) if values is None else np.array(values, dtype=float)
+    x = np.clip(x, *np.array([u.bounds for u in unknowns]).reshape(-1, 2).T)
     steps = first_steps(unknowns)
     fixed = fixed_jacobian or {}
     [r] = bench.residuals([(*model_and_starts_at(model, starts, unknowns, x), None)])

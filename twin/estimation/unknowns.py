@@ -13,13 +13,12 @@ from twin.effects import REGISTRY
 from twin.effects.base import TIMING_TOLERANCE
 from twin.mechanics.state import Start
 from twin.parameters import declared_range, relative_uncertainty
+from twin.recording import LONGEST_DELAY
 from twin.residuals.prepared import Prepared, shortest_period
 from twin.rigs.channel_errors import COMMAND, ChannelErrors, replaced_errors
 from twin.rigs.model import Model
 
 _PRIOR_RANGE = 3.0  # standard deviations by which a fit may change a declared parameter, see `declared_range`
-_LONGEST_DELAY = 0.05
-"""Delay of a channel that a fit tries at most [s]: that of the effect `sensor-delay`, a third of a period at 7 Hz."""
 _NOT_FITTED = ("torque_limit",)  # declared parameters that are known exactly: a setting of the amplifier
 
 Kind = Literal["rig", "effect", "clock", "gain", "delay", "start"]
@@ -131,7 +130,7 @@ def channel_unknowns(model: Model, channels: set[str]) -> list[Unknown]:
             factor = math.exp(_PRIOR_RANGE * relative)
             unknowns.append(Unknown("gain", name, 1.0, relative, True, (1 / factor, factor)))
         if (deviation := sensor.delay_uncertainty) > 0:
-            limit = min(_PRIOR_RANGE * deviation, _LONGEST_DELAY)
+            limit = min(_PRIOR_RANGE * deviation, LONGEST_DELAY)
             unknowns.append(Unknown("delay", name, 0.0, deviation, True, (-limit, limit)))
     replaced = replaced_errors(model.effects)
     return [u for u in unknowns if (u.kind, u.name) not in replaced]

@@ -10,9 +10,9 @@ import numpy as np
 
 from twin.control.plants.base import READINGS, Plant
 from twin.effects import REGISTRY, TORSION, Effect
+from twin.recording import LONGEST_DELAY
 from twin.rigs.model import Model
 
-_LONGEST_DELAY = 0.05  # s, upper bound of the effect `sensor-delay`
 _MORE = 4  # samples kept beyond it, for the interpolation between samples
 
 
@@ -24,7 +24,7 @@ class SensorEffects:
         self._model, self._plant = model, plant
         changed = any(type(REGISTRY[name]).sensing is not Effect.sensing for name in model.effects)
         self._changes = changed or (model.patch is not None and model.patch.on_sensor)
-        self._past: deque[tuple[float, ...]] = deque(maxlen=math.ceil(_LONGEST_DELAY / plant.period) + _MORE)
+        self._past: deque[tuple[float, ...]] = deque(maxlen=math.ceil(LONGEST_DELAY / plant.period) + _MORE)
 
     def reset(self) -> None:
         """Discards all past readings."""
