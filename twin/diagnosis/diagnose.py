@@ -189,11 +189,15 @@ def continued_on_output_errors(
     if state.on_output_errors:
         return state, more and _can_gain(state)
     rough = output_error.hub_sensor_dominates(state.bench)
-    if not rough or not output_error.is_repeatable(state.bench, state.best):
+    if not rough and not _can_gain(state):
+        return state, more
+    if not output_error.is_repeatable(state.bench, state.best):
         return state, more
     progress("fitting free runs")
     bench, fit = output_error.fit_output_error(state.bench, state.best)
     explained = bench.sizes(fit.residual).max(initial=0.0) < rules.WORST_RESIDUAL
+    if not explained and not rough:
+        return state, more
     if not explained:
         part = output_error.on_predictable_part(bench, fit)
         if part is None:
