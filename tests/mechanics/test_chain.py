@@ -61,6 +61,22 @@ def test_runge_kutta_is_stable_with_the_largest_step():
     assert abs(1 + turn + turn**2 / 2 + turn**3 / 6 + turn**4 / 24) < 1
 
 
+@pytest.mark.parametrize("boundary", ["free", "clamped"])
+def test_slower_fast_modes_leave_all_else(boundary):
+    links = build(RIG, shape=uniform_shape(16))
+    slow = links.with_slower_modes(1e-3)
+    assert links.largest_step() < 3e-4
+    assert slow.largest_step() > 0.999e-3
+    assert slow.modes(boundary)[0][:4] == pytest.approx(links.modes(boundary)[0][:4], rel=2e-3)
+    assert slow.modes("free")[0][:4] == pytest.approx(links.modes("free")[0][:4], rel=1e-9)
+    assert slow.inertia.sum() == pytest.approx(links.inertia.sum(), rel=1e-12)
+
+
+def test_a_chain_that_is_stable_has_no_slower_modes():
+    links = build(RIG, 5)
+    assert links.with_slower_modes(0.99 * links.largest_step()) is links
+
+
 def test_one_segment_is_not_a_chain():
     with pytest.raises(ValueError, match="At least 2 segments required. Received 1"):
         build(RIG, 1)

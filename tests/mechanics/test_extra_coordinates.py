@@ -88,7 +88,7 @@ def test_play_passes_on_what_the_hub_takes():
     held = np.append(command[0], (command[1:] + command[:-1]) / 2)
     passed = planar.backlash_torque(plant, period, acceleration, angles[:, 0], held)
     behind = plant.without_motor()
-    hub = (angles[:, 0], rates[:, 0], acceleration)
+    hub = (angles[:, 0], rates[:, 0], acceleration, (acceleration[1:] + acceleration[:-1]) / 2)
     _, _, taken = planar.simulate_prescribed_hub(behind, time, *hub, REST, REST, 2.5e-4)
     missing = low_passed(taken - passed, period)
     # Without the play and its motor, what is missing is ten times as much.

@@ -189,13 +189,13 @@ def continued_on_output_errors(
     if state.on_output_errors:
         return state, more and _can_gain(state)
     rough = output_error.hub_sensor_dominates(state.bench)
-    if not rough and not _can_gain(state):
+    if not rough and not _leaves_much(state.bench, state.best):
         return state, more
     if not output_error.is_repeatable(state.bench, state.best):
         return state, more
     progress("fitting free runs")
     bench, fit = output_error.fit_output_error(state.bench, state.best)
-    explained = bench.sizes(fit.residual).max(initial=0.0) < rules.WORST_RESIDUAL
+    explained = not _leaves_much(bench, fit)
     if not explained and not rough:
         return state, more
     if not explained:
@@ -211,6 +211,11 @@ def continued_on_output_errors(
         state = replace(state, start=replace(state.start, bench=bench, base=fit))
     more = _can_gain(state)
     return (replace(state, rounds=state.adopting) if more else state), more
+
+
+def _leaves_much(bench: Workbench, fit: Fit) -> bool:
+    """Whether a fit leaves a residual that no small error of the model explains, in any block."""
+    return bool(bench.sizes(fit.residual).max(initial=0.0) >= rules.WORST_RESIDUAL)
 
 
 def _can_gain(state: SearchState) -> bool:

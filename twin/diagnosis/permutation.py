@@ -15,6 +15,7 @@ spectrum near the peak in units of white noise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -115,7 +116,7 @@ def posterior_bound(p: float) -> float:
     """
     if p <= 0:
         return 1.0
-    return 1 / (1 - np.e * p * np.log(p)) if p < 1 / np.e else 0.5
+    return 1 / (1 - math.e * p * math.log(p)) if p < 1 / math.e else 0.5
 
 
 def random_signs(bench: Workbench, draws: int, random: np.random.Generator) -> np.ndarray:

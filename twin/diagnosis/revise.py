@@ -282,8 +282,9 @@ def _joint_size(best: Fit, name: str) -> float:
 
 
 def is_at_end(u: Unknown, value: float) -> bool:
-    """Whether the value of an unknown is at a bound; a bound of 0 is physical: a friction level may be 0."""
-    return any(end != 0 and abs(value - end) <= _AT_END * abs(end) for end in u.bounds)
+    """Whether the value of an unknown is at a bound; one of 0 is physical, as of a friction, or of a compliance."""
+    ends = u.bounds[1:] if u.inverse else u.bounds
+    return any(end != 0 and abs(value - end) <= _AT_END * abs(end) for end in ends)
 
 
 def replace_function_by_effect(state: SearchState) -> SearchState | None:

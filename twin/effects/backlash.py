@@ -35,7 +35,13 @@ class Backlash(Effect):
         EffectParameter("gap", "rad", 0.0, (0.0, 0.3), 2e-3, possible=(0.0, 2 * math.pi)),
         EffectParameter("motor_inertia_share", "1", 0.4, (0.05, 0.9), 0.05, possible=(0.01, 0.99)),
         EffectParameter(
-            "contact_stiffness", "N m/rad", CONTACT_STIFFNESS, (10.0, 3000.0), 50.0, possible=(1.0, 1e5)
+            "contact_stiffness",
+            "N m/rad",
+            CONTACT_STIFFNESS,
+            (10.0, 3000.0),
+            2e-3,
+            inverse=True,
+            possible=(1.0, 1e5),
         ),
         EffectParameter("contact_loss", "1", CONTACT_LOSS, (0.02, 0.8), 0.03, possible=(0.0, 1.0)),
         EffectParameter("friction_on_motor", "1", 0.0, (0.0, 1.0), 1.0, choice=True),

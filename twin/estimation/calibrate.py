@@ -39,7 +39,7 @@ from twin.progress import Progress, silent
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared, prepare
-from twin.rigs.model import Model
+from twin.rigs.model import FixedStepModel, Model
 
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """Segments and integration step [s] of the search. Its discretisation error is removed, see `chain_limit`."""
@@ -120,7 +120,7 @@ def calibrate(
 def _declared_model(campaign: Campaign) -> Model:
     """The rig as it is declared, on the chain of a search."""
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
-    return Model(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
+    return FixedStepModel(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
 
 
 def declared_fit(campaign: Campaign, pool: ThreadPoolExecutor) -> tuple[Workbench, Fit]:

@@ -131,6 +131,21 @@ class Chain:
         system = np.block([[np.zeros((n, n)), np.eye(n)], [-pliant * self.stiffness, -pliant @ self.damping]])
         return float(np.abs(np.linalg.eigvals(system)).max())
 
+    def with_slower_modes(self, step: float) -> Chain:
+        """Returns the chain with inertia added to its fast modes, so that it is stable with this step [s].
+
+        Slower modes with the hub free, static deflections and the rigid rotation stay as they are
+        (L. Olovsson, K. Simonsson and M. Unosson, Int. J. Numer. Meth. Engng 63, 2005: selective mass scaling).
+        """
+        mass = self.mass_matrix()
+        frequencies, shapes = self.modes("free")
+        added = np.maximum((frequencies * step / _STABLE) ** 2 - 1, 0.0)
+        if not added.any():
+            return self
+        momenta = mass @ shapes
+        heavier = self.inertia + _absolute((momenta * added) @ momenta.T)
+        return replace(self, inertia=heavier)
+
     def free_hub_inertia(self) -> float:
         """Initial torque per hub acceleration with free hinges [kg m^2]: only a little more than the hub's inertia."""
         M = self.mass_matrix()
@@ -333,6 +348,12 @@ def _relative(inertia: np.ndarray) -> np.ndarray:
     """Returns the mass matrix in relative coordinates, T^T M T: phi = T [hub, hinges], T lower triangular of ones."""
     outboard = np.cumsum(inertia[::-1], axis=0)[::-1]
     return np.cumsum(outboard[:, ::-1], axis=1)[:, ::-1]
+
+
+def _absolute(mass: np.ndarray) -> np.ndarray:
+    """Returns the inertias c_ij of a mass matrix in relative coordinates: the inverse of `_relative`."""
+    steps = np.eye(len(mass)) - np.eye(len(mass), k=-1)
+    return steps.T @ mass @ steps
 
 
 def _modes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> tuple[np.ndarray, np.ndarray]:

@@ -626,18 +626,20 @@ def simulate_prescribed_hub(
     angle: np.ndarray,
     rate: np.ndarray,
     acceleration: np.ndarray,
+    middle: np.ndarray,
     phi0: np.ndarray,
     omega0: np.ndarray,
     h_max: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Integrates the link under a prescribed motion of the hub: no friction, no motor torque, no stick or slip.
 
-    The acceleration is linear between instants; hub angle and rate are reset to the given ones at each.
+    The acceleration is a parabola between instants; hub angle and rate are reset to the given ones at each.
 
     Args:
       plant: the `Plant`.
       time: (m) instants [s].
       angle, rate, acceleration: (m) of the hub [rad], [rad/s], [rad/s^2].
+      middle: (m - 1) acceleration halfway between instants [rad/s^2].
       phi0, omega0: (n + 1 + k) state at the first instant; rotated to angle[0].
       h_max: largest step [s].
 
@@ -645,12 +647,13 @@ def simulate_prescribed_hub(
       (m, n + 1 + k) angles [rad], (m, n + 1 + k) rates [rad/s], (m) torque on the hub that this motion takes [N m].
     """
     time, angle, rate = (np.ascontiguousarray(v, dtype=float) for v in (time, angle, rate))
-    acceleration = np.ascontiguousarray(acceleration, dtype=float)
+    acceleration, middle = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, middle))
     phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
     size, count = phi.size, time.size
     out = np.empty((count, size)), np.empty((count, size)), np.empty(count)
     work, scratch = np.empty((9, size)), np.empty((size + 3, size))
-    _simulate_prescribed_hub(plant, time, angle, rate, acceleration, phi, omega, h_max, *out, work, scratch)
+    given = time, angle, rate, acceleration, middle
+    _simulate_prescribed_hub(plant, *given, phi, omega, h_max, *out, work, scratch)
     return out
 
 
@@ -672,9 +675,15 @@ def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     return torque
 
 
+@_inlined
+def _parabola(start, middle, end, share):
+    """The parabola through three equally spaced values, at a share of the way from the first to the last."""
+    return start + share * (4 * middle - 3 * start - end + 2 * share * (start - 2 * middle + end))
+
+
 @compiled
 def _simulate_prescribed_hub(
-    plant, time, angle, rate, acceleration, phi, omega, h_max, angles, rates, torques, work, scratch
+    plant, time, angle, rate, acceleration, middle, phi, omega, h_max, angles, rates, torques, work, scratch
 ):
     m = phi.size
     k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a, p = work
@@ -692,11 +701,12 @@ def _simulate_prescribed_hub(
         span = time[row + 1] - time[row]
         count = int(np.ceil(span / h_max - 1e-9))
         h = span / count
-        slope = (acceleration[row + 1] - acceleration[row]) / span
+        first, half, last = acceleration[row], middle[row], acceleration[row + 1]
         for step in range(count):
             t = time[row] + step * h
-            start = acceleration[row] + slope * step * h
-            middle, end = start + slope * h / 2, start + slope * h
+            start = _parabola(first, half, last, step / count)
+            between = _parabola(first, half, last, (step + 0.5) / count)
+            end = _parabola(first, half, last, (step + 1) / count)
             for i in range(m):
                 k1v[i] = omega[i]
             if step > 0:  # those of the first step were computed above, with the torque
@@ -704,11 +714,11 @@ def _simulate_prescribed_hub(
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k1v[i]
                 k2v[i] = omega[i] + 0.5 * h * k1a[i]
-            _prescribed_accelerations(plant, t + h / 2, p, k2v, middle, k2a, scratch)
+            _prescribed_accelerations(plant, t + h / 2, p, k2v, between, k2a, scratch)
             for i in range(m):
                 p[i] = phi[i] + 0.5 * h * k2v[i]
                 k3v[i] = omega[i] + 0.5 * h * k2a[i]
-            _prescribed_accelerations(plant, t + h / 2, p, k3v, middle, k3a, scratch)
+            _prescribed_accelerations(plant, t + h / 2, p, k3v, between, k3a, scratch)
             for i in range(m):
                 p[i] = phi[i] + h * k3v[i]
                 k4v[i] = omega[i] + h * k3a[i]

@@ -132,11 +132,8 @@ def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) 
         first = plant.extend_state(phi), plant.extend_state(omega)
         if prepared.recording.start == "unknown":
             first = first[0], first[1] - omega[0] + hub.rate[0]
-        substeps = max(1, round(GRID / model.step))
-        fine = planar.simulate_prescribed_hub(
-            plant, *_subdivided(signals.time, hub, substeps), *first, model.stable_step
-        )
-        return fine[0][::substeps].copy(), fine[1][::substeps].copy(), fine[2][::substeps].copy()
+        motion = hub.angle, hub.rate, hub.acceleration, halfway(hub.acceleration)
+        return planar.simulate_prescribed_hub(plant, signals.time, *motion, *first, model.stable_step)
 
     inputs = (*plant.link, model.step, hub.angle, phi, omega)
     angles, rates, required = signals.cache.get(inputs, simulated)
@@ -151,6 +148,15 @@ class HubTrajectory:
     rate: np.ndarray
     acceleration: np.ndarray
     direction: np.ndarray
+
+
+def halfway(values: np.ndarray) -> np.ndarray:
+    """Values (m - 1) halfway between those on a uniform grid (m), by the polynomials through six of them.
+
+    The error of an oscillation is 0.005 (omega h)^6: at 25 Hz and h = 2 ms 5e-6.
+    """
+    padded = np.pad(values, 2, mode="reflect", reflect_type="odd")
+    return np.convolve(padded, np.array([3, -25, 150, 150, -25, 3]) / 256, mode="valid")
 
 
 def hub_trajectory(signals: Signals, model: Model) -> HubTrajectory:
@@ -175,19 +181,3 @@ def hub_trajectory(signals: Signals, model: Model) -> HubTrajectory:
 def before_end(time: np.ndarray, span: float) -> np.ndarray:
     """Whether instants (m) lie at least a span before the last one [s]."""
     return time <= time[-1] - span
-
-
-def _subdivided(
-    time: np.ndarray, hub: HubTrajectory, substeps: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Time, angle, rate and acceleration of a hub, each step of the grid divided into `substeps`.
-
-    `planar.simulate_prescribed_hub` takes the acceleration as linear between instants, which makes an oscillation too
-    small by (omega h)^2/12. A model with a shorter step gets it at the end of each step; the error of the others is
-    removed together with that of the chain, see `chain_limit`.
-    """
-    if substeps == 1:
-        return time, hub.angle, hub.rate, hub.acceleration
-    finer = np.interp(np.arange(substeps * (len(time) - 1) + 1) / substeps, np.arange(len(time)), time)
-    spline = smooth_spline(time, hub.angle)
-    return finer, spline(finer), spline(finer, 1), spline(finer, 2)

@@ -185,6 +185,15 @@ class Model:
         return reading
 
 
+class FixedStepModel(Model):
+    """A model that is stable with its step: modes of the chain that are too fast for it are slowed down to it."""
+
+    @functools.cached_property
+    def chain(self) -> Chain:
+        """See `Model.chain` and `Chain.with_slower_modes`."""
+        return super().chain.with_slower_modes(self.step)
+
+
 def checked_model(model: Model) -> Model:
     """Returns the model; raises InputError where its rig, with its effects, cannot be simulated."""
     check_parameters(model.rig)
@@ -192,7 +201,7 @@ def checked_model(model: Model) -> Model:
     return model
 
 
-FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
+FINE_SEGMENTS, FINE_STEP = 12, 5e-4
 """Segments and largest step [s] of a chain whose discretisation error is taken as negligible."""
 
 
