@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Iterable
@@ -194,11 +195,14 @@ def continued_on_output_errors(
     if not output_error.is_repeatable(state.bench, state.best):
         return state, more
     progress("fitting free runs")
-    bench, fit = output_error.fit_output_error(state.bench, state.best)
-    explained = not _leaves_much(bench, fit)
-    if not explained and not rough:
+    most = math.inf if rough else rules.WORST_RESIDUAL
+    found = output_error.fit_output_error(state.bench, state.best, most)
+    if found is None:
         return state, more
-    if not explained:
+    bench, fit = found
+    if _leaves_much(bench, fit):
+        if not rough:
+            return state, more
         part = output_error.on_predictable_part(bench, fit)
         if part is None:
             return state, more

@@ -14,7 +14,7 @@ from typing import cast
 
 import numpy as np
 
-from twin.estimation import chain_limit
+from twin.estimation import chain_limit, loss
 from twin.estimation.first_state import first_state
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
@@ -163,15 +163,23 @@ def _output_errors(bench: Workbench) -> Workbench:
     return Workbench(OutputErrorData(driven_data(bench)), bench.pool)
 
 
-def fit_output_error(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
-    """The output errors of the recordings of a bench, and the model of a fit fitted to them."""
+def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[Workbench, Fit] | None:
+    """The output errors of the recordings of a bench, and the model of a fit fitted to them.
+
+    Args:
+      bench: the data.
+      fit: the model, and where the fit starts.
+      most: size that blocks may be left at, in noise levels; None where the fit does not come near that.
+    """
     free = _output_errors(bench)
+    goal = float(free.count.sum() * loss.loss(np.array(most)))
     states = tuple(first_state(fit.model, p, bench.pool) for p in bench.prepared)
     values = np.array([_value(u, v, states) for u, v in zip(fit.unknowns, fit.values, strict=True)])
     values = _likeliest_friction(free, fit, states, values, _COULOMB_GRID, _STATIC_GRID)
-    fitted = _with_likeliest_sticks(
-        free, minimise(free, fit.model, states, fit.unknowns, values, iterations=_ITERATIONS)
-    )
+    first = minimise(free, fit.model, states, fit.unknowns, values, iterations=_ITERATIONS, goal=goal)
+    if first.cost > goal:
+        return None
+    fitted = _with_likeliest_sticks(free, first)
     free, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
