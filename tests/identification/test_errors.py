@@ -105,7 +105,7 @@ def test_the_link_follows_the_hub_between_the_instants_of_the_grid():
     middle = exact((fine[1:] + fine[:-1]) / 2, 2)
     given = fine, exact(fine), exact(fine, 1), exact(fine, 2), middle, at_rest, at_rest
     bend = planar.simulate_prescribed_hub(coarse.plant, *given, 1e-4)[0][::20] @ [-1, 0, 0, 0, 0, 1]
-    for step in (2e-3, 5e-4):
+    for step in (2e-3, 2.5e-4):
         motion, _ = move_link(view, prepared, coarse.replace(step=step), prepared.start)
         found = motion.angles @ [-1, 0, 0, 0, 0, 1]
         n = min(len(found), len(bend))

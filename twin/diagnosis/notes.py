@@ -22,9 +22,7 @@ from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View
 
-_SMALL = (
-    0.1  # share of its declared standard deviation up to which a gain or a delay of a channel is not noted
-)
+_SMALL = 0.1  # share of its declared deviation up to which a gain or a delay of a channel is not noted
 _AT_BOUND = 1e-3  # share of the range of an unknown within which it is at its bound
 _DRIFT_SHARE = 0.2  # share of the variance of the residuals from which a drifting parameter is noted
 _UNPREDICTABLE = 30.0

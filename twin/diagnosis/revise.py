@@ -37,7 +37,6 @@ from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.parameters import relative_uncertainty
 from twin.progress import Progress, silent
-from twin.residuals.data import DrivenData
 
 _QUICK_ITERATIONS = 5  # of a fit that decides whether a fit to convergence is needed
 _CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which such a fit decides
@@ -104,7 +103,7 @@ def with_closer_free_runs(state: SearchState) -> SearchState:
 
     Free runs are compared with all effects in the models: what a later effect explains would decide them otherwise.
     """
-    if not isinstance(state.bench.data, DrivenData):
+    if state.on_output_errors:
         return state
     for k in range(len(state.adopted)):
         ranked = _tied_models(state, k)

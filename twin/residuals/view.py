@@ -132,7 +132,7 @@ def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) 
         first = plant.extend_state(phi), plant.extend_state(omega)
         if prepared.recording.start == "unknown":
             first = first[0], first[1] - omega[0] + hub.rate[0]
-        motion = hub.angle, hub.rate, hub.acceleration, halfway(hub.acceleration)
+        motion = hub.angle, hub.rate, hub.acceleration, _halfway(hub.acceleration)
         return planar.simulate_prescribed_hub(plant, signals.time, *motion, *first, model.stable_step)
 
     inputs = (*plant.link, model.step, hub.angle, phi, omega)
@@ -150,7 +150,7 @@ class HubTrajectory:
     direction: np.ndarray
 
 
-def halfway(values: np.ndarray) -> np.ndarray:
+def _halfway(values: np.ndarray) -> np.ndarray:
     """Values (m - 1) halfway between those on a uniform grid (m), by the polynomials through six of them.
 
     The error of an oscillation is 0.005 (omega h)^6: at 25 Hz and h = 2 ms 5e-6.

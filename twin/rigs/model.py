@@ -201,7 +201,7 @@ def checked_model(model: Model) -> Model:
     return model
 
 
-FINE_SEGMENTS, FINE_STEP = 12, 5e-4
+FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 """Segments and largest step [s] of a chain whose discretisation error is taken as negligible."""
 
 
