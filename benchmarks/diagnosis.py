@@ -15,7 +15,6 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -35,6 +34,7 @@ from twin.diagnosis.rules import alternatives
 from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
 from twin.errors import InputError
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.static_friction import final_models
 from twin.virtual_rig import campaign_writer, make_campaign
 
@@ -100,7 +100,7 @@ def _full_diagnosis(result: Diagnosis) -> dict:
 
 
 def _search_only(campaign: Campaign) -> dict:
-    with ThreadPoolExecutor(1) as pool:
+    with ResidualPool(1) as pool:
         found = search(campaign, pool)
         last = final_models(
             found.data,

@@ -24,7 +24,6 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,6 +38,7 @@ from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis.diagnose import diagnose
 from twin.effects import REGISTRY
 from twin.estimation.calibrate import SEARCH_SEGMENTS, calibrate
+from twin.estimation.residual_pool import ResidualPool
 from twin.mechanics import mjcf
 from twin.mechanics.chain import build, fit_shape
 from twin.recording import Recording
@@ -155,7 +155,7 @@ def limits(campaign: Campaign) -> tuple[np.ndarray, np.ndarray]:
 
 def by_twin(campaign: Campaign) -> Answer:
     """twin's calibration."""
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ResidualPool(THREADS) as pool:
         fit = calibrate(campaign, pool).base
     found = {u.name: float(x) for u, x in zip(fit.unknowns, fit.values, strict=True) if u.kind == "rig"}
     return Answer(np.array([found[name] for name in NAMES]), None)

@@ -49,9 +49,8 @@ LINES = [
 AT_ONCE = [(name, line) for name, line in LINES if line.split()[1] not in MINUTES]
 
 sys.path.insert(0, str(ROOT / "docs" / "tools"))
-import pages  # noqa: E402
-
 import build  # noqa: E402
+import pages  # noqa: E402
 
 
 def words(line: str) -> list[str]:

@@ -1,13 +1,12 @@
 """When a command acts and when a sensor reads, against the exact response of the linear chain."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 from rig_campaigns import planned
 
 from twin.diagnosis import candidates
 from twin.estimation.calibrate import calibrate, likeliest_clock
+from twin.estimation.residual_pool import ResidualPool
 from twin.mechanics import chain
 from twin.mechanics.modal import zero_order_hold_response
 from twin.mechanics.mujoco_chain import MujocoChain
@@ -98,7 +97,7 @@ def test_declared_parameters_that_are_off_do_not_hide_on_which_clock_commands_we
     rig_campaign, slew, seed
 ):
     campaign = rig_campaign({}, seed, experiments=planned(30044, slew), perturb=1.5, dirty=["jitter"]).read()
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         assert calibrate(campaign, pool).clock == "stamped"
 
 
@@ -110,7 +109,7 @@ def test_the_clock_is_asked_again_with_what_the_model_lacked(rig_campaign, first
     slews = [bang_bang(Rig(), Sensors(), draw, angle) for angle in (60.0, 90.0)]
     waves = {"position-dependent-friction": {"amplitude": 0.015, "order": 7.0, "phase": -1.9}}
     campaign = rig_campaign(waves, 3, experiments=slews, perturb=0.5, dirty=["jitter"]).read()
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         start = calibrate(campaign, pool, clock=first)
         assert start.clock == first
         found = candidates.try_effect(start.bench, start.base, "position-dependent-friction")

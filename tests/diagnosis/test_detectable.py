@@ -1,7 +1,6 @@
 """What recordings can show: standard errors are those of the augmented normal equations, and scale with the noise."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import detectable
 from twin.diagnosis.candidates import with_effect
 from twin.estimation.calibrate import declared_fit
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import prior_precision, row_weights
 
 RECORDINGS = (FIT, HELD_OUT)
@@ -22,7 +22,7 @@ def made(tmp_path):
     pools = []
 
     def make(channels=CHANNELS):
-        pools.append(ThreadPoolExecutor(1))
+        pools.append(ResidualPool(1))
         folder = tmp_path / str(len(pools))
         folder.mkdir()
         return declared_fit(read_campaign(write(folder, toml_text(channels, RECORDINGS))), pools[-1])

@@ -1,7 +1,6 @@
 """Experiments that tell two explanations apart: which, by how much, and as a file that a card can play."""
 
 import csv
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from twin.diagnosis.plan import plan as plan_for
 from twin.diagnosis.separation import Explanation
 from twin.errors import InputError
 from twin.estimation.fit import Fit
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import Unknown, declared_unknowns
 from twin.mechanics import chain
 from twin.recording import Sensor
@@ -33,7 +33,7 @@ def planned(first, second, names=None):
 
 def ranked(first, second, names=None):
     options = [e for e in experiments.possible_experiments(RIG) if names is None or e.name in names]
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         return experiments.rank(first, second, NOISE, pool, options)
 
 
@@ -151,7 +151,7 @@ def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep(
 
 
 def test_declared_rig_can_do_every_experiment():
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         plans = experiments.rank(Explanation(MODEL), Explanation(MODEL), NOISE, pool)
     assert len(plans) == len(experiments.possible_experiments(RIG))
 

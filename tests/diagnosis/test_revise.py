@@ -1,6 +1,5 @@
 """The backward look: first picks that later ones make needless, or that stood in for another effect."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -10,6 +9,7 @@ from twin.diagnosis import candidates
 from twin.diagnosis.revise import revise
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
+from twin.estimation.residual_pool import ResidualPool
 
 pytestmark = pytest.mark.slow
 
@@ -20,7 +20,7 @@ MISSING = {"viscous-friction": {"viscous": 0.003}, "torque-bias": {"bias": 0.004
 def start(rig_campaign):
     """The calibrated model of a rig with a viscous friction and a torque bias that nobody declared."""
     campaign = rig_campaign(MISSING, 11, experiments=planned_fit(11, "bang-bang")).read()
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         yield calibrate(campaign, pool)
 
 

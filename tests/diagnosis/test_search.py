@@ -1,7 +1,6 @@
 """The loop on campaigns of the virtual rig: what is planted is named and recovered, nothing where nothing is."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +24,7 @@ from twin.diagnosis.fit_patch import patch_of_worst_channel
 from twin.effects import REGISTRY
 from twin.estimation.calibrate import calibrate
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.rigs import preset
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 
@@ -62,7 +62,7 @@ SLOWEST = (
 
 def searched(rig_campaign, effects, seed, ramp=True):
     """The search on a campaign with these undeclared effects."""
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         return search(recorded(rig_campaign, effects, seed, ramp), pool)
 
 
@@ -111,7 +111,7 @@ def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(rig_cam
     planted = {"cable-torsion": {"stiffness": 0.012, "rest_angle": 0.2}, "actuator-delay": {"delay": 0.008}}
     campaign = recorded(rig_campaign, planted, 4153, False)
     declared = {"cable-torsion": {"stiffness": 0.008, "rest_angle": 0.1}}
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         found = search(replace(campaign, effects=declared), pool)
     assert verdict_of(found) == "explained"
     assert (found.known, found.names) == (["cable-torsion"], ["actuator-delay"])
@@ -131,7 +131,7 @@ def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_l
         "payload-mass",
         "root-compliance",
     ]
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         start = calibrate(campaign, pool)
         best = explore(start.bench, start.base, names).ranked[0]
     assert best.effects == ("root-compliance",)
@@ -141,7 +141,7 @@ def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_l
 @pytest.mark.slow
 def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(rig_campaign):
     shaken = {"shaking-base": {"amplitude": 0.2, "frequency": 9.0, "phase": 0.7}}
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         start = calibrate(recorded(rig_campaign, shaken, 4152, False), pool)
         quickly = try_effect(start.bench, start.base, "periodic-disturbance")
         [found] = fit_to_convergence(start.bench, start.base, [quickly])
@@ -158,7 +158,7 @@ def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(rig_campai
 @pytest.mark.slow
 def test_which_sensors_are_late_is_told_where_it_is_known_how_late(rig_campaign):
     campaign = recorded(rig_campaign, {"sensor-delay": {"delay": 0.04}}, 4151, False)
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         start = calibrate(campaign, pool)
         late = try_effect(start.bench, start.base, "sensor-delay").fit.model.effects["sensor-delay"]
     assert late.pop("delay") == pytest.approx(0.04, rel=0.01)
@@ -225,7 +225,7 @@ def viscous(rig_campaign):
     """A calibration without viscous friction, and a fit with it, on slews of a rig that has it."""
     slews = planned(4400, "bang-bang", "free-vibration")
     campaign = rig_campaign({"viscous-friction": {"viscous": 0.004}}, 4400, experiments=slews).read()
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         start = calibrate(campaign, pool)
         yield start, try_effect(start.bench, start.base, "viscous-friction")
 

@@ -1,12 +1,12 @@
 """The torque that a model lacks in a recording that was not fitted."""
 
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from twin.diagnosis import traces
+from twin.estimation.residual_pool import ResidualPool
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.recording import GAUGES, Recording, Sensor
@@ -41,7 +41,7 @@ def torque(prepared, monkeypatch, adopted=(), best=PLAIN, unexplained=()):
     state = SimpleNamespace(
         base=SimpleNamespace(model=PLAIN), best=SimpleNamespace(model=best), adopted=adopted
     )
-    with ThreadPoolExecutor(1) as pool:
+    with ResidualPool(1) as pool:
         return traces.held_out_torque(state, prepared, pool)
 
 

@@ -1,6 +1,5 @@
 """A torque on the hub without a name: how much likelier a smooth function makes what is left."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.stats import multivariate_normal
 from twin.diagnosis import state, unnamed
 from twin.estimation.calibrate import calibrate
 from twin.estimation.gaussian_process import AMPLITUDES, LENGTH_SCALES, maximise_evidence, posterior_mean
+from twin.estimation.residual_pool import ResidualPool
 
 
 def test_evidence_is_that_of_a_gaussian_process():
@@ -54,7 +54,7 @@ def asked(rig_campaign, effects, torque_sensor=False):
 
 
 def asked_of(campaign):
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         start = calibrate(campaign, pool)
         return unnamed.find_functions(start.bench, start.base, 0.01)
 

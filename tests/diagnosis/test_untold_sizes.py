@@ -1,7 +1,5 @@
 """Two effects that add up to something else, and orders that are whole numbers."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 from rig_campaigns import planned
@@ -12,6 +10,7 @@ from twin.diagnosis.dependence import unexplained_residuals
 from twin.diagnosis.diagnose import with_errors, with_unnamed, with_whole_orders
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
+from twin.estimation.residual_pool import ResidualPool
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +21,7 @@ COGGING = {"cogging": {"amplitude": 0.01, "order": 5.0, "phase": 0.9}}
 @pytest.fixture(scope="module")
 def picked(rig_campaign):
     """A function of what is missing: what a search comes to that adopts a cable and then a cogging."""
-    pool = ThreadPoolExecutor(2)
+    pool = ResidualPool(1)
 
     def of(effects):
         slews = planned(12, "bang-bang", "random-steps")

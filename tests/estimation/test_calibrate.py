@@ -1,12 +1,11 @@
 """Recordings in which the declared link runs away under the measured motion of the hub."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
 from twin.errors import InputError
 from twin.estimation.calibrate import calibrate
+from twin.estimation.residual_pool import ResidualPool
 from twin.residuals import make_view, static_levels
 from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang, free_vibration
@@ -33,7 +32,7 @@ def runs_away(monkeypatch):
 
 @pytest.mark.slow
 def test_they_are_left_out_and_named(campaign, runs_away):
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         found = calibrate(campaign, pool)
     assert {found.prepared[g.recording].recording.name for g in found.data.groups} == {"free-vibration.csv"}
     assert any("bang-bang-45.csv could not be used" in note for note in found.notes)
@@ -46,7 +45,7 @@ def test_where_there_is_no_other_it_is_an_error(rig_campaign, runs_away):
     plan = [bang_bang(Rig(), Sensors(), np.random.default_rng(1), 45.0)]
     campaign = rig_campaign({}, 3, experiments=plan).read()
     with (
-        ThreadPoolExecutor(2) as pool,
+        ResidualPool(1) as pool,
         pytest.raises(InputError, match=r"bang-bang-45.csv: the declared link runs away"),
     ):
         calibrate(campaign, pool)

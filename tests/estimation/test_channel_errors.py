@@ -1,6 +1,5 @@
 """Gain and delay of channels as nuisance parameters of a fit: only where declared, near their truth, of no cost."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from twin.diagnosis import candidates
 from twin.estimation.minimise import minimise
 from twin.estimation.output_error import OutputErrorData
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import channel_unknowns, model_at
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
@@ -48,7 +48,7 @@ def prepared():
 
 @pytest.mark.parametrize("data", [lambda driven: driven, OutputErrorData], ids=["driven", "free run"])
 def test_they_come_near_the_truth(prepared, data):
-    with ThreadPoolExecutor(1) as pool:
+    with ResidualPool(1) as pool:
         bench = Workbench(data(DrivenData([prepared], MODEL)), pool)
         unknowns = channel_unknowns(MODEL, bench.channels())
         fit = minimise(bench, MODEL, [Start()], unknowns)

@@ -1,6 +1,5 @@
 """Recordings of rigs that were already moving at the first sample."""
 
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ from twin.diagnosis import candidates, remainder
 from twin.diagnosis.predict import first_states, free_runs
 from twin.estimation.calibrate import calibrate, noise_levels, prepare_clean
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.residuals import static_levels
 from twin.residuals.data import EVENT_CHANNELS
 from twin.virtual_rig import Rig, Sensors
@@ -31,7 +31,7 @@ def from_sample(recording, first):
 
 
 def calibrated(campaign, recordings):
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         return calibrate(replace(campaign, fit=tuple(recordings)), pool)
 
 
@@ -79,7 +79,7 @@ def test_a_run_from_there_follows_as_one_from_rest_does(campaign):
     found = calibrated(campaign, [bang])
     cut = from_sample(bang, 500)
     noise = noise_levels(campaign)
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         for recording in (bang, cut):
             ready, _ = prepare_clean(recording, campaign.sensors, found.clock, noise)
             model = found.base.model
@@ -102,7 +102,7 @@ def with_cable(rig_campaign):
 @pytest.mark.slow
 def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     """The slopes of each recording's own state are kept apart: mixed up, a first fit ended far from here."""
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         bench = copy(with_cable.bench)
         bench.pool = pool
         quick = candidates.try_effect(bench, with_cable.base, "cable-torsion").fit

@@ -1,12 +1,12 @@
 """The optimiser of the fits, on a residual whose least cost is known."""
 
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
@@ -39,7 +39,7 @@ def fitted(goal):
     rig = preset("bossi2009")
     model, told = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3), []
     unknown = Unknown("rig", "bending_stiffness", 0.25, 1e-3, False, (0.01, 1.0))
-    with ThreadPoolExecutor(1) as pool:
+    with ResidualPool(1) as pool:
         bench = Workbench(Curved(), pool)
         found = minimise(bench, model, (Start(),), (unknown,), iterations=12, report=told.append, goal=goal)
     return found, told

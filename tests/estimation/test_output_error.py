@@ -1,6 +1,5 @@
 """Free runs as data of a fit: the zero of a gauge costs nothing, and a run that a stick decides is no data."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from twin.diagnosis.dependence import unexplained_residuals
 from twin.estimation.fit import Fit
 from twin.estimation.output_error import OutputErrorData, is_repeatable, on_driven_data
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import effect_unknowns
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
@@ -48,7 +48,7 @@ def measured(model, command):
 
 @pytest.fixture
 def pool():
-    with ThreadPoolExecutor(1) as threads:
+    with ResidualPool(1) as threads:
         yield threads
 
 

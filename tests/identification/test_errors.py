@@ -1,6 +1,5 @@
 """How sure an identification is: the limit of chains, slopes, scatter and profile; peaks beside another campaign's."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
@@ -14,6 +13,7 @@ from twin.campaigns import rests
 from twin.diagnosis import spectrum
 from twin.estimation import chain_limit, jackknife, loss, refine, sandwich
 from twin.estimation.fit import Fit
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.identification import (
@@ -127,7 +127,7 @@ def left(sweep, **gone):
     lost = {channel: np.where(mask, np.nan, recording[channel]) for channel, mask in gone.items()}
     recording = recording.replace(channels={**recording.channels, **lost})
     prepared, _ = prepare(recording, noise)
-    with ThreadPoolExecutor(1) as pool:
+    with ResidualPool(1) as pool:
         bench = Workbench(DrivenData([prepared], twin), pool)
         bench, _ = chain_limit.without_discretisation_error(
             bench, twin, [prepared.start], chain_limit.STANDARD

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
 from twin.estimation import chain_limit
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
 from twin.mechanics.state import Start
@@ -52,7 +51,7 @@ def _data(gap: float, torque: np.ndarray) -> DrivenData:
 @pytest.mark.parametrize("gap", [0.012, 0.015])
 def test_width_is_where_what_is_left_is_least(gap):
     data = _data(gap, _sweep(3.0, 17.0, 0.13, 8.0))
-    with ThreadPoolExecutor(2) as pool:
+    with ResidualPool(1) as pool:
         bench = Workbench(data, pool)
         starts = [p.start for p in data.prepared]
         bench, _ = chain_limit.without_discretisation_error(bench, _model(0.0), starts, chain_limit.PRECISE)

@@ -1,6 +1,5 @@
 """Friction of the hub as recordings show it: static levels where rests end, both levels where it turns round."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from twin.diagnosis.candidates import Candidate
 from twin.estimation import static_friction
 from twin.estimation.calibrate import noise_levels
 from twin.estimation.fit import Fit
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain, planar
@@ -110,7 +110,7 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
 def test_a_level_that_a_rest_tells_is_not_looked_for_by_whole_runs(ramps, monkeypatch):
     data, twin, starts = ramps
     unknowns = levels_of(LEVELS)
-    with ThreadPoolExecutor(1) as pool:
+    with ResidualPool(1) as pool:
         bench = Workbench(data, pool)
         [residual] = bench.residuals([(twin, starts, None)])
         x = np.array(list(LEVELS.values()))
@@ -172,7 +172,7 @@ def test_free_runs_decide_between_effects_with_the_static_levels_that_rests_tell
             return 0.0
 
     monkeypatch.setattr(contest, "Workbench", Free)
-    with ThreadPoolExecutor(1) as pool:
+    with ResidualPool(1) as pool:
         bench = Workbench(data, pool)
         ranked = [Candidate(("asymmetric-friction",), badly_known, score) for score in (100.0, 99.0)]
         assert contest.prefer_closer_free_runs(bench, ranked) == ranked

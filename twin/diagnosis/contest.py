@@ -125,7 +125,17 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
         if u.kind == "rig":
             first[k] = instead.get(u.name, first[k])
     goal = base.cost - rules.decisive_difference(best.score)
-    again = minimise(bench, base.model, base.starts, base.unknowns, first, None, FULL_ITERATIONS, goal=goal)
+    again = minimise(
+        bench,
+        base.model,
+        base.starts,
+        base.unknowns,
+        first,
+        None,
+        FULL_ITERATIONS,
+        goal=goal,
+        first_jacobian=base.jacobian,
+    )
     return again if again.cost < goal else None
 
 
@@ -201,4 +211,6 @@ def _has_other_resonances(model: Model, before: Model) -> bool:
 def refit_in_fine_limit(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     """The data corrected for the discretisation error of the chain at a fit, and the fit to them."""
     bench, _ = chain_limit.without_discretisation_error(bench, fit.model, fit.starts, chain_limit.STANDARD)
-    return bench, minimise(bench, fit.model, fit.starts, fit.unknowns, fit.values, iterations=6)
+    return bench, minimise(
+        bench, fit.model, fit.starts, fit.unknowns, fit.values, iterations=6, first_jacobian=fit.jacobian
+    )

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
@@ -29,6 +28,7 @@ from twin.diagnosis.candidates import (
 from twin.effects import REGISTRY, Effect, EffectParameter
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.fit import Fit
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import normal_equations_at, row_weights
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
@@ -70,9 +70,7 @@ class Detectable:
 
 
 @threadpool_limits.wrap(limits=1)
-def detectable(
-    campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress = silent
-) -> tuple[Detectable, ...]:
+def detectable(campaign: Campaign, pool: ResidualPool, progress: Progress = silent) -> tuple[Detectable, ...]:
     """Returns what the fit recordings of a campaign can show, in the order of the library.
 
     Raises:

@@ -6,7 +6,6 @@ import math
 import os
 import time
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
@@ -34,6 +33,7 @@ from twin.estimation import jackknife, output_error, refine, static_friction
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.recording import ON_LINK
@@ -67,7 +67,7 @@ def diagnose(
     if workers is not None:
         checked_count("workers", workers, 1, _MOST_WORKERS)
     began = time.perf_counter()
-    with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+    with threadpool_limits(1), ResidualPool(workers or os.cpu_count() or 1) as pool:
         state = search(campaign, pool, progress, false_alarm_rate)
         followed = not remainder.unexplained_channels(state)
         if followed:
@@ -88,9 +88,7 @@ def checked_rate(false_alarm_rate: float) -> float:
     return checked_number("false-alarm rate", false_alarm_rate, 1 / permutation.DRAWS, 0.5)
 
 
-def _final_models(
-    state: SearchState, pool: ThreadPoolExecutor, followed: bool
-) -> static_friction.FinalModels:
+def _final_models(state: SearchState, pool: ResidualPool, followed: bool) -> static_friction.FinalModels:
     """The models that are reported; a fit to free runs has found the static friction already."""
     declared = state.start.declared
     if not state.on_output_errors:
@@ -107,7 +105,7 @@ def _final_models(
 @threadpool_limits.wrap(limits=1)
 def search(
     campaign: Campaign,
-    pool: ThreadPoolExecutor,
+    pool: ResidualPool,
     progress: Progress = silent,
     false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> SearchState:
@@ -166,7 +164,7 @@ def with_whole_orders(state: SearchState, bench: Workbench) -> SearchState:
 
 
 def first_round(
-    campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, false_alarm_rate: float
+    campaign: Campaign, pool: ResidualPool, progress: Progress, false_alarm_rate: float
 ) -> tuple[SearchState, bool]:
     """The first round of the search, as `next_round`; repeated if the adopted effect changes the likeliest clock."""
     start = calibrate(campaign, pool, progress)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from twin.diagnosis.error_budget import rms_error
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.static_friction import FinalModels
 from twin.mechanics.state import Start
 from twin.recording import CHANNEL_UNITS, HUB_TORQUE
@@ -39,7 +39,7 @@ def fit_patch(
     residuals: Mapping[str, Unexplained],
     polished: FinalModels,
     predictions: Mapping[str, Prediction],
-    pool: ThreadPoolExecutor,
+    pool: ResidualPool,
 ) -> Patched | None:
     """Fits the residuals of the worst channel as a function of the variable on which they depend most.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from twin.diagnosis.separation import Explanation
 from twin.effects import REGISTRY
 from twin.errors import InputError, nearest
 from twin.estimation.calibrate import Calibration, calibrate, noise_levels
+from twin.estimation.residual_pool import ResidualPool
 from twin.files.writers import write_table
 from twin.progress import Progress, silent
 from twin.recording import CHANNEL_UNITS, MEASURED
@@ -65,7 +65,7 @@ def plan(
     """
     if between is not None:
         _check_names(between)
-    with threadpool_limits(1), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with threadpool_limits(1), ResidualPool(os.cpu_count() or 1) as pool:
         start = calibrate(campaign, pool, progress)
         pair = _best_two(start, progress) if between is None else _fit_each(start, between, progress)
         progress("simulating experiments")
@@ -135,7 +135,7 @@ PLANNING_STEP = 1e-3  # s, time step of the simulations
 
 
 def plans_for_pair(
-    campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ThreadPoolExecutor
+    campaign: Campaign, pair: tuple[Candidate, Candidate], pool: ResidualPool
 ) -> list[experiments.Plan]:
     """Experiments by how well they discriminate between two candidates, best first."""
     noise = {c: s for c, s in noise_levels(campaign).items() if c in MEASURED}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Literal
 
@@ -19,6 +18,7 @@ from twin.diagnosis.windows import simulate_windows
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
 from twin.estimation.output_error import BREAK_AWAY_CHANGE
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.static_friction import FinalModels, with_static_levels
 from twin.mechanics.state import Start
 from twin.recording import CHANNEL_UNITS, Recording
@@ -29,7 +29,7 @@ from twin.rigs.simulate import simulate
 
 
 def predict(
-    campaign: Campaign, state: SearchState, polished: FinalModels, pool: ThreadPoolExecutor
+    campaign: Campaign, state: SearchState, polished: FinalModels, pool: ResidualPool
 ) -> dict[str, Prediction]:
     """File -> recording and its free-running simulations by the three models of `polished`.
 
@@ -82,7 +82,7 @@ def error_budget(
     simulated: Sequence[tuple[Model, Start, Recording]],
     between: Sequence[Model],
     prepared: Prepared,
-    pool: ThreadPoolExecutor,
+    pool: ResidualPool,
 ) -> dict[str, ChannelBudget]:
     """Channel -> its error budget.
 
@@ -106,13 +106,13 @@ def _errors(prepared: Prepared, model: Model, start: Start, free: Recording) -> 
     return model_errors(prepared, model, free, simulate_windows(model, prepared, start, free))
 
 
-def first_states(models: Sequence[Model], prepared: Prepared, pool: ThreadPoolExecutor) -> list[Start]:
+def first_states(models: Sequence[Model], prepared: Prepared, pool: ResidualPool) -> list[Start]:
     """State of a recording at its first sample by each model."""
     return [first_state.first_state(m, prepared, pool) for m in models]
 
 
 def free_runs(
-    models: Sequence[Model], starts: Sequence[Start], prepared: Prepared, pool: ThreadPoolExecutor
+    models: Sequence[Model], starts: Sequence[Start], prepared: Prepared, pool: ResidualPool
 ) -> list[Recording]:
     """Simulations from the states at the first sample and the command: one of each model, then two of the last model.
 

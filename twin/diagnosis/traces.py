@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +13,7 @@ from twin.diagnosis.dependence import TRAVEL, Unexplained, travel, unexplained_r
 from twin.diagnosis.state import SearchState
 from twin.estimation.first_state import first_state
 from twin.estimation.fit import Fit
+from twin.estimation.residual_pool import ResidualPool
 from twin.recording import HUB_TORQUE
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared
@@ -66,7 +66,7 @@ def final_traces(
     )
 
 
-def held_out_torque(state: SearchState, prepared: Prepared, pool: ThreadPoolExecutor) -> Trace | None:
+def held_out_torque(state: SearchState, prepared: Prepared, pool: ResidualPool) -> Trace | None:
     """Torque on the hub that a model lacks in a recording which was not fitted; None where it cannot be estimated.
 
     As on the fit recordings: what the calibrated model lacks, with the part of it that the adopted effects explain;
@@ -75,7 +75,7 @@ def held_out_torque(state: SearchState, prepared: Prepared, pool: ThreadPoolExec
     Args:
       state: the end of the search.
       prepared: the recording.
-      pool: threads, for its initial state.
+      pool: where residuals are computed, for its initial state.
     """
     data = DrivenData([prepared], state.base.model)
     rows = next((g.rows for g in data.groups if g.channel == HUB_TORQUE), None)

@@ -114,6 +114,11 @@ def unregister(name: str) -> None:
     del REGISTRY[name]
 
 
+def all_on_import() -> bool:
+    """Whether another process that imports this package knows every effect that is registered here."""
+    return all(_ON_IMPORT.get(name) is effect for name, effect in REGISTRY.items())
+
+
 def meaning(name: str) -> str:
     """`Effect.meaning` by name; "" for a name that is not in the registry."""
     return REGISTRY[name].meaning if name in REGISTRY else ""
@@ -144,6 +149,7 @@ def _register_point(point: EntryPoint) -> None:
 
 
 _register_all()
+_ON_IMPORT = dict(REGISTRY)
 
 __all__ = [
     "REGISTRY",
@@ -152,6 +158,7 @@ __all__ = [
     "Effect",
     "EffectParameter",
     "HubLaw",
+    "all_on_import",
     "meaning",
     "register",
     "unregister",

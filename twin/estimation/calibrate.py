@@ -7,7 +7,6 @@ filters and the noise of the data on which effects are searched for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -21,6 +20,7 @@ from twin.errors import InputError
 from twin.estimation import chain_limit, first_state
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import cost_of, costs_at, difference_jacobian, first_steps
 from twin.estimation.unknowns import (
     Unknown,
@@ -85,7 +85,7 @@ class Calibration:
 
 def calibrate(
     campaign: Campaign,
-    pool: ThreadPoolExecutor,
+    pool: ResidualPool,
     progress: Progress = silent,
     initial_values: Mapping[str, float] = MappingProxyType({}),
     clock: Clock | None = None,
@@ -94,7 +94,7 @@ def calibrate(
 
     Args:
       campaign: the recordings; held-out ones are not read.
-      pool: threads for the simulations.
+      pool: where residuals are computed.
       progress: called at the beginning of each stage.
       initial_values: parameter of the rig -> where the fit starts, if not at its declared value.
       clock: the clock on which commands are held; None for the one on which the model fits best.
@@ -123,7 +123,7 @@ def _declared_model(campaign: Campaign) -> Model:
     return FixedStepModel(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
 
 
-def declared_fit(campaign: Campaign, pool: ThreadPoolExecutor) -> tuple[Workbench, Fit]:
+def declared_fit(campaign: Campaign, pool: ResidualPool) -> tuple[Workbench, Fit]:
     """The data of the fit recordings and the declared model on them with its Jacobian, nothing fitted.
 
     Raises:
@@ -193,7 +193,7 @@ def _rough_calibration(
     noise: Mapping[str, float],
     model: Model,
     given: _Given,
-    pool: ThreadPoolExecutor,
+    pool: ResidualPool,
 ) -> _RoughCalibration:
     """Fits declared parameters, declared effects, command delay and initial states with a rough chain correction.
 
@@ -203,7 +203,7 @@ def _rough_calibration(
       noise: channel -> standard deviation.
       model: the declared model.
       given: prior knowledge.
-      pool: threads for the simulations.
+      pool: where residuals are computed.
     """
     pairs = [_prepare_on_clock(clock, recording, noise, model) for recording in recordings]
     data = DrivenData([prepared for prepared, _ in pairs], model)

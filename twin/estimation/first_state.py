@@ -6,13 +6,13 @@ the first moments.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import start_unknowns
 from twin.estimation.workbench import GuidedData, Workbench
 from twin.mechanics.state import Start
@@ -33,7 +33,7 @@ _MAX_EVALUATIONS = 10  # of least squares
 _GUESS_SPAN = 0.05  # s from which the first guess is taken
 
 
-def first_state(model: Model, prepared: Prepared, pool: ThreadPoolExecutor) -> Start:
+def first_state(model: Model, prepared: Prepared, pool: ResidualPool) -> Start:
     """State at the first sample for a free-running simulation.
 
     From the first reading; of a rig that was moving, fitted to the first second of guided simulations.

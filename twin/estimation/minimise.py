@@ -30,11 +30,13 @@ def minimise(
     tolerance: float = 0.05,
     report: Callable[[str], None] = lambda text: None,
     goal: float = np.inf,
+    first_jacobian: np.ndarray | None = None,
 ) -> Fit:
     """Minimises the cost of `slopes` by Levenberg-Marquardt steps, blocks reweighted by their size at each step.
 
     A Jacobian by differences takes one simulation per unknown. After it, steps are taken with the Jacobian that
-    Broyden's update corrects, one simulation each, as long as they reduce the cost.
+    Broyden's update corrects, one simulation each, as long as they reduce the cost. Where the Jacobian has predicted
+    the cost after the last of them within the tolerance, none by differences has to confirm the minimum.
 
     Args:
       bench: the data.
@@ -48,6 +50,7 @@ def minimise(
       report: called with the cost after each iteration.
       goal: the fit is given up when its cost would stay above this even if every remaining iteration gained three
         times as much as the last one.
+      first_jacobian: (n x p) of an earlier fit nearby, instead of the first one by differences.
 
     Returns:
       The fit; its covariance is the inverse of the information, a Gauss-Newton Hessian.
@@ -62,17 +65,24 @@ def minimise(
     J = np.zeros((len(r), len(unknowns)))
     for iteration in range(iterations):
         before, enough = at.cost, tolerance * max(1.0, 1e-3 * at.cost)
-        J, steps = difference_jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
+        if iteration == 0 and first_jacobian is not None:
+            J = first_jacobian
+        else:
+            J, steps = difference_jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
+        mistaken, gained = np.inf, 0.0
         for trials in (_TRIALS, *(1,) * _BROYDEN_STEPS):
             better = _best_trial(bench, model, starts, unknowns, at, J, trials)
             gained = at.cost - better.cost
             if better is not at:
+                predicted = at.residual + bench.weight * (J @ (better.x - at.x))
+                mistaken = abs(cost_of(bench, unknowns, better.x, predicted) - better.cost)
                 J = _broyden_update(J, better.x - at.x, better.residual - at.residual, steps)
             at = better
             if gained < enough:
                 break
         report(f"iteration {iteration + 1}: cost {at.cost:.1f}")
-        if before - at.cost < enough:
+        by_differences = iteration > 0 or first_jacobian is None
+        if (by_differences and before - at.cost < enough) or (gained < enough and mistaken < enough):
             break
         if at.cost - _OPTIMISM * (before - at.cost) * (iterations - 1 - iteration) > goal:
             break

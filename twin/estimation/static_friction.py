@@ -10,12 +10,12 @@ whose free-running simulations are closest to the recordings.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from twin.estimation.fit import Fit
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import costs_at
 from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import FreeData, Workbench
@@ -49,7 +49,7 @@ class FinalModels:
 
 
 def final_models(
-    data: DrivenData, base: Fit, best: Fit, declared: Model, pool: ThreadPoolExecutor, whole: bool
+    data: DrivenData, base: Fit, best: Fit, declared: Model, pool: ResidualPool, whole: bool
 ) -> FinalModels:
     """The final models with their static friction levels.
 
@@ -58,7 +58,7 @@ def final_models(
       base: the calibrated model.
       best: the model with the adopted effects; `base` itself if there are none.
       declared: the declared model.
-      pool: threads for the simulations.
+      pool: where residuals are computed.
       whole: whether free-running simulations may be used. Those of a model that does not follow the recordings carry no
         information on friction. They are never used with a backlash: its impacts take ten times as many steps, and a
         free run depends on each of them.
@@ -69,7 +69,7 @@ def final_models(
     return FinalModels(declared, calibrated, augmented)
 
 
-def with_static_levels(data: DrivenData, best: Fit, pool: ThreadPoolExecutor | None = None) -> Fit:
+def with_static_levels(data: DrivenData, best: Fit, pool: ResidualPool | None = None) -> Fit:
     """The fit with its static levels from break-aways; with a pool, the others from free-running simulations."""
     read, rough = _read_levels(data, best)
     best = _conditioned(best, read)

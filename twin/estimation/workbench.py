@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from typing import Protocol
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from twin.estimation import loss
 from twin.estimation.fit import Fit
+from twin.estimation.residual_pool import ResidualData, ResidualPool
 from twin.mechanics.state import Start
 from twin.recording import HUB_TORQUE, Recording
 from twin.residuals import hub_balance
@@ -27,34 +27,29 @@ CORRELATION_TIME = 0.05
 _DIVERGED = 1e6  # residual, in multiples of the noise, of a simulation that is no longer finite
 
 
-class Data(Protocol):
+class Data(ResidualData, Protocol):
     """Recordings as residuals; n rows in all.
 
     Attributes:
-      prepared: the recordings.
       groups: rows of each channel of each recording.
       blocks: the groups, cut into stretches of time whose size is estimated (g).
       weight: (n) 1 where a sample is compared, otherwise 0.
     """
 
-    prepared: tuple[Prepared, ...]
     groups: tuple[Group, ...]
     blocks: tuple[Group, ...]
     weight: np.ndarray
-
-    def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
-        """Channel -> residual (m) of recording i, in multiples of the noise, 0 where unknown."""
 
     def counts(self) -> np.ndarray:
         """Number of independent samples in each block (g)."""
 
 
 class Workbench:
-    """Data of a fit and a pool of threads that simulate models for it; n residuals, g blocks.
+    """Data of a fit and the pool in which their residuals are computed; n residuals, g blocks.
 
     Attributes:
       data: the recordings as residuals.
-      pool: threads.
+      pool: where residuals are computed.
       prepared: the recordings.
       groups: the blocks of the data (g).
       weight: (n) 1 where a sample is compared, otherwise 0.
@@ -62,7 +57,7 @@ class Workbench:
       defect: discretisation error of the residual that is subtracted (n), in multiples of the noise.
     """
 
-    def __init__(self, data: Data, pool: ThreadPoolExecutor):
+    def __init__(self, data: Data, pool: ResidualPool):
         self.data = data
         self.pool = pool
         self.prepared, self.groups, self.weight = data.prepared, data.blocks, data.weight
@@ -93,25 +88,20 @@ class Workbench:
             Rows of recordings that are not simulated are zero.
         """
         tasks = [
-            (index, i, model, starts[i])
+            (index, (i, model, starts[i]))
             for index, (model, starts, only) in enumerate(jobs)
             for i in range(len(self.prepared))
             if only is None or only == i
         ]
-        # The longest first, so that no processor waits for it at the end.
-        tasks.sort(key=lambda task: -self.prepared[task[1]].recording.duration)
         results = [np.zeros(len(self.weight)) for _ in jobs]
-        for (index, i, _, _), parts in zip(tasks, self.pool.map(self._task, tasks), strict=True):
+        computed = self.pool.residuals(self.data, [task for _, task in tasks])
+        for (index, (i, _, _)), parts in zip(tasks, computed, strict=True):
             for group in self.data.groups:
                 if group.recording == i:
                     rows = group.rows
                     part = np.clip(np.nan_to_num(parts[group.channel], nan=_DIVERGED), -_DIVERGED, _DIVERGED)
                     results[index][rows] = (part - self.defect[rows]) * self.weight[rows]
         return results
-
-    def _task(self, task: tuple[int, int, Model, Start]) -> dict[str, np.ndarray]:
-        _, i, model, start = task
-        return self.data.residual(model, i, start)
 
     def sizes(self, residual: np.ndarray) -> np.ndarray:
         """Root mean square of a residual (n) in each block (g), in multiples of the noise."""

@@ -25,7 +25,7 @@ class _Processes(Executor):
         self._free: SimpleQueue[ProcessPoolExecutor] = SimpleQueue()
         self._wanted = True
         for _ in range(count):
-            self._free.put(_new_process())
+            self._free.put(new_process())
 
     def submit(self, task: Callable[..., T], /, *given: Any, **named: Any) -> Future[T]:
         return self._threads.submit(self._run, task, given, named)
@@ -36,7 +36,7 @@ class _Processes(Executor):
             return process.submit(task, *given, **named).result()
         except BrokenProcessPool:
             if self._wanted:
-                process = _new_process()
+                process = new_process()
             raise
         finally:
             self._free.put(process)
@@ -69,7 +69,7 @@ def processes(count: int) -> Iterator[Executor]:
 _starting = threading.Lock()
 
 
-def _new_process() -> ProcessPoolExecutor:
+def new_process() -> ProcessPoolExecutor:
     """A process that has been started, without the script that runs, and deaf to Ctrl-C."""
     # "spawn": a forked process may deadlock, because numerical libraries have started threads.
     process = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _start_process)

@@ -13,7 +13,6 @@ A rig that is in motion at the first sample starts in a state that is estimated 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,6 +22,7 @@ from twin.campaigns.campaign import Campaign
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import start_unknowns
 from twin.estimation.workbench import Workbench, guided_residual
 from twin.identification.joint import JointEstimate
@@ -63,7 +63,7 @@ class HeldOutError:
 
 
 def held_out_errors(
-    campaign: Campaign, joint: JointEstimate, rig: Rig, pool: ThreadPoolExecutor
+    campaign: Campaign, joint: JointEstimate, rig: Rig, pool: ResidualPool
 ) -> tuple[tuple[HeldOutError, ...], list[str]]:
     """Returns the errors on every held-out recording, and notes on data that were left out.
 
@@ -71,7 +71,7 @@ def held_out_errors(
       campaign: with held-out recordings and the declared rig.
       joint: joint estimate with model and clock.
       rig: as identified.
-      pool: threads for the simulations.
+      pool: where residuals are computed.
     """
     noise = noise_levels(campaign)
     models = [joint.fit.model.replace(declared=r) for r in (campaign.rig, rig)]
@@ -87,7 +87,7 @@ def held_out_errors(
 
 
 def _errors_of_recording(
-    prepared: Prepared, models: Sequence[Model], starts: Sequence[Start], pool: ThreadPoolExecutor
+    prepared: Prepared, models: Sequence[Model], starts: Sequence[Start], pool: ResidualPool
 ) -> list[HeldOutError]:
     """Errors of each channel of one recording, with the declared and the identified model and their initial states."""
     recording, (declared, identified), (before, start) = prepared.recording, models, starts
@@ -116,7 +116,7 @@ def _errors_of_recording(
 
 
 def _driven_link_errors(
-    prepared: Prepared, model: Model, start: Start, pool: ThreadPoolExecutor
+    prepared: Prepared, model: Model, start: Start, pool: ResidualPool
 ) -> dict[str, float]:
     """Channel of the link -> RMS error with the hub driven as measured, after the low-pass of `twin.residuals.data`."""
     data = DrivenData([prepared], model)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 from threadpoolctl import threadpool_limits
 
 from twin.campaigns.campaign import Campaign
+from twin.estimation.residual_pool import ResidualPool
 from twin.identification import findings
 from twin.identification.clamped_vibration import declared_estimate
 from twin.identification.derived import DerivedQuantities, derived_quantities
@@ -41,7 +41,7 @@ def identify(
     values = {name: p.value for name, p in identified.items() if name in campaign.rig}
     rig = campaign.rig.replace("identified", **values)
     progress("predicting the held-out recordings")
-    with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
+    with threadpool_limits(1), ResidualPool(workers) as pool:
         held_out, left_out = held_out_errors(campaign, results.joint, rig, pool)
     modes = free_modes(results.joint.fit.model.declared, results.response)
     derived = derived_quantities(campaign.rig, results.joint)

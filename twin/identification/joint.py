@@ -10,7 +10,6 @@ the profile likelihood.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from twin.estimation import chain_limit, jackknife, refine, sandwich
 from twin.estimation.calibrate import calibrate, late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.sandwich import RecordingInformation
 from twin.estimation.slopes import costs_at, normal_equations, row_weights
 from twin.estimation.unknowns import Unknown
@@ -187,13 +187,13 @@ def with_link_uncertainty(inertia: Estimate, joint: JointEstimate) -> Estimate:
 
 
 def joint_estimate(
-    campaign: Campaign, pool: ThreadPoolExecutor, progress: Progress, initial: Mapping[str, float]
+    campaign: Campaign, pool: ResidualPool, progress: Progress, initial: Mapping[str, float]
 ) -> JointEstimate:
     """Fits all declared parameters with their uncertainty as prior, and checks the errors.
 
     Args:
       campaign: the recordings.
-      pool: threads for the simulations.
+      pool: where residuals are computed.
       progress: called with a text at every stage.
       initial: parameter -> value from which the fit starts; the others start as declared.
     """

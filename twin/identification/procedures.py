@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from threadpoolctl import threadpool_limits
 
 from twin.campaigns.campaign import Campaign
+from twin.estimation.residual_pool import ResidualPool
 from twin.identification import (
     backbone,
     balance,
@@ -79,7 +79,7 @@ def run_procedures(
       workers: number of threads.
     """
     static = static_test.evaluate(campaign)
-    with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
+    with threadpool_limits(1), ResidualPool(workers) as pool:
         joint = joint_estimate(campaign, pool, progress, initial_values(campaign, static))
         progress("reading decays and break-aways")
         decays = clamped_ring_downs(joint.readings) or ring_downs_at_rest(joint.prepared)

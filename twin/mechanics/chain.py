@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_simpson, simpson
-from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
 from twin.mechanics import beam
@@ -251,13 +250,11 @@ def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
     def residual(z: np.ndarray) -> np.ndarray:
         shape = _perturbed(equal, z)
         errors = _compared_quantities(shape, ends, count) / targets - 1
-        return np.r_[1e3 * weights * errors, _UNIFORMITY_WEIGHT * z]
+        return np.concatenate([1e3 * weights * errors, _UNIFORMITY_WEIGHT * z], axis=-1)
 
     def slopes(z: np.ndarray) -> np.ndarray:
-        ahead, back = (
-            [residual(z + way * step) for step in _DIFFERENCE_STEP * np.eye(len(z))] for way in (1, -1)
-        )
-        return (np.array(ahead) - np.array(back)).T / (2 * _DIFFERENCE_STEP)
+        steps = _DIFFERENCE_STEP * np.eye(len(z))
+        return (residual(z + steps) - residual(z - steps)).T / (2 * _DIFFERENCE_STEP)
 
     start = np.zeros(3 * segments + 2)
     return _perturbed(equal, least_squares(residual, start, jac=slopes, xtol=1e-8, ftol=1e-10).x)
@@ -313,14 +310,15 @@ def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarra
 def _inertia(
     lengths: np.ndarray, masses: np.ndarray, hub_inertia: float, tip_mass: float, tip_inertia: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns c_ij (n + 1 x n + 1) and the first moments (n + 1) of a planar open chain of uniform rods."""
+    """Returns c_ij (..., n + 1, n + 1) and first moments (..., n + 1) of planar open chains of uniform rods."""
+    count = lengths.shape[-1]
     # levers[b, i]: distance along segment i by which it carries the centre of mass of rod b
-    levers = np.tril(np.broadcast_to(lengths, (len(lengths),) * 2), -1) + np.diag(lengths / 2)
-    inertia = levers.T @ (masses[:, None] * levers) + tip_mass * np.outer(lengths, lengths)
-    inertia += np.diag(masses * lengths**2 / 12)
-    inertia[0, 0] += hub_inertia
-    inertia[-1, -1] += tip_inertia
-    return inertia, masses @ levers + tip_mass * lengths
+    levers = (np.tri(count, k=-1) + np.eye(count) / 2) * lengths[..., None, :]
+    inertia = levers.mT @ (masses[..., None] * levers) + tip_mass * lengths[..., None] * lengths[..., None, :]
+    inertia += np.eye(count) * (masses * lengths**2 / 12)[..., None]
+    inertia[..., 0, 0] += hub_inertia
+    inertia[..., -1, -1] += tip_inertia
+    return inertia, (masses[..., None, :] @ levers)[..., 0, :] + tip_mass * lengths
 
 
 def row_with_root_compliance(chain: Chain, row: np.ndarray) -> np.ndarray:
@@ -345,9 +343,12 @@ def curvature_rate_row(chain: Chain, row: np.ndarray) -> np.ndarray | None:
 
 
 def _relative(inertia: np.ndarray) -> np.ndarray:
-    """Returns the mass matrix in relative coordinates, T^T M T: phi = T [hub, hinges], T lower triangular of ones."""
-    outboard = np.cumsum(inertia[::-1], axis=0)[::-1]
-    return np.cumsum(outboard[:, ::-1], axis=1)[:, ::-1]
+    """Returns mass matrices (..., n + 1, n + 1) in relative coordinates, T^T M T.
+
+    phi = T [hub, hinges], T lower triangular of ones.
+    """
+    outboard = np.cumsum(inertia[..., ::-1, :], axis=-2)[..., ::-1, :]
+    return np.cumsum(outboard[..., ::-1], axis=-1)[..., ::-1]
 
 
 def _absolute(mass: np.ndarray) -> np.ndarray:
@@ -357,14 +358,20 @@ def _absolute(mass: np.ndarray) -> np.ndarray:
 
 
 def _modes(mass: np.ndarray, stiffness: np.ndarray, boundary: Boundary) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (..., n) [rad/s] and shapes (..., n + 1, n) of unit modal mass, in relative coordinates.
+
+    With the factors of M = L L^T, the modes are the eigenvectors of L^-1 K L^-T. Where the hub is free, the rigid
+    rotation is left out.
+    """
     first = 1 if boundary == "clamped" else 0
-    spring = np.diag(np.r_[0.0, stiffness])[first:, first:]
-    squares, vectors = eigh(spring, mass[first:, first:])
-    shapes = np.zeros((len(mass), len(stiffness)))
-    shapes[first:] = vectors[:, 1 - first :]
+    inverse = np.linalg.inv(np.linalg.cholesky(mass[..., first:, first:]))
+    of_hinges = inverse[..., 1 - first :]
+    squares, vectors = np.linalg.eigh(of_hinges @ (stiffness[..., None] * of_hinges.mT))
+    shapes = np.zeros((*mass.shape[:-1], stiffness.shape[-1]))
+    shapes[..., first:, :] = inverse.mT @ vectors[..., 1 - first :]
     # Sign as in `beam.Modes`: the hub rotates, or the root bends, to the positive side.
-    shapes *= np.sign(shapes[first])
-    return np.sqrt(squares[1 - first :]), shapes
+    shapes *= np.sign(shapes[..., first : first + 1, :])
+    return np.sqrt(squares[..., 1 - first :]), shapes
 
 
 def _modal_damping(inertia: np.ndarray, stiffness: np.ndarray, ratio: float) -> np.ndarray:
@@ -379,12 +386,16 @@ def _modal_damping(inertia: np.ndarray, stiffness: np.ndarray, ratio: float) -> 
 
 
 def _perturbed(shape: ChainShape, z: np.ndarray) -> ChainShape:
-    """Returns a shape with log ratios z (3n + 2) applied: of lengths (n + 1), stiffnesses (n), densities (n + 1)."""
+    """Returns a shape with log ratios z (..., 3n + 2) applied.
+
+    Those of lengths (..., n + 1), stiffnesses (..., n), densities (..., n + 1).
+    """
     n = shape.segments
-    lengths = shape.lengths * np.exp(z[: n + 1])
-    lengths /= lengths.sum()
-    masses = lengths * np.exp(z[2 * n + 1 :])
-    return ChainShape(lengths, masses / masses.sum(), shape.stiffnesses * np.exp(z[n + 1 : 2 * n + 1]))
+    lengths = shape.lengths * np.exp(z[..., : n + 1])
+    lengths /= lengths.sum(axis=-1, keepdims=True)
+    masses = lengths * np.exp(z[..., 2 * n + 1 :])
+    masses /= masses.sum(axis=-1, keepdims=True)
+    return ChainShape(lengths, masses, shape.stiffnesses * np.exp(z[..., n + 1 : 2 * n + 1]))
 
 
 def _weights(modes: int) -> np.ndarray:
@@ -394,20 +405,21 @@ def _weights(modes: int) -> np.ndarray:
 
 
 def _compared_quantities(shape: ChainShape, ends: tuple[float, float, float], modes: int) -> np.ndarray:
-    """Quantities of a chain that the fit compares with `_targets`, in units of the link."""
+    """Quantities (..., q) of a chain, or of some, that the fit compares with `_targets`, in units of the link."""
     inertia, first_moment = _inertia(shape.lengths, shape.masses, *ends)
     mass = _relative(inertia)
     free, free_shapes = _modes(mass, shape.stiffnesses, "free")
     clamped, clamped_shapes = _modes(mass, shape.stiffnesses, "clamped")
-    levers = 1 - np.cumsum(shape.lengths)[:-1]
+    levers = 1 - np.cumsum(shape.lengths, axis=-1)[..., :-1]
     flexibility = 1 / shape.stiffnesses
-    static = (np.sum(levers**2 * flexibility), np.sum(levers * flexibility), np.sum(flexibility))
-    moments = (first_moment.sum(), mass[0, 0])
+    static = [np.sum(levers**k * flexibility, axis=-1) for k in (2, 1, 0)]
+    moments = [first_moment.sum(axis=-1), mass[..., 0, 0]]
     stretched = [
-        _chain_mass_change(inertia, np.cumsum(column))
-        for column in (free_shapes[:, 0], clamped_shapes[:, 0], free_shapes[:, 1])
+        _chain_mass_change(inertia, np.cumsum(column, axis=-1))
+        for column in (free_shapes[..., 0], clamped_shapes[..., 0], free_shapes[..., 1])
     ]
-    return np.r_[free[:modes], clamped[:modes], static, moments, stretched]
+    others = np.stack([*static, *moments, *stretched], axis=-1)
+    return np.concatenate([free[..., :modes], clamped[..., :modes], others], axis=-1)
 
 
 def _targets(unit: Mapping[str, float], modes: int) -> np.ndarray:
@@ -420,10 +432,11 @@ def _targets(unit: Mapping[str, float], modes: int) -> np.ndarray:
     return np.r_[free.frequencies[:modes], clamped.frequencies[:modes], static, moments, stretched]
 
 
-def _chain_mass_change(inertia: np.ndarray, angles: np.ndarray) -> float:
-    """m2 of the modal mass 1 + m2 delta^2 of a chain that moves in one shape, given as absolute angles (n + 1)."""
-    difference = angles[:, None] - angles
-    return float(-0.5 * np.sum(inertia * difference**2 * np.outer(angles, angles)))
+def _chain_mass_change(inertia: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """m2 (...) of the modal mass 1 + m2 delta^2 of chains that move in one shape each: absolute angles (..., n + 1)."""
+    other = angles[..., None, :]
+    weight = inertia * (angles[..., None] - other) ** 2 * angles[..., None] * other
+    return -0.5 * weight.sum(axis=(-2, -1))
 
 
 def _beam_mass_change(unit: Mapping[str, float], modes: beam.Modes, index: int) -> float:

@@ -6,13 +6,13 @@ import math
 import os
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from twin import labels
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis.detectable import Detectable, detectable
+from twin.estimation.residual_pool import ResidualPool
 from twin.files.whole import write_file
 from twin.progress import Progress, silent
 from twin.proposal import gate
@@ -71,7 +71,7 @@ def check_data(campaign: Campaign, progress: Progress = silent) -> DataCheck:
     """
     progress("looking at the recordings")
     findings = tuple(gate.look(campaign))
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with ResidualPool(os.cpu_count() or 1) as pool:
         began = time.perf_counter()
         visible = detectable(campaign, pool, progress)
         took = time.perf_counter() - began

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -56,6 +56,11 @@ class Model:
     def replace(self, **changes) -> Model:
         """Returns a model with some attributes changed."""
         return replace(self, **changes)
+
+    def __reduce__(self):
+        # Derived quantities are computed again, and a read-only mapping cannot be copied to another process.
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return functools.partial(type(self), **{**values, "sensors": dict(self.sensors)}), ()
 
     @functools.cached_property
     def rig(self) -> Rig:
