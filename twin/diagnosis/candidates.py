@@ -128,7 +128,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
         progress(f"trying {name}")
         scored.append(fit_quickly(bench, base, name, slopes[name], peaks.get(name, ())))
     others = [n for n in names if n not in chosen]
-    for name, values in _large_sizes(bench, base, others, scored).items():
+    for name, values in _large_sizes(bench, base, {n: slopes[n] for n in others}, scored).items():
         progress(f"trying {name}")
         chosen.append(name)
         scored.append(fit_from_best(bench, base, name, [values]))
@@ -150,21 +150,31 @@ def _wave_peaks(bench: Workbench, base: Fit, names: Sequence[str]) -> dict[str, 
 
 
 def _large_sizes(
-    bench: Workbench, base: Fit, names: Sequence[str], fitted: Sequence[Candidate]
+    bench: Workbench, base: Fit, slopes: Mapping[str, Slopes], fitted: Sequence[Candidate]
 ) -> dict[str, dict[str, float]]:
     """Name -> parameters of effects that gain much at a size far from neutral, if the fitted candidates gain little.
 
     The score test fails for an effect that changes the frequencies of the link much: it is linear in the effect. Output
-    errors come after a round on driven data, which has tried these.
+    errors come after a round on driven data, which has tried these. An effect cannot gain more than the misfit of the
+    blocks that it changes: one on the hub alone leaves the strains as they are.
     """
     if not isinstance(bench.data, DrivenData):
         return {}
     best, misfit = max((c.score for c in fitted), default=0.0), bench.misfit(base.residual)
     if best > _WELL_EXPLAINED * misfit or misfit < _LARGE_MISFIT * bench.count.sum():
         return {}
-    reached = {name: best_on_rays(bench, base, name) for name in names if REGISTRY[name].wave is None}
+    able = [name for name, of in slopes.items() if _reach(bench, base, of.columns) > _PROMISING * best]
+    reached = {name: best_on_rays(bench, base, name) for name in able if REGISTRY[name].wave is None}
     at_base = bench.cost(base.residual)
     return {name: values for name, (values, cost) in reached.items() if at_base - cost > _PROMISING * best}
+
+
+def _reach(bench: Workbench, base: Fit, columns: np.ndarray) -> float:
+    """Misfit of the blocks that these changes of the residual (n x k) touch; infinite without changes."""
+    if not columns.shape[1]:
+        return np.inf
+    touched = bench.sizes(np.max(np.abs(columns), axis=1)) > 0
+    return float(bench.misfits(base.residual)[touched].sum())
 
 
 def strained_parameters(base: Fit, names: Sequence[str]) -> bool:

@@ -116,7 +116,10 @@ def search(
     for _ in range(MOST_ROUNDS - 1):
         if not more or len(state.adopted) == MOST_EFFECTS:
             break
-        state, more = continued_on_output_errors(*next_round(state, progress, false_alarm_rate), progress)
+        tried = state.best
+        state, more = next_round(state, progress, false_alarm_rate)
+        if state.best is not tried:
+            state, more = continued_on_output_errors(state, more, progress)
     state = revise.with_closer_free_runs(state)
     progress("computing standard errors")
     state, sound = on_sound_channels(state)

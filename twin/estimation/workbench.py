@@ -113,7 +113,11 @@ class Workbench:
 
     def misfit(self, residual: np.ndarray) -> float:
         """By how much the negative log likelihood of a residual (n) exceeds that of sensor noise alone."""
-        return float(self.count @ np.maximum(loss.loss(self.sizes(residual)) - 0.5, 0.0))
+        return float(self.misfits(residual).sum())
+
+    def misfits(self, residual: np.ndarray) -> np.ndarray:
+        """The misfit of a residual (n) in each block (g)."""
+        return self.count * np.maximum(loss.loss(self.sizes(residual)) - 0.5, 0.0)
 
 
 class GuidedData:
