@@ -2,16 +2,16 @@
 
 Usage: python benchmarks/where_time_goes.py CAMPAIGN... [--name TEXT]... [--workers N]
 
-Without a campaign, the bundled demo. Processor time counts all threads; that of a purpose is what passed while its
-simulations ran, and the purpose is found from the functions that asked for them. Busy processors are counted as threads
-that run or wait for a processor, every 20 ms, so that other work on the machine does not change them (Linux only).
+Without a campaign, the bundled demo. Processor time counts all threads, and the processes beside this one that compute
+residuals; that of a purpose is what passed while its simulations ran, and the purpose is found from the functions that
+asked for them. Busy processors are counted as threads that run or wait for a processor, every 20 ms, so that other work
+on the machine does not change them (Linux only). Memory is the largest sum of what these processes hold.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import resource
 import sys
 import threading
 import time
@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import machine
+import psutil
 
 from twin.campaigns.campaign import read_campaign
 from twin.diagnosis.diagnose import diagnose
@@ -81,7 +82,18 @@ class Account:
     busy: Counter[int] = field(default_factory=Counter)
     cpu: float = 0.0
     wall: float = 0.0
-    memory: float = 0.0  # MiB, peak of the process
+    memory: float = 0.0  # MiB, peak of all processes together
+
+
+def processes() -> list[psutil.Process]:
+    """This process, and those that it has started."""
+    own = psutil.Process()
+    return [own, *own.children(recursive=True)]
+
+
+def processor_time() -> float:
+    """Processor time of all threads of these processes [s]."""
+    return sum(t.user + t.system for p in processes() if (t := p.cpu_times()))
 
 
 def purpose() -> str:
@@ -100,11 +112,11 @@ def counted_simulations(account: Account) -> Iterator[None]:
     residuals = Workbench.residuals
 
     def counted(self: Workbench, jobs: Sequence[Any]) -> list[Any]:
-        start, cost, jobs = time.process_time(), account.purposes[purpose()], list(jobs)
+        start, cost, jobs = processor_time(), account.purposes[purpose()], list(jobs)
         result = residuals(self, jobs)
         cost.calls += 1
         cost.models += len(jobs)
-        cost.cpu += time.process_time() - start
+        cost.cpu += processor_time() - start
         return result
 
     Workbench.residuals = counted  # type: ignore[method-assign]
@@ -115,28 +127,41 @@ def counted_simulations(account: Account) -> Iterator[None]:
 
 
 @contextmanager
-def counted_threads(busy: Counter[int]) -> Iterator[None]:
-    """Counts, from time to time, the threads of this process that run or wait for a processor."""
+def sampled(account: Account) -> Iterator[None]:
+    """Counts, from time to time, the threads that run or wait for a processor, and the memory."""
     over = threading.Event()
 
-    def count() -> None:
-        own = str(threading.get_native_id())
+    def sample() -> None:
+        own, began = str(threading.get_native_id()), processes()
         while not over.wait(SAMPLE):
-            busy[sum(runs(task) for task in os.listdir("/proc/self/task") if task != own)] += 1
+            tasks = [(p.pid, task) for p in began for task in tasks_of(p.pid) if task != own]
+            account.busy[sum(runs(*task) for task in tasks)] += 1
+            memory = sum(p.memory_info().rss for p in began if p.is_running()) / 2**20
+            account.memory = max(account.memory, memory)
+            if len(began) == 1:
+                began = processes()
 
-    counter = threading.Thread(target=count, daemon=True)
-    counter.start()
+    sampler = threading.Thread(target=sample, daemon=True)
+    sampler.start()
     try:
         yield
     finally:
         over.set()
-        counter.join()
+        sampler.join()
 
 
-def runs(task: str) -> bool:
-    """Whether a thread of this process runs or waits for a processor."""
+def tasks_of(process: int) -> list[str]:
+    """Threads of a process."""
     try:
-        text = Path(f"/proc/self/task/{task}/stat").read_text(encoding="ascii")
+        return os.listdir(f"/proc/{process}/task")
+    except OSError:
+        return []  # it has ended
+
+
+def runs(process: int, task: str) -> bool:
+    """Whether a thread of a process runs or waits for a processor."""
+    try:
+        text = Path(f"/proc/{process}/task/{task}/stat").read_text(encoding="ascii")
     except OSError:
         return False  # it has just ended
     return text.rpartition(")")[2].split()[0] == "R"
@@ -146,21 +171,20 @@ def measure(folder: Path, workers: int) -> Account:
     """Diagnoses a campaign; returns what that cost."""
     account = Account()
     campaign = read_campaign(folder)
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall, cpu = time.perf_counter(), processor_time()
     stage, since = "reading", cpu
 
     def begin(text: str) -> None:
         nonlocal stage, since
-        now = time.process_time()
+        now = processor_time()
         account.stages[stage] += now - since
         # "adopting friction" -> "adopting"
         stage, since = ("adopting an effect" if text.startswith("adopting") else text), now
 
-    with counted_simulations(account), counted_threads(account.busy):
+    with counted_simulations(account), sampled(account):
         diagnose(campaign, begin, workers)
     begin("")
-    account.cpu, account.wall = time.process_time() - cpu, time.perf_counter() - wall
-    account.memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    account.cpu, account.wall = processor_time() - cpu, time.perf_counter() - wall
     return account
 
 
@@ -171,10 +195,11 @@ def print_account(name: str, account: Account, workers: int) -> None:
     simulated = sum(c.models for c in account.purposes.values())
     print(f"## {name}\n")
     print(
-        f"{total:.1f} s of processor time, {simulated} models simulated on all recordings; {workers} threads busy for",
-        end=" ",
+        f"{account.wall:.1f} s, {total:.1f} s of processor time, {simulated} models simulated on all recordings;"
     )
-    print(f"{100 * full:.0f} % of the time; peak memory {account.memory:.0f} MiB.\n")
+    print(
+        f"{workers} processors busy for {100 * full:.0f} % of the time; peak memory {account.memory:.0f} MiB.\n"
+    )
     print("| stage, until the next | CPU s | share % |\n| --- | ---: | ---: |")
     for stage, cpu in account.stages.items():
         if cpu >= FEW * total:

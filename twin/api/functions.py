@@ -50,7 +50,7 @@ def diagnose(
       campaign: its folder, or what `read_campaign` returned.
       rig: declares the rig instead of the campaign, with the effects that it is known to have.
       false_alarm_rate: how often something may be found where nothing is missing.
-      workers: number of threads; by default one a processor.
+      workers: number of threads, and of processes that compute residuals; by default one a processor.
       progress: called with the name of each stage.
 
     Raises:

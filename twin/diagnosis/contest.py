@@ -170,7 +170,7 @@ def confirm_in_fine_limit(
         choice = ranked[0]
         if choice in checked:
             return ranked, choice, checked[choice]
-        own, fine = refit_in_fine_limit(bench, choice.fit)
+        own, fine = refit_in_fine_limit(bench, choice.fit, choice.fit.jacobian)
         corrected = replace(choice, fit=fine, score=candidates.score_gain(own, base, fine))
         checked[corrected] = own
         ranked[0] = corrected
@@ -208,9 +208,17 @@ def _has_other_resonances(model: Model, before: Model) -> bool:
     return mechanisms != earlier or bool(np.any(np.abs(now / then - 1) > _SAME_FREQUENCY))
 
 
-def refit_in_fine_limit(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
-    """The data corrected for the discretisation error of the chain at a fit, and the fit to them."""
+def refit_in_fine_limit(
+    bench: Workbench, fit: Fit, jacobian: np.ndarray | None = None
+) -> tuple[Workbench, Fit]:
+    """The data corrected for the discretisation error of the chain at a fit, and the fit to them.
+
+    Args:
+      bench: the data.
+      fit: where the error is evaluated, and the fit to these data begins.
+      jacobian: (n x p) of these data there, if it is known.
+    """
     bench, _ = chain_limit.without_discretisation_error(bench, fit.model, fit.starts, chain_limit.STANDARD)
     return bench, minimise(
-        bench, fit.model, fit.starts, fit.unknowns, fit.values, iterations=6, first_jacobian=fit.jacobian
+        bench, fit.model, fit.starts, fit.unknowns, fit.values, iterations=6, first_jacobian=jacobian
     )

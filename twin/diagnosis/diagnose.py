@@ -57,7 +57,7 @@ def diagnose(
     Args:
       campaign: the recordings; held-out ones are simulated once, at the end.
       progress: called with a message at every stage.
-      workers: number of threads; by default one a processor.
+      workers: number of threads, and of processes that compute residuals; by default one a processor.
       false_alarm_rate: upper bound of the probability that an effect is adopted where none is missing.
 
     Raises:
@@ -109,7 +109,7 @@ def search(
     progress: Progress = silent,
     false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> SearchState:
-    """Searches the fit recordings for effects that the model lacks; arguments as `diagnose`, threads in `pool`."""
+    """Searches the fit recordings for effects that the model lacks; arguments as `diagnose`, residuals in `pool`."""
     state, more = continued_on_output_errors(
         *first_round(campaign, pool, progress, false_alarm_rate), progress
     )

@@ -32,7 +32,7 @@ def identify(
     Args:
       campaign: the recordings.
       progress: called with a text at every stage.
-      workers: number of threads.
+      workers: number of threads, and of processes that compute residuals.
       other: campaign of the same rig with another payload or with an air-pad, to classify the resonances.
     """
     began = time.perf_counter()

@@ -76,7 +76,7 @@ def run_procedures(
       campaign: the recordings.
       other: campaign of the same rig with another load; None for no comparison.
       progress: called with a text at every stage.
-      workers: number of threads.
+      workers: number of threads, and of processes that compute residuals.
     """
     static = static_test.evaluate(campaign)
     with threadpool_limits(1), ResidualPool(workers) as pool:
