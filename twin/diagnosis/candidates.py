@@ -121,7 +121,9 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     best_first = sorted(names, key=lambda name: -tested[name])
     count = int(np.clip(sum(score > 0 for score in tested.values()), _LEAST_FITTED, _MOST_FITTED))
     chosen = [
-        n for k, n in enumerate(best_first) if k < count or strained_parameters(base, REGISTRY[n].replaces)
+        n
+        for k, n in enumerate(best_first)
+        if k < count or strained_parameters(base, REGISTRY[n].replaces) or _is_hidden(bench, base, n)
     ]
     scored = []
     for name in chosen:
@@ -167,6 +169,15 @@ def _large_sizes(
     reached = {name: best_on_rays(bench, base, name) for name in able if REGISTRY[name].wave is None}
     at_base = bench.cost(base.residual)
     return {name: values for name, (values, cost) in reached.items() if at_base - cost > _PROMISING * best}
+
+
+def _is_hidden(bench: Workbench, base: Fit, name: str) -> bool:
+    """Whether fitted parameters hide an effect in free runs: it is then fitted whatever its score test.
+
+    At neutral its slope is theirs, and what tells it from them comes with its size. On driven data it is clear of them.
+    """
+    fitted = {u.name for u in base.unknowns if u.kind == "rig"}
+    return not isinstance(bench.data, DrivenData) and bool(fitted & REGISTRY[name].hidden_by.keys())
 
 
 def _reach(bench: Workbench, base: Fit, columns: np.ndarray) -> float:
