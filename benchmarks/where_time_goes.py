@@ -5,7 +5,7 @@ Usage: python benchmarks/where_time_goes.py CAMPAIGN... [--name TEXT]... [--work
 Without a campaign, the bundled demo. Processor time counts all threads, and the processes beside this one that compute
 residuals; that of a purpose is what passed while its simulations ran, and the purpose is found from the functions that
 asked for them. Busy processors are counted as threads that run or wait for a processor, every 20 ms, so that other work
-on the machine does not change them (Linux only). Memory is the largest sum of what these processes hold.
+on the machine does not change them (Linux only). Memory is the most that these processes hold together.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ PURPOSES = {
 """Function -> what it simulates for; the innermost one on the stack counts."""
 OTHER = "other"
 SAMPLE = 0.02  # s, between two counts of busy threads
+MEMORY_SAMPLES = 25  # counts of threads from one look at the memory to the next
 FEW = 0.005  # share of the processor time below which a line is added to the last one
 
 
@@ -83,6 +84,7 @@ class Account:
     cpu: float = 0.0
     wall: float = 0.0
     memory: float = 0.0  # MiB, peak of all processes together
+    answer: str = ""
 
 
 def processes() -> list[psutil.Process]:
@@ -136,10 +138,9 @@ def sampled(account: Account) -> Iterator[None]:
         while not over.wait(SAMPLE):
             tasks = [(p.pid, task) for p in began for task in tasks_of(p.pid) if task != own]
             account.busy[sum(runs(*task) for task in tasks)] += 1
-            memory = sum(p.memory_info().rss for p in began if p.is_running()) / 2**20
-            account.memory = max(account.memory, memory)
-            if len(began) == 1:
+            if sum(account.busy.values()) % MEMORY_SAMPLES == 0:
                 began = processes()
+                account.memory = max(account.memory, sum(memory_of(p) for p in began))
 
     sampler = threading.Thread(target=sample, daemon=True)
     sampler.start()
@@ -148,6 +149,14 @@ def sampled(account: Account) -> Iterator[None]:
     finally:
         over.set()
         sampler.join()
+
+
+def memory_of(process: psutil.Process) -> float:
+    """Memory of a process [MiB]: what it shares with others counts in equal parts."""
+    try:
+        return process.memory_full_info().pss / 2**20
+    except psutil.Error:
+        return 0.0  # it has ended
 
 
 def tasks_of(process: int) -> list[str]:
@@ -182,7 +191,8 @@ def measure(folder: Path, workers: int) -> Account:
         stage, since = ("adopting an effect" if text.startswith("adopting") else text), now
 
     with counted_simulations(account), sampled(account):
-        diagnose(campaign, begin, workers)
+        found = diagnose(campaign, begin, workers)
+    account.answer = ", ".join([found.verdict, *(effect.name for effect in found.effects)])
     begin("")
     account.cpu, account.wall = processor_time() - cpu, time.perf_counter() - wall
     return account
@@ -193,7 +203,7 @@ def print_account(name: str, account: Account, workers: int) -> None:
     total, counts = account.cpu, sum(account.busy.values())
     full = sum(n for threads, n in account.busy.items() if threads >= workers) / max(counts, 1)
     simulated = sum(c.models for c in account.purposes.values())
-    print(f"## {name}\n")
+    print(f"## {name}: {account.answer}\n")
     print(
         f"{account.wall:.1f} s, {total:.1f} s of processor time, {simulated} models simulated on all recordings;"
     )

@@ -26,8 +26,8 @@ from twin.mechanics.state import Start
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model
 
-_KEPT = 4
-"""Data that a process keeps: driven ones and free runs, each for the noise before and after an effect is added."""
+_KEPT = 2
+"""Data that a process keeps, those used last: of a fit, and driven ones beside free runs."""
 
 Task = tuple[int, Model, Start]
 """Index of a recording, the model to simulate, the initial state."""
