@@ -79,7 +79,8 @@ def plan(case: Case, rig: Rig, card: Sensors) -> list[Experiment]:
     for number in range(RECORDINGS * case.number):
         generator = np.random.default_rng([SEED, number])
         parts = [multisine(rig, card, generator) for _ in range(case.length)]
-        whole = np.concatenate([part.commands for part in parts])
+        # Every other one the other way round: the hub drifts back.
+        whole = np.concatenate([(-1) ** k * part.commands for k, part in enumerate(parts)])
         role = "holdout" if number == RECORDINGS * case.number - 1 else "fit"
         recordings.append(replace(parts[0], name=f"multisine-{number}", role=role, commands=whole))
     return recordings
