@@ -8,7 +8,7 @@ from campaign_folder import CHANNELS, FIT, GAUGE, HELD_OUT, HUB, toml_text, writ
 
 from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import detectable
-from twin.diagnosis.candidates import with_effect
+from twin.diagnosis.rays import with_effect
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import prior_precision, row_weights

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.diagnosis import candidates
+from twin.diagnosis import candidates, rays
 from twin.estimation.minimise import minimise
 from twin.estimation.output_error import OutputErrorData
 from twin.estimation.residual_pool import ResidualPool
@@ -93,7 +93,7 @@ def test_an_effect_replaces_the_error_of_a_channel_that_it_is():
     base = type(
         "Fit", (), {"unknowns": unknowns, "values": values, "model": model_at(MODEL, unknowns, values)}
     )
-    late = candidates.with_effect(base.model, "hub-sensor-gain", {"gain": 1.1})
+    late = rays.with_effect(base.model, "hub-sensor-gain", {"gain": 1.1})
     model = candidates.without_replaced_errors(late)
     assert "hub_angle" not in model.channel_errors.gains
     assert model.channel_errors.gains.keys() == {"hub_rate", "strain_base"}

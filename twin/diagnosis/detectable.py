@@ -17,14 +17,8 @@ from threadpoolctl import threadpool_limits
 
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis import rules
-from twin.diagnosis.candidates import (
-    SLOPE_FACTOR,
-    candidate_names,
-    penalty,
-    point_on_ray,
-    rays,
-    visible_length,
-)
+from twin.diagnosis.candidates import SLOPE_FACTOR, candidate_names, penalty
+from twin.diagnosis.rays import point_on_ray, rays, visible_length
 from twin.effects import REGISTRY, Effect, EffectParameter
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.fit import Fit

@@ -1,0 +1,97 @@
+"""Rays: straight lines from neutral in the space of an effect's parameters, on which its fits begin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from twin.effects import REGISTRY
+from twin.estimation.fit import Fit
+from twin.estimation.workbench import Workbench
+from twin.rigs.model import Model
+
+_VISIBLE_CHANGE = 1.0
+"""Root-mean-square change of the residual that makes an effect visible [noise levels]."""
+
+
+def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
+    """The model with an effect added, or with other parameters of it."""
+    return model.replace(effects={**model.effects, name: dict(values)})
+
+
+def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, float], float]:
+    """The point on the rays with the lowest cost, nothing else refitted, and its cost."""
+    effect = REGISTRY[name]
+    neutral = effect.neutral(base.model.declared)
+    best, best_cost = neutral, np.inf
+    for ray in rays(bench, effect, neutral, base.model):
+        step, _ = visible_length(bench, base, name, neutral, ray)
+        points = [
+            point_on_ray(effect, neutral, ray, sign * step * multiple)
+            for multiple in effect.search_multiples
+            for sign in (1, -1)
+        ]
+        points = [p for p in points if p is not None]
+        if not points:
+            continue
+        jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
+        cost = [bench.cost(r) for r in bench.residuals(jobs)]
+        if min(cost) < best_cost:
+            best, best_cost = points[int(np.argmin(cost))], min(cost)
+    return best, best_cost
+
+
+def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:
+    """Increments of the fitted numbers from neutral: to each start of the effect, and along each parameter alone."""
+    channels = bench.channels()
+    usable = [p for p in effect.parameters if p.channel is None or p.channel in channels]
+    turn = {p.name: p.turned for p in effect.parameters}
+    to_starts = [
+        {k: turn[k](v) - turn[k](neutral[k]) for k, v in start.items()}
+        for start in effect.starts(model.declared)
+        if effect.fits(start, model.sensors)
+    ]
+    single = [{p.name: p.step} for p in usable] if len(usable) > 1 and not effect.is_coupled else []
+    return to_starts + single
+
+
+def visible_length(
+    bench: Workbench,
+    base: Fit,
+    name: str,
+    neutral: Mapping[str, float],
+    ray: Mapping[str, float],
+    tolerance: float = 3.0,
+) -> tuple[float, np.ndarray | None]:
+    """Length along a ray at which the residual changes by `_VISIBLE_CHANGE`, within a factor, and this change (n).
+
+    The change is None if the ray leaves the bounds.
+    """
+    length, change = 1.0, None
+    for _ in range(4):
+        forward = point_on_ray(REGISTRY[name], neutral, ray, length)
+        point = forward or point_on_ray(REGISTRY[name], neutral, ray, -length)
+        if point is None:
+            return length, change
+        [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
+        change = (r - base.residual) * (1.0 if forward else -1.0)
+        factor = float(np.clip(_VISIBLE_CHANGE / max(np.sqrt(np.mean(change**2)), 1e-9), 1e-3, 1e3))
+        if 1 / tolerance < factor < tolerance:
+            break
+        length *= factor
+    return length, change
+
+
+def point_on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):
+    """Parameters at a length along a ray; None beyond the bounds of a parameter."""
+    point = dict(neutral)
+    for p in effect.parameters:
+        if p.name not in ray:
+            continue
+        moved = ray[p.name] if p.name in effect.undefined_at_neutral else ray[p.name] * length
+        value = p.turned(neutral[p.name]) + moved
+        if not p.span[0] <= value <= p.span[1]:
+            return None
+        point[p.name] = p.turned(value)
+    return point
