@@ -23,7 +23,7 @@ def test_a_process_that_ends_takes_its_task_along_and_is_replaced():
         second = pool.submit(os.getpid).result()
     assert len({first, second, os.getpid()}) == 3
     assert vars(sys.modules["__main__"]).get("__file__") == script
-    assert multiprocessing.active_children() == others
+    assert set(multiprocessing.active_children()) <= set(others)
 
 
 def test_an_error_in_the_block_ends_what_runs_at_once():
@@ -31,7 +31,7 @@ def test_an_error_in_the_block_ends_what_runs_at_once():
     with pytest.raises(KeyboardInterrupt), processes(1) as pool:
         _begin_and_stop(pool)
     assert time.monotonic() - began < 30
-    assert multiprocessing.active_children() == others
+    assert set(multiprocessing.active_children()) <= set(others)
 
 
 def _begin_and_stop(pool):
