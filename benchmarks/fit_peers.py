@@ -22,7 +22,6 @@ import argparse
 import io
 import re
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -227,9 +226,9 @@ class Timed(NamedTuple):
 
 def timed(run: Callable[[], Any]) -> Timed:
     """Runs once."""
-    cpu = time.process_time()
+    cpu = machine.processor_time()
     result = run()
-    return Timed(result, time.process_time() - cpu)
+    return Timed(result, machine.processor_time() - cpu)
 
 
 def print_fits(campaign: Campaign, truth: np.ndarray, rounds: int) -> float:

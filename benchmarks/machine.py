@@ -27,6 +27,19 @@ def command() -> str:
     return " ".join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
 
 
+def processes() -> list[Any]:
+    """This process, and those that it has started, as `psutil.Process`."""
+    import psutil  # of the extra "benchmarks"; most scripts do without
+
+    own = psutil.Process()
+    return [own, *own.children(recursive=True)]
+
+
+def processor_time() -> float:
+    """Processor time of all threads of these processes [s]: a diagnosis computes residuals in several."""
+    return sum(t.user + t.system for p in processes() if (t := p.cpu_times()))
+
+
 def timed(run: Callable[[], Any], repeats: int) -> tuple[Any, float]:
     """Returns the result and the least processor time of several runs [s], which other load disturbs least."""
     times = []

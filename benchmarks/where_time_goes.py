@@ -25,6 +25,7 @@ from typing import Any
 
 import machine
 import psutil
+from machine import processes, processor_time
 
 from twin.campaigns.campaign import read_campaign
 from twin.diagnosis.diagnose import diagnose
@@ -85,17 +86,6 @@ class Account:
     wall: float = 0.0
     memory: float = 0.0  # MiB, peak of all processes together
     answer: str = ""
-
-
-def processes() -> list[psutil.Process]:
-    """This process, and those that it has started."""
-    own = psutil.Process()
-    return [own, *own.children(recursive=True)]
-
-
-def processor_time() -> float:
-    """Processor time of all threads of these processes [s]."""
-    return sum(t.user + t.system for p in processes() if (t := p.cpu_times()))
 
 
 def purpose() -> str:

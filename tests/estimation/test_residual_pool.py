@@ -27,7 +27,9 @@ def numbered(monkeypatch):
     """Recordings that new processes can import."""
     monkeypatch.syspath_prepend(Path(__file__).parent / "modules")
     monkeypatch.setattr(residual_pool, "_idle", [])
-    return importlib.import_module("numbered_recordings").Numbered
+    yield importlib.import_module("numbered_recordings").Numbered
+    for helper in residual_pool._idle:
+        helper._process.shutdown()
 
 
 def tasks(stiffnesses=(1.0, 2.0)):

@@ -125,17 +125,8 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
         if u.kind == "rig":
             first[k] = instead.get(u.name, first[k])
     goal = base.cost - rules.decisive_difference(best.score)
-    again = minimise(
-        bench,
-        base.model,
-        base.starts,
-        base.unknowns,
-        first,
-        None,
-        FULL_ITERATIONS,
-        goal=goal,
-        first_jacobian=base.jacobian,
-    )
+    at = bench, base.model, base.starts, base.unknowns, first
+    again = minimise(*at, iterations=FULL_ITERATIONS, goal=goal, first_jacobian=base.jacobian)
     return again if again.cost < goal else None
 
 

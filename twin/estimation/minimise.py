@@ -65,11 +65,12 @@ def minimise(
     J = np.zeros((len(r), len(unknowns)))
     for iteration in range(iterations):
         before, enough = at.cost, tolerance * max(1.0, 1e-3 * at.cost)
-        if iteration == 0 and first_jacobian is not None:
-            J = first_jacobian
+        given = first_jacobian if iteration == 0 else None
+        if given is not None:
+            J = given
         else:
             J, steps = difference_jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
-        mistaken, gained = np.inf, 0.0
+        mistaken = np.inf
         for trials in (_TRIALS, *(1,) * _BROYDEN_STEPS):
             better = _best_trial(bench, model, starts, unknowns, at, J, trials)
             gained = at.cost - better.cost
@@ -81,8 +82,7 @@ def minimise(
             if gained < enough:
                 break
         report(f"iteration {iteration + 1}: cost {at.cost:.1f}")
-        by_differences = iteration > 0 or first_jacobian is None
-        if (by_differences and before - at.cost < enough) or (gained < enough and mistaken < enough):
+        if (given is None and before - at.cost < enough) or (gained < enough and mistaken < enough):
             break
         if at.cost - _OPTIMISM * (before - at.cost) * (iterations - 1 - iteration) > goal:
             break

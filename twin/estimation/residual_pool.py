@@ -104,7 +104,7 @@ def _split(tasks: Sequence[Task], times: np.ndarray, shares: int) -> list[list[i
     """
     order = sorted(range(len(tasks)), key=lambda k: tasks[k][0])
     middle = np.cumsum(times[order]) - times[order] / 2
-    share = np.floor(middle / max(times.sum(), 1e-9) * shares)
+    share = np.minimum(np.floor(middle / max(times.sum(), 1e-9) * shares), shares - 1)
     return [[k for k, s in zip(order, share, strict=True) if s == part] for part in range(shares)]
 
 
