@@ -1,0 +1,93 @@
+"""What each rule decides alone: candidates that it turns down and every other rule of their round would adopt.
+
+    python benchmarks/rules.py --bench WORK/answers.jsonl
+    python benchmarks/rules.py --campaigns ANSWERS --truth TRUTH.json
+
+WORK is the folder of `benches.py`; ANSWERS holds `NAME.json`, written by `twin diagnose FOLDER --json NAME.json`, for
+each campaign of TRUTH, whose format is that of `truth.json` in `twin virtual-rig`. This is the first order of an
+ablation: without a rule that turns down nothing alone, no candidate is adopted instead of being turned down. What the
+search would have found after another decision is not told. The table is printed, and written to
+benchmarks/results/rules.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from machine import command
+
+from twin.diagnosis import rules
+
+RESULTS = Path(__file__).parent / "results" / "rules.md"
+Judged = Mapping[str, Sequence[Mapping]]
+"""Candidate -> its judgements as in the JSON of an answer."""
+
+
+def of_bench(file: Path) -> Iterator[tuple[Judged, set[str]]]:
+    """Judgements and missing effects of each answer of `benches.py`."""
+    for line in file.read_text(encoding="utf-8").splitlines():
+        answer = json.loads(line)["answer"]
+        yield answer.get("judgements", {}), set(answer["truth"]["effects"])
+
+
+def of_campaigns(folder: Path, truth: Path) -> Iterator[tuple[Judged, set[str]]]:
+    """Judgements and missing effects of each campaign with an answer."""
+    for name, campaign in json.loads(truth.read_text(encoding="utf-8"))["campaigns"].items():
+        file = folder / f"{name}.json"
+        if file.exists():
+            missing = {effect["name"] for effect in campaign["effects"]}
+            yield json.loads(file.read_text(encoding="utf-8"))["judgements"], missing
+
+
+def table(answers: Sequence[tuple[Judged, set[str]]]) -> str:
+    """How often each rule judged, failed, failed alone, and whether the effect was missing then, as Markdown."""
+    judged, failed, alone, right = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
+    for judgements, missing in answers:
+        for name, own in judgements.items():
+            by_round = defaultdict[int, list[Mapping]](list)
+            for j in own:
+                by_round[j["round"]].append(j)
+            for together in by_round.values():
+                judged.update(j["rule"] for j in together)
+                against = [j["rule"] for j in together if not j["passed"]]
+                failed.update(against)
+                if len(against) == 1:
+                    alone.update(against)
+                    right.update(against if name in missing else [])
+    order = [rule.name for rule in (*rules.ADOPTION, rules.NEEDED, rules.REPLACEABLE, rules.SIZE_DETERMINED)]
+    names = [*order, *(name for name in judged if name not in order)]
+    rows = [f"| {name} | {judged[name]} | {failed[name]} | {alone[name]} | {right[name]} |" for name in names]
+    return "\n".join(
+        [
+            "| rule | judged | failed | failed alone | of these, effects that are missing |",
+            "| --- | ---: | ---: | ---: | ---: |",
+            *rows,
+        ]
+    )
+
+
+def main() -> None:
+    """Prints the table of all answers and writes it."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--bench", type=Path, action="append", default=[], help="answers of benches.py")
+    parser.add_argument("--campaigns", type=Path, action="append", default=[], help="folder of answers")
+    parser.add_argument("--truth", type=Path, action="append", default=[], help="one for each --campaigns")
+    options = parser.parse_args()
+    answers = [a for file in options.bench for a in of_bench(file)]
+    for folder, truth in zip(options.campaigns, options.truth, strict=True):
+        answers += of_campaigns(folder, truth)
+    if not answers:
+        parser.error("no answers; expected --bench FILE, or --campaigns FOLDER with --truth FILE")
+    text = f"`{command()}`, {len(answers)} answers\n\n{table(answers)}\n"
+    print(text)
+    RESULTS.write_text(f"# What each rule decides alone\n\n{text}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
