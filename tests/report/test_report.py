@@ -26,6 +26,7 @@ from twin.report.figures import (
 )
 from twin.report.html import render
 from twin.report.prose import prose
+from twin.report.text import renderable
 from twin.rigs.patch import Patch
 
 VERDICTS = {
@@ -562,6 +563,32 @@ def test_columns_are_aligned(diagnosis):
     rows = [re.match(r" \w+ \w+, \S+\s+[\d.]+", line) for line in lines[first + 1 : first + 6]]
     assert {row.end() for row in rows if row} == {lines[first].index("before") + len("before")}
     assert sum(row is None for row in rows) == 2  # the names of the recordings
+
+
+def test_with_three_effects_every_column_of_the_terminal_is_whole_at_80_characters(diagnosis):
+    [effect] = diagnosis.effects
+    names = ("position-dependent-friction", "hub-sensor-nonlinearity", effect.name)
+
+    def with_three_steps(budget):
+        return (
+            replace(budget, steps=tuple((name, budget.after) for name in names)) if budget.steps else budget
+        )
+
+    predictions = {
+        file: replace(p, budget={c: with_three_steps(b) for c, b in p.budget.items()})
+        for file, p in diagnosis.predictions.items()
+    }
+    effects = tuple(replace(effect, name=name) for name in names)
+    three = replace(diagnosis, effects=effects, predictions=predictions)
+    console = Console(width=80, file=io.StringIO(), force_terminal=False)
+    console.print(renderable(three))
+    lines = console.file.getvalue().splitlines()
+    [head] = [line for line in lines if line.startswith("recording")]
+    assert " ".join(head.split()) == "recording before calibrated + 1 + 2 + 3 whole run fit % noise"
+    budget = diagnosis.predictions["bang-bang-90.csv"].budget["hub_angle"]
+    noise = labels.number(180 / np.pi * budget.noise, 2)
+    assert any(line.startswith(" hub angle") and line.rstrip().endswith(noise) for line in lines)
+    assert any(line.startswith(f"1 {names[0]} ") for line in lines)
 
 
 def test_budget_leads_terminal_and_page_and_names_each_effect(diagnosis):

@@ -104,8 +104,8 @@ def _closing_lines(diagnosis: Diagnosis) -> list[str]:
 
 
 def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
-    table = _table(plain, "effect added", "parameter", "value", "", "probability")
-    for effect in diagnosis.effects:
+    table = _table(plain, _gap(diagnosis), "effect added", "parameter", "value", "", "probability")
+    for number, effect in enumerate(diagnosis.effects, start=1):
         rows = display.parameter_rows(effect) or [("", "", "", "")]
         for i, (name, value, unit, degrees) in enumerate(rows):
             beside = f"{unit} ({degrees})" if degrees else unit
@@ -113,7 +113,7 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
             _add_row(
                 table,
                 plain,
-                effect.name if first else "",
+                _numbered(diagnosis, number, effect.name) if first else "",
                 name,
                 value,
                 beside,
@@ -122,10 +122,23 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
     return table
 
 
+def _numbered(diagnosis: Diagnosis, number: int, name: str) -> str:
+    """An effect's name, with its number where there are others: the columns of the budget have room for that alone."""
+    return name if len(diagnosis.effects) < 2 else f"{number} {name}"
+
+
+def _gap(diagnosis: Diagnosis) -> int:
+    """Characters between columns: with three effects, the tables fit into 80."""
+    return 2 if len(diagnosis.effects) < 2 else 1
+
+
 def _budget_table(diagnosis: Diagnosis, rows: Sequence[display.BudgetRow], plain: bool) -> Table:
     patch = [">with patch"] if any(row.patched for row in rows) else []
-    models = [f">{name}" for name in display.budget_columns(diagnosis)]
-    table = _table(plain, "recording", *models, ">whole run", *patch, ">fit %", ">noise")
+    before, calibrated, *steps = display.budget_columns(diagnosis)
+    if len(steps) > 1:
+        steps = [f"+ {number}" for number in range(1, len(steps) + 1)]
+    models = [f">{name}" for name in (before, calibrated, *steps)]
+    table = _table(plain, _gap(diagnosis), "recording", *models, ">whole run", *patch, ">fit %", ">noise")
     for row in rows:
         if row.first:
             _add_row(table, plain, row.file)
@@ -135,10 +148,11 @@ def _budget_table(diagnosis: Diagnosis, rows: Sequence[display.BudgetRow], plain
     return table
 
 
-def _table(plain: bool, *columns: str) -> Table:
+def _table(plain: bool, gap: int, *columns: str) -> Table:
+    """An empty table with `gap` characters between columns, of which those that begin with > are numbers."""
     from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="dim")
     for column in columns:
         right = column.startswith(">")
         label = "\n".join(textwrap.wrap(labels.printable(column.removeprefix(">"), plain), _HEAD))
