@@ -205,13 +205,12 @@ def continued_on_output_errors(
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
-    They are used where the noise of the hub sensor dominates, or where the model explains them and not driven data.
+    They are used where the noise of the hub sensor dominates, or where driven data leave much and output errors less.
     """
     if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
         return on_output_errors(state, more, math.inf, progress)
-    if _leaves_much(state.bench, state.best):
-        return on_output_errors(state, more, rules.WORST_RESIDUAL, progress)
-    return state, more
+    left = _largest(state.bench, state.best)
+    return on_output_errors(state, more, left, progress) if left >= rules.WORST_RESIDUAL else (state, more)
 
 
 def on_output_errors(
@@ -222,12 +221,12 @@ def on_output_errors(
     Args:
       state: of the search.
       more: whether to go on where output errors are not used.
-      most: size that blocks may be left at, in noise levels; else output errors are not used.
+      most: size at which the largest block has to be left, in noise levels; else output errors are not used.
       progress: called with a message.
     """
     progress("fitting output errors")
     found = output_error.fit_output_error(state.bench, state.best, most)
-    if found is None or (most < math.inf and _leaves_much(*found)):
+    if found is None or _largest(*found) > most:
         return state, more
     bench, fit = found
     if state.adopted:
@@ -240,9 +239,9 @@ def on_output_errors(
     return (replace(state, rounds=state.adopting) if more else state), more
 
 
-def _leaves_much(bench: Workbench, fit: Fit) -> bool:
-    """Whether a fit leaves a residual that no small error of the model explains, in any block."""
-    return bool(bench.sizes(fit.residual).max(initial=0.0) >= rules.WORST_RESIDUAL)
+def _largest(bench: Workbench, fit: Fit) -> float:
+    """Largest residual that a fit leaves in any block [noise levels]."""
+    return float(bench.sizes(fit.residual).max(initial=0.0))
 
 
 def _can_gain(state: SearchState) -> bool:

@@ -22,7 +22,7 @@ from twin.estimation.minimise import minimise
 from twin.estimation.slopes import cost_of, difference_jacobian, first_steps
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import CORRELATION_TIME, FreeData, Workbench, layout
-from twin.mechanics.hub_spring import HubSpring, stiffness_for
+from twin.mechanics.hub_spring import MeasuredHub, Spring, spring_of
 from twin.mechanics.state import Start
 from twin.recording import ON_LINK
 from twin.residuals.data import BLOCK_SPAN, DrivenData
@@ -31,7 +31,7 @@ from twin.residuals.groups import split_into_blocks
 from twin.residuals.noise import sensor_noise
 from twin.residuals.prepared import sensor_corrected_start
 from twin.residuals.residual import has_unknown_zero, without_zero
-from twin.residuals.view import hub_trajectory
+from twin.residuals.view import END_MARGIN, hub_trajectory
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
@@ -40,6 +40,8 @@ _HUB_SHARE = 0.9
 _ITERATIONS = 20  # of a fit that may begin far from its minimum, as those of a calibration
 _PERIODS = 0.5, 1.0, 2.0, np.inf
 """Periods in which the rig oscillates about the measured hub, see `OutputErrorData` [s]."""
+_DAMPING_RATIOS = 0.5, 0.0
+"""Damping ratios of these oscillations: an error is gone after a period, or lasts where the rig has no damping."""
 
 
 class OutputErrorData(FreeData):
@@ -48,13 +50,13 @@ class OutputErrorData(FreeData):
     Attributes:
       driven: the same recordings, the link driven by the measured hub.
       period: in which the rig oscillates about the measured hub [s]; infinite in free runs.
-      stiffness: of the spring between the simulated hub and the measured one [N m/rad]; 0 in free runs.
+      spring: between the simulated hub and the measured one.
     """
 
-    def __init__(self, driven: DrivenData, model: Model, period: float = np.inf):
-        """Takes the recordings of driven data, a model whose inertia the stiffness is made for, and the period."""
+    def __init__(self, driven: DrivenData, model: Model, period: float = np.inf, damping_ratio: float = 0.0):
+        """Takes the recordings of driven data, a model for which the spring is made, period and damping ratio."""
         self.driven, self.period = driven, period
-        self.stiffness = stiffness_for(model.plant, period)
+        self.spring = spring_of(model.plant, period, damping_ratio)
         self.prepared = driven.prepared
         self.groups, self.weight = layout(self.prepared, lambda channel, recording: recording[channel])
         periods = [p.recording.period for p in self.prepared]
@@ -74,7 +76,7 @@ class OutputErrorData(FreeData):
         """Channel -> measured minus simulated (m), in multiples of the noise, 0 where missing."""
         prepared, residuals = self.prepared[i], dict[str, np.ndarray]()
         measured, start = prepared.recording, sensor_corrected_start(model, prepared, start)
-        simulated = simulate(model, measured, start, spring=self._spring(model, i))
+        simulated = simulate(model, measured, start, spring=self._pull(model, i))
         for c in prepared.channels:
             off = (measured[c] - simulated[c]) / prepared.noise[c]
             known = np.isfinite(measured[c])
@@ -83,11 +85,15 @@ class OutputErrorData(FreeData):
             residuals[c] = np.where(known, off, 0.0)
         return residuals
 
-    def _spring(self, model: Model, i: int) -> HubSpring | None:
-        """The spring to the measured hub of recording i; None for a free run, or where no hub is measured."""
-        if self.stiffness == 0 or self.prepared[i].hub is None:
+    def _pull(self, model: Model, i: int) -> tuple[Spring, MeasuredHub] | None:
+        """The spring to the measured hub of recording i; None for a free run, or where no hub is measured.
+
+        Near the first sample, the low-pass does not know the rate of the hub.
+        """
+        if self.spring.stiffness == 0 or self.prepared[i].hub is None:
             return None
-        return HubSpring(self.stiffness, GRID, hub_trajectory(self.driven.views[i], model).angle)
+        hub = hub_trajectory(self.driven.views[i], model)
+        return self.spring, MeasuredHub(END_MARGIN, GRID, hub.angle, hub.rate)
 
 
 def hub_sensor_dominates(bench: Workbench) -> bool:
@@ -126,39 +132,34 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
     """The output errors of the recordings of a bench, and the model of a fit fitted to them.
 
     Of the springs, the one with the largest likelihood is taken, as the gain of an observer is estimated (Ljung 1999,
-    ch. 7.4): stiffer ones let through more of the noise of the hub sensor, softer ones more of the error of the model.
+    ch. 7.4): stiff and damped ones let through more of the noise of the hub sensor, the others more of the error of the
+    model. Each fit begins at the best before it.
 
     Args:
-      bench: the data; of output errors, the search for a spring begins with theirs.
+      bench: the data; of output errors, the search for a spring begins with the period of theirs.
       fit: the model, and where the fit starts.
       most: size that blocks may be left at, in noise levels; None where the fit does not come near that.
     """
-    free, fitted = _output_errors(bench, fit.model, _periods(bench)[0]), _as_start(bench, fit)
-    goal = float(free.count.sum() * loss.loss(np.array(most)))
-    fitted = _fitted(free, fitted, goal)
-    if fitted.cost > goal:
-        return None
-    for period in _periods(bench)[1:]:
-        softer = _output_errors(bench, fit.model, period)
-        other = _fitted(softer, fitted, fitted.cost)
-        if other.cost >= fitted.cost:
-            break
-        free, fitted = softer, other
+    least = bench.data.period if isinstance(bench.data, OutputErrorData) else 0.0
+    best: tuple[Workbench, Fit] | None = None
+    fitted = _as_start(bench, fit)
+    for period in (p for p in _PERIODS if p >= least):
+        for damping_ratio in _DAMPING_RATIOS if period < np.inf else (0.0,):
+            data = OutputErrorData(driven_data(bench), fit.model, period, damping_ratio)
+            free = Workbench(data, bench.pool)
+            goal = best[1].cost if best else float(free.count.sum() * loss.loss(np.array(most)))
+            other = _fitted(free, fitted, goal)
+            if other.cost < goal:
+                best, fitted = (free, other), other
+        if best is None:
+            return None
+    assert best is not None
+    free, _ = best
     free, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
     at = fitted.model, fitted.starts, fitted.unknowns, fitted.values
     return free, minimise(free, *at, fixed_jacobian=fitted.jacobian_columns)
-
-
-def _output_errors(bench: Workbench, model: Model, period: float) -> Workbench:
-    return Workbench(OutputErrorData(driven_data(bench), model, period), bench.pool)
-
-
-def _periods(bench: Workbench) -> tuple[float, ...]:
-    """Periods of the springs that are tried: from that of output errors on, or all."""
-    least = bench.data.period if isinstance(bench.data, OutputErrorData) else 0.0
-    return tuple(period for period in _PERIODS if period >= least)
 
 
 def _as_start(bench: Workbench, fit: Fit) -> Fit:
