@@ -113,11 +113,11 @@ def search(
     first = first_round(campaign, pool, progress, false_alarm_rate)
     first = continued_on_output_errors(*first, progress)
     state = _searched_to_end(*first, progress, false_alarm_rate)
-    if state.on_output_errors or not remainder.unexplained_channels(state):
+    begun = SearchState(state.start, state.adopting[:1])
+    if state.on_output_errors or not remainder.unexplained_channels(state) or _has_play(begun.best):
         return state
     # Where the measured hub drives the link, its noise does too, and a play is stepped over: an effect may be hidden.
     progress("searching once more, with output errors")
-    begun = SearchState(state.start, state.adopting[:1])
     other = _searched_to_end(*on_output_errors(begun, True, math.inf, progress), progress, false_alarm_rate)
     return state if remainder.unexplained_channels(other) else other
 
@@ -205,12 +205,19 @@ def continued_on_output_errors(
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
-    They are used where the noise of the hub sensor dominates, or where driven data leave much and output errors less.
+    They are used where the noise of the hub sensor dominates, or where driven data leave much and output errors less;
+    not to replace those of a play, whose impacts take ten times as many steps.
     """
     if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
         return on_output_errors(state, more, math.inf, progress)
     left = _largest(state.bench, state.best)
-    return on_output_errors(state, more, left, progress) if left >= rules.WORST_RESIDUAL else (state, more)
+    if left < rules.WORST_RESIDUAL or _has_play(state.best):
+        return state, more
+    return on_output_errors(state, more, left, progress)
+
+
+def _has_play(fit: Fit) -> bool:
+    return fit.model.plant.motor.gap > 0
 
 
 def on_output_errors(
