@@ -133,33 +133,44 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
 
     Of the springs, the one with the largest likelihood is taken, as the gain of an observer is estimated (Ljung 1999,
     ch. 7.4): stiff and damped ones let through more of the noise of the hub sensor, the others more of the error of the
-    model. Each fit begins at the best before it.
+    model.
 
     Args:
       bench: the data; of output errors, the search for a spring begins with the period of theirs.
       fit: the model, and where the fit starts.
       most: size that blocks may be left at, in noise levels; None where the fit does not come near that.
     """
-    least = bench.data.period if isinstance(bench.data, OutputErrorData) else 0.0
-    best: tuple[Workbench, Fit] | None = None
-    fitted = _as_start(bench, fit)
-    for period in (p for p in _PERIODS if p >= least):
-        for damping_ratio in _DAMPING_RATIOS if period < np.inf else (0.0,):
-            data = OutputErrorData(driven_data(bench), fit.model, period, damping_ratio)
-            free = Workbench(data, bench.pool)
-            goal = best[1].cost if best else float(free.count.sum() * loss.loss(np.array(most)))
-            other = _fitted(free, fitted, goal)
-            if other.cost < goal:
-                best, fitted = (free, other), other
-        if best is None:
-            return None
-    assert best is not None
-    free, _ = best
+    start = _as_start(bench, fit)
+    softened = [_softened(bench, start, ratio, most) for ratio in _DAMPING_RATIOS]
+    found = [path for path in softened if path is not None]
+    if not found:
+        return None
+    free, fitted = min(found, key=lambda path: path[1].cost)
     free, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
     at = fitted.model, fitted.starts, fitted.unknowns, fitted.values
     return free, minimise(free, *at, fixed_jacobian=fitted.jacobian_columns)
+
+
+def _softened(
+    bench: Workbench, start: Fit, damping_ratio: float, most: float
+) -> tuple[Workbench, Fit] | None:
+    """The likeliest of fits with springs of one damping ratio, each begun at the one before it, from the stiffest on.
+
+    It ends where a softer spring is less likely. Arguments as `fit_output_error`; None where the first leaves too much.
+    """
+    least = bench.data.period if isinstance(bench.data, OutputErrorData) else 0.0
+    best: tuple[Workbench, Fit] | None = None
+    for period in (p for p in _PERIODS if p >= least):
+        data = OutputErrorData(driven_data(bench), start.model, period, damping_ratio)
+        free = Workbench(data, bench.pool)
+        goal = best[1].cost if best else float(free.count.sum() * loss.loss(np.array(most)))
+        fitted = _fitted(free, best[1] if best else start, goal)
+        if fitted.cost >= goal:
+            break
+        best = free, fitted
+    return best
 
 
 def _as_start(bench: Workbench, fit: Fit) -> Fit:
