@@ -43,17 +43,36 @@ def of_campaigns(folder: Path, truth: Path) -> Iterator[tuple[Judged, set[str]]]
             yield json.loads(file.read_text(encoding="utf-8"))["judgements"], missing
 
 
+def together(answers: Sequence[tuple[Judged, set[str]]]) -> str:
+    """Sets of rules by which the best candidates of a round were turned down, as Markdown."""
+    sets = Counter[str]()
+    for judgements, _ in answers:
+        for own in judgements.values():
+            for judged in _by_round(own):
+                against = {j["rule"] for j in judged if not j["passed"]}
+                if against and "best-of-round" in {j["rule"] for j in judged} - against:
+                    sets[", ".join(sorted(against))] += 1
+    rows = [f"| {names} | {count} |" for names, count in sets.most_common()]
+    head = ["| rules that turned down the best candidate of a round | rounds |", "| --- | ---: |"]
+    return "\n".join([*head, *rows])
+
+
+def _by_round(own: Sequence[Mapping]) -> list[list[Mapping]]:
+    """Judgements of a candidate, those of each round together."""
+    rounds = defaultdict[int, list[Mapping]](list)
+    for j in own:
+        rounds[j["round"]].append(j)
+    return list(rounds.values())
+
+
 def table(answers: Sequence[tuple[Judged, set[str]]]) -> str:
     """How often each rule judged, failed, failed alone, and whether the effect was missing then, as Markdown."""
     judged, failed, alone, right = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
     for judgements, missing in answers:
         for name, own in judgements.items():
-            by_round = defaultdict[int, list[Mapping]](list)
-            for j in own:
-                by_round[j["round"]].append(j)
-            for together in by_round.values():
-                judged.update(j["rule"] for j in together)
-                against = [j["rule"] for j in together if not j["passed"]]
+            for at_once in _by_round(own):
+                judged.update(j["rule"] for j in at_once)
+                against = [j["rule"] for j in at_once if not j["passed"]]
                 failed.update(against)
                 if len(against) == 1:
                     alone.update(against)
@@ -84,7 +103,7 @@ def main() -> None:
         answers += of_campaigns(folder, truth)
     if not answers:
         parser.error("no answers; expected --bench FILE, or --campaigns FOLDER with --truth FILE")
-    text = f"`{command()}`, {len(answers)} answers\n\n{table(answers)}\n"
+    text = f"`{command()}`, {len(answers)} answers\n\n{table(answers)}\n\n{together(answers)}\n"
     print(text)
     RESULTS.write_text(f"# What each rule decides alone\n\n{text}", encoding="utf-8")
 
