@@ -205,15 +205,18 @@ def continued_on_output_errors(
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
-    They are used where the noise of the hub sensor dominates, or where driven data leave much and output errors less;
-    not to replace those of a play, whose impacts take ten times as many steps.
+    They are used where no stick decides a free run, and the noise of the hub sensor dominates or they are explained
+    and driven data are not; not to replace those of a play, whose impacts take ten times as many steps.
     """
-    if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
+    if state.on_output_errors:
         return on_output_errors(state, more, math.inf, progress)
-    left = _largest(state.bench, state.best)
-    if left < rules.WORST_RESIDUAL or _has_play(state.best):
+    rough = output_error.hub_sensor_dominates(state.bench)
+    explained = _largest(state.bench, state.best) < rules.WORST_RESIDUAL
+    if not rough and (explained or _has_play(state.best)):
         return state, more
-    return on_output_errors(state, more, left, progress)
+    if not output_error.is_repeatable(state.bench, state.best):
+        return state, more
+    return on_output_errors(state, more, math.inf if rough else rules.WORST_RESIDUAL, progress)
 
 
 def _has_play(fit: Fit) -> bool:

@@ -32,7 +32,7 @@ from twin.residuals.noise import sensor_noise
 from twin.residuals.prepared import sensor_corrected_start
 from twin.residuals.residual import has_unknown_zero, without_zero
 from twin.residuals.view import END_MARGIN, hub_trajectory
-from twin.rigs.model import Model
+from twin.rigs.model import BREAK_AWAY_CHANGE, Model
 from twin.rigs.simulate import simulate
 
 _HUB_SHARE = 0.9
@@ -94,6 +94,19 @@ class OutputErrorData(FreeData):
             return None
         hub = hub_trajectory(self.driven.views[i], model)
         return self.spring, MeasuredHub(END_MARGIN, GRID, hub.angle, hub.rate)
+
+
+def is_repeatable(bench: Workbench, fit: Fit) -> bool:
+    """Whether no stick or slip decides a free run of any recording.
+
+    A relative change of the break-away torque by `BREAK_AWAY_CHANGE` must change no block by more than its noise, or
+    than what the model leaves of it.
+    """
+    free = Workbench(OutputErrorData(driven_data(bench), fit.model), bench.pool)
+    models = [fit.model, *(fit.model.with_break_away(1 + s * BREAK_AWAY_CHANGE) for s in (1, -1))]
+    plain, *changed = free.residuals([(m, fit.starts, None) for m in models])
+    left = np.maximum(1.0, free.sizes(plain))
+    return not np.any([free.sizes(other - plain) >= left for other in changed])
 
 
 def hub_sensor_dominates(bench: Workbench) -> bool:
