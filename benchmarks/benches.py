@@ -53,7 +53,7 @@ def _answer(found: Diagnosis, reach: Mapping[str, Mapping[str, float]]) -> dict:
         "verdict": found.verdict,
         "adopted": {e.name: [dict(e.parameters), dict(e.standard_errors)] for e in found.effects},
         "ranking": [name for name, _ in found.ranking[:5]],
-        "judgements": {n: [j.to_json() for j in judged] for n, judged in found.judgements.items()},
+        "judgements": found.to_json()["judgements"],
         "errors": [
             error
             for file, p in found.predictions.items()

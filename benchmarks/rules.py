@@ -1,12 +1,12 @@
 """What each rule decides alone: candidates that it turns down and every other rule of their round would adopt.
 
     python benchmarks/rules.py --bench WORK/answers.jsonl
-    python benchmarks/rules.py --campaigns ANSWERS --truth TRUTH.json
+    python benchmarks/rules.py --campaigns ANSWERS TRUTH.json
 
 WORK is the folder of `benches.py`; ANSWERS holds `NAME.json`, written by `twin diagnose FOLDER --json NAME.json`, for
-each campaign of TRUTH, whose format is that of `truth.json` in `twin virtual-rig`. This is the first order of an
-ablation: without a rule that turns down nothing alone, no candidate is adopted instead of being turned down. What the
-search would have found after another decision is not told. The table is printed, and written to
+each campaign of TRUTH, which is {"campaigns": {NAME: {"effects": [{"name": EFFECT}, ...]}}}. This is the first order of
+an ablation: without a rule that turns down nothing alone, no candidate is adopted instead of being turned down. What
+the search would have found after another decision is not told. The table is printed, and written to
 benchmarks/results/rules.md.
 """
 
@@ -28,10 +28,11 @@ Judged = Mapping[str, Sequence[Mapping]]
 
 
 def of_bench(file: Path) -> Iterator[tuple[Judged, set[str]]]:
-    """Judgements and missing effects of each answer of `benches.py`."""
+    """Judgements and missing effects of each answer of `benches.py` that has judgements: no refused campaign has."""
     for line in file.read_text(encoding="utf-8").splitlines():
         answer = json.loads(line)["answer"]
-        yield answer.get("judgements", {}), set(answer["truth"]["effects"])
+        if "judgements" in answer:
+            yield answer["judgements"], set(answer["truth"]["effects"])
 
 
 def of_campaigns(folder: Path, truth: Path) -> Iterator[tuple[Judged, set[str]]]:
@@ -77,8 +78,7 @@ def table(answers: Sequence[tuple[Judged, set[str]]]) -> str:
                 if len(against) == 1:
                     alone.update(against)
                     right.update(against if name in missing else [])
-    order = [rule.name for rule in (*rules.ADOPTION, rules.NEEDED, rules.REPLACEABLE, rules.SIZE_DETERMINED)]
-    names = [*order, *(name for name in judged if name not in order)]
+    names = [rule.name for rule in (*rules.SCREENING, *rules.ADOPTION, *rules.REVISION)]
     rows = [f"| {name} | {judged[name]} | {failed[name]} | {alone[name]} | {right[name]} |" for name in names]
     return "\n".join(
         [
@@ -95,14 +95,21 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--bench", type=Path, action="append", default=[], help="answers of benches.py")
-    parser.add_argument("--campaigns", type=Path, action="append", default=[], help="folder of answers")
-    parser.add_argument("--truth", type=Path, action="append", default=[], help="one for each --campaigns")
+    parser.add_argument(
+        "--campaigns",
+        type=Path,
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("ANSWERS", "TRUTH"),
+        help="folder of answers, and their truth",
+    )
     options = parser.parse_args()
     answers = [a for file in options.bench for a in of_bench(file)]
-    for folder, truth in zip(options.campaigns, options.truth, strict=True):
+    for folder, truth in options.campaigns:
         answers += of_campaigns(folder, truth)
     if not answers:
-        parser.error("no answers; expected --bench FILE, or --campaigns FOLDER with --truth FILE")
+        parser.error("no answers; expected --bench FILE or --campaigns FOLDER TRUTH")
     text = f"`{command()}`, {len(answers)} answers\n\n{table(answers)}\n\n{together(answers)}\n"
     print(text)
     RESULTS.write_text(f"# What each rule decides alone\n\n{text}", encoding="utf-8")

@@ -123,19 +123,24 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
 
 
 def _numbered(diagnosis: Diagnosis, number: int, name: str) -> str:
-    """An effect's name, with its number where there are others: the columns of the budget have room for that alone."""
-    return name if len(diagnosis.effects) < 2 else f"{number} {name}"
+    """An effect's name, with its number where there are several."""
+    return f"{number} {name}" if _has_several(diagnosis) else name
 
 
 def _gap(diagnosis: Diagnosis) -> int:
     """Characters between columns: with three effects, the tables fit into 80."""
-    return 2 if len(diagnosis.effects) < 2 else 1
+    return 1 if _has_several(diagnosis) else 2
+
+
+def _has_several(diagnosis: Diagnosis) -> bool:
+    """Whether there are several effects: the columns of the budget have room for their numbers alone."""
+    return len(diagnosis.effects) > 1
 
 
 def _budget_table(diagnosis: Diagnosis, rows: Sequence[display.BudgetRow], plain: bool) -> Table:
     patch = [">with patch"] if any(row.patched for row in rows) else []
     before, calibrated, *steps = display.budget_columns(diagnosis)
-    if len(steps) > 1:
+    if _has_several(diagnosis):
         steps = [f"+ {number}" for number in range(1, len(steps) + 1)]
     models = [f">{name}" for name in (before, calibrated, *steps)]
     table = _table(plain, _gap(diagnosis), "recording", *models, ">whole run", *patch, ">fit %", ">noise")
