@@ -46,7 +46,9 @@ def prepared():
     return prepare(Recording("a.csv", TIME, {"torque_command": TORQUE, **noisy}), NOISE)[0]
 
 
-@pytest.mark.parametrize("data", [lambda driven: driven, OutputErrorData], ids=["driven", "free run"])
+@pytest.mark.parametrize(
+    "data", [lambda d: d, lambda d: OutputErrorData(d, MODEL)], ids=["driven", "free run"]
+)
 def test_they_come_near_the_truth(prepared, data):
     with ResidualPool(1) as pool:
         bench = Workbench(data(DrivenData([prepared], MODEL)), pool)

@@ -7,7 +7,7 @@ import pytest
 
 from twin.diagnosis.dependence import unexplained_residuals
 from twin.estimation.fit import Fit
-from twin.estimation.output_error import OutputErrorData, is_repeatable, on_driven_data
+from twin.estimation.output_error import OutputErrorData, on_driven_data
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import effect_unknowns
 from twin.estimation.workbench import Workbench
@@ -52,9 +52,9 @@ def pool():
         yield threads
 
 
-def bench_of(model, command, pool):
+def bench_of(model, command, pool, period=np.inf):
     driven = DrivenData([prepare(measured(model, command), NOISE)[0]], model)
-    return Workbench(driven, pool), Workbench(OutputErrorData(driven), pool)
+    return Workbench(driven, pool), Workbench(OutputErrorData(driven, model, period), pool)
 
 
 def fit_of(bench, model):
@@ -91,14 +91,25 @@ def test_a_missing_friction_shows_in_the_free_run(pool):
     assert fit_of(free, rig(0.04)).size.max() > 20
 
 
-def test_where_a_torque_hardly_breaks_the_hub_away_a_free_run_decides_nothing(pool):
-    viscous, dry = rig(0.05), rig(0.0)
-    level = dry.declared["static_friction"]
-    hardly = np.where(TIME > 0.5, 1.0002 * level, 0.0)
-    driven, _ = bench_of(viscous, SQUARE, pool)
-    assert is_repeatable(driven, fit_of(driven, viscous))
-    driven, _ = bench_of(dry, hardly, pool)
-    assert not is_repeatable(driven, fit_of(driven, dry))
+def test_a_spring_leaves_the_right_model_its_noise_and_bounds_the_error_of_a_wrong_one(pool):
+    model, wrong = rig(0.05), rig(0.04)
+    _, free = bench_of(model, SQUARE, pool)
+    _, pulled = bench_of(model, SQUARE, pool, 1.0)
+    assert fit_of(pulled, model).size.max() < 1.2
+    assert 5 < fit_of(pulled, wrong).size.max() < 0.5 * fit_of(free, wrong).size.max()
+
+
+def test_with_a_spring_no_torque_that_hardly_breaks_the_hub_away_decides_the_rest_of_a_run(pool):
+    dry = rig(0.0)
+    hardly = np.where(TIME > 0.5, 1.0002 * dry.declared["static_friction"], 0.0)
+
+    def change(period):
+        _, bench = bench_of(dry, hardly, pool, period)
+        plain, stuck = bench.residuals([(m, (Start(),), None) for m in (dry, dry.with_break_away(1.001))])
+        return bench.sizes(stuck - plain).max()
+
+    assert change(np.inf) > 100
+    assert change(1.0) < 2
 
 
 def test_a_fit_to_free_runs_has_a_residual_on_driven_data(pool):

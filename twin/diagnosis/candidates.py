@@ -171,7 +171,7 @@ def _large_sizes(
 
 
 def _is_hidden(bench: Workbench, base: Fit, name: str) -> bool:
-    """Whether fitted parameters hide an effect in free runs: it is then fitted whatever its score test.
+    """Whether fitted parameters hide an effect in output errors: it is then fitted whatever its score test.
 
     At neutral its slope is theirs, and what tells it from them comes with its size. On driven data it is clear of them.
     """

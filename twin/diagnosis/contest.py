@@ -36,22 +36,31 @@ def fit_to_convergence(
     """Fits the candidates that may be best to convergence; returns all candidates, ranked again.
 
     If their misfit stays large, each is fitted again from the declared parameters and the better fit is kept: groups of
-    large residuals have little weight, so that a fit can converge to a local minimum.
+    large residuals have little weight, so that a fit can converge to a local minimum. A fit is given up where it would
+    stay behind the best by more than `rules.decisive_difference`.
     """
     best = ranked[0].score
     contenders = [c for c in ranked[:CONTENDERS] if c.score > _LEAST_SHARE * best]
     progress(f"comparing {', '.join(c.name for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
-    refined = [fit_fully(bench, base, c, c.fit.values) for c in contenders]
+    refined = list[Candidate]()
+    for c in contenders:
+        refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined)))
     left = min(bench.misfit(c.fit.residual) for c in refined)
     if left > rules.LEAST_SHARE * bench.misfit(base.residual):
-        goals = [c.fit.cost for c in refined]
-        others = [
-            fit_fully(bench, base, c, _from_declared(c.fit), goal)
-            for c, goal in zip(contenders, goals, strict=True)
-        ]
-        refined = [min(pair, key=lambda c: c.fit.cost) for pair in zip(refined, others, strict=True)]
+        for k, c in enumerate(refined):
+            goal = min(c.fit.cost, _most_cost(refined))
+            other = fit_fully(bench, base, c, _from_declared(c.fit), goal)
+            refined[k] = min(c, other, key=lambda c: c.fit.cost)
     return prefer_simpler(refined + rest)
+
+
+def _most_cost(refined: Sequence[Candidate]) -> float:
+    """Cost up to which a fit is not clearly behind the best of some candidates."""
+    if not refined:
+        return np.inf
+    best = min(refined, key=lambda c: c.fit.cost)
+    return best.fit.cost + rules.decisive_difference(best.score)
 
 
 def prefer_simpler(fitted: Sequence[Candidate]) -> list[Candidate]:

@@ -89,7 +89,7 @@ def checked_rate(false_alarm_rate: float) -> float:
 
 
 def _final_models(state: SearchState, pool: ResidualPool, followed: bool) -> static_friction.FinalModels:
-    """The models that are reported; a fit to free runs has found the static friction already."""
+    """The models that are reported; a fit to output errors has found the static friction already."""
     declared = state.start.declared
     if not state.on_output_errors:
         return static_friction.final_models(
@@ -110,9 +110,33 @@ def search(
     false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> SearchState:
     """Searches the fit recordings for effects that the model lacks; arguments as `diagnose`, residuals in `pool`."""
-    state, more = continued_on_output_errors(
-        *first_round(campaign, pool, progress, false_alarm_rate), progress
-    )
+    first = first_round(campaign, pool, progress, false_alarm_rate)
+    first = continued_on_output_errors(*first, progress)
+    state = _searched_to_end(*first, progress, false_alarm_rate)
+    begun = SearchState(state.start, state.adopting[:1])
+    if state.on_output_errors or not remainder.unexplained_channels(state) or _has_play(begun.best):
+        return state
+    # Where the measured hub drives the link, its noise does too, and a play is stepped over: an effect may be hidden.
+    progress("searching once more, with output errors")
+    other = _searched_to_end(*on_output_errors(begun, True, math.inf, progress), progress, false_alarm_rate)
+    return state if remainder.unexplained_channels(other) else other
+
+
+def _searched_to_end(
+    state: SearchState, more: bool, progress: Progress, false_alarm_rate: float
+) -> SearchState:
+    """The state after the remaining rounds of the search, with errors and the test for smooth functions."""
+    state = _searched_on(state, more, progress, false_alarm_rate)
+    state = revise.with_closer_free_runs(state)
+    progress("computing standard errors")
+    state, sound = on_sound_channels(state)
+    state = with_errors(state, sound)
+    progress("testing for torques outside the library")
+    return _final_state(state, sound, false_alarm_rate)
+
+
+def _searched_on(state: SearchState, more: bool, progress: Progress, false_alarm_rate: float) -> SearchState:
+    """The state after the remaining rounds of the search."""
     for _ in range(MOST_ROUNDS - 1):
         if not more or len(state.adopted) == MOST_EFFECTS:
             break
@@ -120,12 +144,7 @@ def search(
         state, more = next_round(state, progress, false_alarm_rate)
         if state.best is not tried:
             state, more = continued_on_output_errors(state, more, progress)
-    state = revise.with_closer_free_runs(state)
-    progress("computing standard errors")
-    state, sound = on_sound_channels(state)
-    state = with_errors(state, sound)
-    progress("testing for torques outside the library")
-    return _final_state(state, sound, false_alarm_rate)
+    return state
 
 
 def _final_state(state: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
@@ -154,7 +173,7 @@ def _final_state(state: SearchState, sound: Workbench, false_alarm_rate: float) 
 def with_unnamed(state: SearchState, bench: Workbench, false_alarm_rate: float) -> SearchState:
     """The state with the test for smooth functions in the residuals of these data."""
     if state.on_output_errors and not remainder.large_residuals(state):
-        # A free run adds up every torque on the hub: nothing is left that a function could explain.
+        # The hub integrates every torque: nothing is left that a function could explain.
         return replace(state, unnamed=())
     driven, best = output_error.on_driven_data(bench, state.best)
     return replace(state, unnamed=unnamed.find_functions(driven, best, false_alarm_rate))
@@ -184,30 +203,41 @@ def first_round(
 def continued_on_output_errors(
     state: SearchState, more: bool, progress: Progress
 ) -> tuple[SearchState, bool]:
-    """The state with its last fit repeated on output errors if these are not chaotic, and whether to go on.
+    """The state with its last fit repeated on output errors, and whether to go on.
 
-    Free runs are used where a model explains them, or where no scatter of friction decides a stick or slip in them.
+    They are used where the noise of the hub sensor dominates, or where they leave less of the recordings than driven
+    data do, and these leave much; not to replace those of a play, whose impacts take ten times as many steps.
     """
-    if state.on_output_errors:
-        return state, more and _can_gain(state)
-    rough = output_error.hub_sensor_dominates(state.bench)
-    if not rough and not _leaves_much(state.bench, state.best):
+    if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
+        return on_output_errors(state, more, math.inf, progress)
+    explained = _largest(state.bench, state.best) < rules.WORST_RESIDUAL
+    if explained or _has_play(state.best):
         return state, more
-    if not output_error.is_repeatable(state.bench, state.best):
-        return state, more
-    progress("fitting free runs")
-    most = math.inf if rough else rules.WORST_RESIDUAL
+    return on_output_errors(state, more, state.bench.misfit(state.best.residual), progress)
+
+
+def _has_play(fit: Fit) -> bool:
+    return fit.model.plant.motor.gap > 0
+
+
+def on_output_errors(
+    state: SearchState, more: bool, most: float, progress: Progress
+) -> tuple[SearchState, bool]:
+    """The state with its last fit repeated on output errors, and whether to go on.
+
+    Args:
+      state: of the search.
+      more: whether to go on where output errors are not used.
+      most: misfit above which output errors are not used [nat].
+      progress: called with a message.
+    """
+    progress("fitting output errors")
     found = output_error.fit_output_error(state.bench, state.best, most)
     if found is None:
         return state, more
     bench, fit = found
-    if _leaves_much(bench, fit):
-        if not rough:
-            return state, more
-        part = output_error.on_predictable_part(bench, fit)
-        if part is None:
-            return state, more
-        bench, fit = part
+    if bench.misfit(fit.residual) > most:
+        return state, more
     if state.adopted:
         *earlier, last = state.adopting
         last = replace(last, adopted=replace(state.adopted[-1], fit=fit), bench=bench)
@@ -218,9 +248,9 @@ def continued_on_output_errors(
     return (replace(state, rounds=state.adopting) if more else state), more
 
 
-def _leaves_much(bench: Workbench, fit: Fit) -> bool:
-    """Whether a fit leaves a residual that no small error of the model explains, in any block."""
-    return bool(bench.sizes(fit.residual).max(initial=0.0) >= rules.WORST_RESIDUAL)
+def _largest(bench: Workbench, fit: Fit) -> float:
+    """Largest residual that a fit leaves in any block [noise levels]."""
+    return float(bench.sizes(fit.residual).max(initial=0.0))
 
 
 def _can_gain(state: SearchState) -> bool:
@@ -240,8 +270,12 @@ def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) 
         ranked = contest.fit_to_convergence(bench, current, ranked, progress)
         better = contest.better_calibration(bench, current, ranked[0])
         if better is not None:
-            progress("repeating the round with a better calibration")
-            return next_round(state.with_last_fit(better), progress, false_alarm_rate)
+            state, gained = state.with_last_fit(better), current.cost - better.cost
+            if any(ranked[0].score - c.score <= gained for c in ranked[1:]):
+                progress("repeating the round with a better calibration")
+                return next_round(state, progress, false_alarm_rate)
+            # No other candidate can come first: their scores contain the gain of the calibration, too.
+            current, ranked = better, [replace(c, score=c.score - gained) for c in ranked]
     ranked, choice, confirmed = contest.confirm_in_fine_limit(bench, current, ranked, by_chance, state.gained)
     judgements = contest.judge_round(confirmed, current, ranked, by_chance, state.gained)
     threshold = max(by_chance, rules.MODEL_ERROR_SCORE, rules.MODEL_ERROR_SHARE * state.gained)

@@ -17,14 +17,13 @@ from twin.diagnosis.traces import held_out_torque
 from twin.diagnosis.windows import simulate_windows
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
-from twin.estimation.output_error import BREAK_AWAY_CHANGE
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.static_friction import FinalModels, with_static_levels
 from twin.mechanics.state import Start
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import has_unknown_zero
-from twin.rigs.model import Model, with_fine_chain
+from twin.rigs.model import BREAK_AWAY_CHANGE, Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
 
@@ -116,7 +115,7 @@ def free_runs(
 ) -> list[Recording]:
     """Simulations from the states at the first sample and the command: one of each model, then two of the last model.
 
-    These two have a break-away torque smaller and larger by `output_error.BREAK_AWAY_CHANGE`.
+    These two have a break-away torque smaller and larger by `BREAK_AWAY_CHANGE`.
     """
     exact = [with_fine_chain(m) for m in models]
     nearby = [exact[-1].with_break_away(share) for share in (1 - BREAK_AWAY_CHANGE, 1 + BREAK_AWAY_CHANGE)]

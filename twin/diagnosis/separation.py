@@ -22,12 +22,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.output_error import BREAK_AWAY_CHANGE
 from twin.estimation.unknowns import Unknown, model_at
 from twin.estimation.workbench import CORRELATION_TIME
 from twin.mechanics.state import Start
 from twin.recording import Recording
-from twin.rigs.model import Model
+from twin.rigs.model import BREAK_AWAY_CHANGE, Model
 from twin.rigs.simulate import simulate
 
 _LARGEST_ANGLE = 2.8  # rad, to which the wires let the hub turn; assumed

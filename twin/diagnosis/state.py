@@ -106,7 +106,7 @@ class SearchState:
 
     @property
     def on_output_errors(self) -> bool:
-        """Whether `bench` holds the errors of free-running simulations."""
+        """Whether `bench` holds output errors."""
         return isinstance(self.bench.data, OutputErrorData)
 
     @property

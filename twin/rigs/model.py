@@ -21,6 +21,8 @@ from twin.rigs.drive_law import apply_drive_effects
 from twin.rigs.patch import Patch
 
 _FAR = 1024.0  # N m, a command far beyond any dead zone; a power of two, so that gains stay exact
+BREAK_AWAY_CHANGE = 1e-3
+"""Relative change of the break-away torque by which simulations are tried for repeatability."""
 Effects = Mapping[str, Mapping[str, float]]
 """Effect name -> parameter name -> value, SI."""
 

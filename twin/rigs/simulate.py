@@ -9,13 +9,20 @@ from scipy.optimize import root
 from twin.effects import TORSION
 from twin.mechanics import planar
 from twin.mechanics.chain import Chain
+from twin.mechanics.hub_spring import MeasuredHub, Spring
 from twin.mechanics.plant import Plant
 from twin.mechanics.state import Guide, Motion, Start
 from twin.recording import MEASURED, Recording
 from twin.rigs.model import Model
 
 
-def simulate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Recording:
+def simulate(
+    model: Model,
+    recording: Recording,
+    start: Start,
+    guide: Guide | None = None,
+    spring: tuple[Spring, MeasuredHub] | None = None,
+) -> Recording:
     """Returns the readings that the model predicts for a recording, simulated with the compiled chain.
 
     Args:
@@ -23,14 +30,24 @@ def simulate(model: Model, recording: Recording, start: Start, guide: Guide | No
       recording: its command, time stamps and channels are used.
       start: state at the first sample.
       guide: measured rests to impose on the simulation; None for a free run.
+      spring: that pulls the hub to the measured one, and this; None for a free run.
     """
-    motion = integrate(model, recording, start, guide)
+    motion = integrate(model, recording, start, guide, spring)
     return sensor_readings(model, recording, motion)
 
 
-def integrate(model: Model, recording: Recording, start: Start, guide: Guide | None = None) -> Motion:
+def integrate(
+    model: Model,
+    recording: Recording,
+    start: Start,
+    guide: Guide | None = None,
+    spring: tuple[Spring, MeasuredHub] | None = None,
+) -> Motion:
     """Returns the motion of the chain under a recording's command; arguments as for `simulate`."""
     plant, times, torques = delivered_torque(model, recording)
+    if spring is not None:
+        pull, hub = spring
+        plant = pull.on(plant, hub)
     phi, omega = initial_state(model, recording, start)
     mode = int(np.sign(start.hub_rate)) if abs(start.hub_rate) > 0 else 0
     flags = (guide.observed, guide.anchor) if guide is not None else ()
