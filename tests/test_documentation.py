@@ -29,6 +29,8 @@ from planted import PLANTED
 from test_readme import DOCUMENTS, README, blocks
 
 import twin as package
+from twin.campaigns.drive import torque_per_command
+from twin.campaigns.schema import DriveEntry
 from twin.cli import app
 from twin.commands.virtual_rig import parsed_effect
 from twin.effects import REGISTRY
@@ -178,10 +180,22 @@ def test_the_requirements_of_the_documents_are_read(tmp_path):
     assert read_requirements(tmp_path / "limits.toml").share == 0.99
 
 
+def test_the_drive_of_the_documents_is_read():
+    (block,) = blocks(DOCUMENTS["docs/your-rig.md"], "toml")
+    drive = DriveEntry.model_validate(tomllib.loads(block)["drive"])
+    assert torque_per_command(drive) == pytest.approx(0.65 * 70 * 0.0077 / 2.6)
+
+
 def test_every_toml_block_is_read_by_one_of_these():
     """That of docs/recordings.md is read in `test_readme`."""
     having = {name for name, text in DOCUMENTS.items() if blocks(text, "toml")}
-    assert having == {"README.md", "docs/identification.md", "docs/recordings.md", "docs/validation.md"}
+    assert having == {
+        "README.md",
+        "docs/identification.md",
+        "docs/recordings.md",
+        "docs/validation.md",
+        "docs/your-rig.md",
+    }
 
 
 # Python

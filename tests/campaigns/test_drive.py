@@ -88,3 +88,26 @@ def test_the_nominal_gain_of_a_voltage_is_known_where_no_drive_is_declared(tmp_p
     assert campaign(tmp_path / "b").torque_per_volt is None
     declared = campaign(tmp_path / "c", f'[drive]\nkind = "voltage"\n{CONSTANTS}', VOLTS)
     assert declared.torque_per_volt is None
+
+
+@pytest.mark.parametrize(
+    ("drive", "expected"),
+    [
+        (f"[drive]\n{CONSTANTS}", '"voltage", as the command is in V'),
+        ("[drive]\n", '"voltage", as the command is in V'),
+    ],
+)
+def test_a_drive_of_a_motor_needs_its_kind(tmp_path, drive, expected):
+    with pytest.raises(InputError, match=f"drive.kind is missing; expected {expected}"):
+        campaign(tmp_path, drive, VOLTS)
+
+
+def test_without_a_gain_a_drive_is_proposed(tmp_path):
+    with pytest.raises(InputError, match=r'gain is missing; .* or a table \[drive\] with kind = "voltage"'):
+        campaign(tmp_path, "", VOLTS)
+
+
+def test_a_gain_before_a_voltage_drive_is_told(tmp_path):
+    volts = VOLTS | {"torque_command": VOLTS["torque_command"] + "\ngain = 0.1"}
+    declared = campaign(tmp_path, f'[drive]\nkind = "voltage"\n{CONSTANTS}', volts)
+    assert any("counts as 0.1 V at the motor" in note for note in declared.warnings)

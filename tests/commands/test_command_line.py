@@ -139,7 +139,7 @@ def test_stages_tell_how_many_and_the_time_left():
     stages.update("reading again")
     assert stages.line().startswith("2 of 3, about 25 s left: reading again")
     clock.now += 1000
-    assert stages.left == 0
+    assert stages.left is None
 
 
 def test_a_count_in_a_message_tells_the_time_left_too():

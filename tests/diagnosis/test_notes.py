@@ -124,3 +124,32 @@ def test_a_delay_is_told_in_milliseconds():
     fit = SimpleNamespace(unknowns=(u,), values=np.array([0.002]), errors=np.array([1e-5]))
     [note] = notes.channel_error_notes(fit)
     assert "The delay of the hub rate is taken as 2.000 ± 0.010 ms, within its declaration, 0 ± 3 ms." in note
+
+
+def drive_campaign(effects, uncertain=0.0):
+    command = SimpleNamespace(gain_uncertainty=uncertain)
+    return SimpleNamespace(
+        torque_per_raw_unit=(0.12, "V"), effects=effects, sensors={"torque_command": command}
+    )
+
+
+def fitted(**effects):
+    return SimpleNamespace(model=SimpleNamespace(effects=effects))
+
+
+def test_a_dead_zone_is_told_in_units_of_the_command():
+    found = fitted(**{"dead-zone": {"half_width": 0.024}})
+    said = notes.drive_notes(drive_campaign({}), found)
+    assert "The dead zone of 0.024 N·m is 0.2 V of the command." in said
+    assert any("hold if 0.12 N·m/V is right" in note for note in said)
+    assert len(notes.drive_notes(drive_campaign({}, uncertain=0.1), found)) == 1
+    assert notes.drive_notes(SimpleNamespace(torque_per_raw_unit=None), found) == []
+
+
+def test_a_declared_drive_is_told_as_declared_and_as_fitted():
+    declared = {"torque-gain": {"gain": 1.0}, "viscous-friction": {"viscous": 0.07}}
+    effects = fitted(**{"torque-gain": {"gain": 0.8}, "viscous-friction": {"viscous": 0.066}})
+    [said] = notes.drive_notes(drive_campaign(declared), effects)
+    assert said.startswith(
+        "[drive] declares 0.12 N·m/V at the hub; fitted: 0.096 N·m/V. Its back-EMF declares 0.07 "
+    )

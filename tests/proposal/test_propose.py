@@ -1,6 +1,7 @@
 """Proposals for unknown files: the bundled campaign without its names, units and notes is found again."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -196,3 +197,43 @@ def test_a_supply_is_no_command():
     assert not measure.signed(np.array([7.2, 7.4, 7.3]))
     assert measure.signed(np.array([0.0, 7.4, 7.3]))
     assert measure.signed(np.array([-1.0, 2.0]))
+
+
+def test_the_motor_behind_a_voltage_is_asked_for(nameless, tmp_path):
+    answers = {
+        "_command, column": "V",
+        "resistance": "2.6",
+        "torque constant": "7.7 mN*m/A ± 5 %",
+        "gear ratio": "70",
+        "limit": "10 V",
+        "length [m]": "42 cm ± 0.2 %",
+    }
+
+    def answer(question):
+        return next((text for key, text in answers.items() if key in question), "")
+
+    text = campaign_text(ask.complete(propose(nameless, "x"), answer))
+    written = tomllib.loads(text)
+    assert written["drive"] == {
+        "kind": "voltage",
+        "resistance": 2.6,
+        "torque_constant": 0.0077,
+        "torque_constant_uncertainty": 0.05,
+        "gear_ratio": 70.0,
+        "limit": 10.0,
+    }
+    assert written["uncertainty"]["length"] == 0.002
+    assert "torque_command.gain" not in "".join(needed(ask.complete(propose(nameless, "x"), answer)))
+
+
+def test_a_gauge_may_be_known_as_a_curvature_per_volt(nameless):
+    found = propose(nameless, "x")
+    unknown = replace(found.channels["strain_base"], unit="", gain=None)
+    answers = {"strain_base, column": "V", "strain_base: strain per V": "0.576 1/m"}
+
+    def answer(question):
+        return next((text for key, text in answers.items() if key in question), "")
+
+    found = replace(found, channels={**found.channels, "strain_base": unknown})
+    channel = ask.complete(found, answer).channels["strain_base"]
+    assert (channel.unit, channel.gain) == ("1/m", 0.576)

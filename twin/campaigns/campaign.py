@@ -16,7 +16,13 @@ from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.declaration_warnings import declaration_warnings
 from twin.campaigns.derived_channels import derive, derived_sensors
-from twin.campaigns.drive import check_drive, known_effects, torque_per_command, torque_per_volt
+from twin.campaigns.drive import (
+    check_drive,
+    known_effects,
+    torque_per_command,
+    torque_per_raw_unit,
+    torque_per_volt,
+)
 from twin.campaigns.missing import check_complete
 from twin.errors import InputError, listed, nearest, shown
 from twin.files.readers import read_recording
@@ -72,6 +78,7 @@ class Campaign:
       effects: name of each effect known to act on the rig -> parameter -> value, SI.
       effect_errors: name of effect -> parameter -> standard error, SI; without one, the value is only a rough one.
       torque_per_volt: nominal [N m/V], where the command is a voltage of which no drive is declared; otherwise None.
+      torque_per_raw_unit: nominal torque at the resting hub per V or A of the command, and which; None of one in N m.
     """
 
     name: str
@@ -84,6 +91,7 @@ class Campaign:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effect_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     torque_per_volt: float | None = None
+    torque_per_raw_unit: tuple[float, str] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sensors", MappingProxyType(dict(self.sensors)))
@@ -94,7 +102,8 @@ class Campaign:
 
     def __reduce__(self):
         first = (self.name, self.rig, dict(self.sensors), self.fit, self.static, self.warnings)
-        return (type(self), (*first, self._held_out, self.effects, self.effect_errors, self.torque_per_volt))
+        drive = self.torque_per_volt, self.torque_per_raw_unit
+        return (type(self), (*first, self._held_out, self.effects, self.effect_errors, *drive))
 
 
 def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
@@ -108,10 +117,10 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
     """
     root = _folder(Path(folder))
     content = _content(root)
+    check_drive(content)
     check_complete(content)
     rig = _declared_rig(content)
     check_parameters(rig)
-    check_drive(content)
     _check_channels(content, rig)
     _check_recordings(content, rig)
     read = [_read_recording(root, entry, content, rig) for entry in content.recordings]
@@ -141,6 +150,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
         effects=effects,
         effect_errors=errors,
         torque_per_volt=torque_per_volt(content),
+        torque_per_raw_unit=torque_per_raw_unit(content),
     )
 
 

@@ -20,6 +20,7 @@ def declaration_warnings(content: schema.CampaignFile) -> tuple[str, ...]:
         *_zero_noise_warnings(content),
         *_uncertainty_warnings(content),
         *_channel_uncertainty_warnings(content),
+        *_command_gain_warnings(content),
     )
 
 
@@ -27,6 +28,17 @@ def _zero_noise_warnings(content: schema.CampaignFile) -> Iterator[str]:
     for name, channel in content.channels.items():
         if channel.noise == 0.0:
             yield f"{schema.FILE}: channels.{name}.noise is 0, which no sensor has; taken as not declared"
+
+
+def _command_gain_warnings(content: schema.CampaignFile) -> Iterator[str]:
+    command = content.channels.get("torque_command")
+    if command is None or command.gain is None or abs(command.gain) == 1.0 or content.drive.kind == "torque":
+        return
+    unit = {"voltage": "V", "current": "A"}[content.drive.kind]
+    yield (
+        f"{schema.FILE}: channels.torque_command.gain is {command.gain:g}, so that 1 {command.unit} of the recording "
+        f"counts as {command.gain:g} {unit} at the motor; the torque per {unit} follows from [drive]"
+    )
 
 
 def _uncertainty_warnings(content: schema.CampaignFile) -> Iterator[str]:

@@ -25,6 +25,7 @@ data sheets of motors give their constants to 10 %, and the efficiency of a gear
 _NEEDED = {"torque": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}
 _UNITS = {"current": "A", "voltage": "V"}
 """Kind of the drive -> unit of its command."""
+_OF_A_MOTOR = {"resistance", "torque_constant", "back_emf_constant", "efficiency"}
 
 
 def check_drive(content: schema.CampaignFile) -> None:
@@ -34,6 +35,7 @@ def check_drive(content: schema.CampaignFile) -> None:
       InputError: something is missing or contradicts.
     """
     drive = content.drive
+    _check_kind(content)
     for key in _NEEDED[drive.kind]:
         if getattr(drive, key) is None:
             raise InputError(f'{schema.FILE}: drive.{key} is missing; kind = "{drive.kind}" needs it')
@@ -46,6 +48,18 @@ def check_drive(content: schema.CampaignFile) -> None:
             f"{schema.FILE}: channels.torque_command.unit is '{command.unit}'; expected '{unit}', because "
             f'[drive] has kind = "{drive.kind}"'
         )
+
+
+def _check_kind(content: schema.CampaignFile) -> None:
+    """Raises InputError where a `[drive]` without a kind, which is that of a torque, is of a motor."""
+    command = content.channels.get("torque_command")
+    unit = units.raw_unit(command.unit) if command is not None and command.gain is None else None
+    declared = content.drive.model_fields_set
+    if "drive" not in content.model_fields_set or "kind" in declared or not (unit or declared & _OF_A_MOTOR):
+        return
+    kind = next((kind for kind, other in _UNITS.items() if unit == other), None)
+    expected = f'"{kind}", as the command is in {unit}' if kind else '"voltage", "current" or "torque"'
+    raise InputError(f"{schema.FILE}: drive.kind is missing; expected {expected}")
 
 
 def torque_per_command(drive: schema.DriveEntry) -> float:
@@ -62,6 +76,16 @@ def torque_per_volt(content: schema.CampaignFile) -> float | None:
     if content.drive.kind != "torque" or command is None or units.raw_unit(command.unit) != "V":
         return None
     return command.gain
+
+
+def torque_per_raw_unit(content: schema.CampaignFile) -> tuple[float, str] | None:
+    """Nominal torque at the resting hub per volt or ampere of the command, and which; None of a command in N m."""
+    command = content.channels.get("torque_command")
+    raw = units.raw_unit(command.unit) if command is not None else None
+    if command is None or raw is None:
+        return None
+    gain = 1.0 if command.gain is None else command.gain
+    return abs(gain) * torque_per_command(content.drive), raw
 
 
 def known_effects(

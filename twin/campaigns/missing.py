@@ -9,6 +9,18 @@ from twin.campaigns import schema, units
 from twin.errors import InputError, nearest
 from twin.parameters import DEFAULTS, PARAMETERS
 
+_INSTEAD = {
+    (
+        "torque_command",
+        "V",
+    ): '; or a table [drive] with kind = "voltage", resistance, torque_constant and gear_ratio of a DC motor',
+    (
+        "torque_command",
+        "A",
+    ): '; or a table [drive] with kind = "current", torque_constant and gear_ratio of a DC motor',
+}
+"""Channel and unit of its raw signal -> what can be declared instead of a gain."""
+
 
 def check_complete(content: schema.CampaignFile) -> None:
     """Makes sure that nothing is missing.
@@ -41,7 +53,7 @@ def _channels(content: schema.CampaignFile) -> Iterator[str]:
             si = units.allowed(name)[0]
             yield (
                 f"channels.{name}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * "
-                f"(raw - offset), the gain in {si} per {raw}"
+                f"(raw - offset), the gain in {si} per {raw}{_INSTEAD.get((name, raw), '')}"
             )
         for key in ("position", "half_thickness") if units.is_strain(name) else ():
             if getattr(channel, key) is None:

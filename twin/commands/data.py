@@ -54,7 +54,8 @@ def _print(found: DataCheck) -> None:
         table.add_row(*row)
     screen.print(table)
     screen.print(
-        "\nSmallest changes that the recordings can show, if the declared model is right but for the effect:"
+        "\nSmallest changes that the recordings can show, if the declared model is right but for the effect; by its "
+        "derivative at zero, so that a dead zone or a play can show earlier:"
     )
     visible = Table("effect", "parameter", "standard error", "found from", box=None)
     for column in visible.columns[2:]:

@@ -59,11 +59,12 @@ class Stages:
 
     @property
     def left(self) -> float | None:
-        """Expected time to the end [s]; None while too little is done to tell."""
+        """Expected time to the end [s]; None while too little is done to tell, or later than expected."""
         if not _EARLY <= self._share < 1:
             return None
         at_update = (self._updated - self._began) * (1 - self._share) / self._share
-        return max(at_update - (self._clock() - self._updated), 0.0)
+        left = at_update - (self._clock() - self._updated)
+        return left if left > 0 else None
 
     def line(self) -> str:
         """Returns stage, time left and message in a line."""

@@ -12,7 +12,7 @@ from twin.diagnosis.windows import WINDOW
 from twin.recording import MEASURED
 
 _VISIBLE = 0.01
-"""Share of the largest error of the budget up to which a change of it is not told [1]."""
+"""Share of the error before a step up to which its change is not told [1]."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def _taken(budget: PooledBudget) -> str:
     clauses, last = [], ""
     for k, name in enumerate(names):
         taken = budget.errors[k] - budget.errors[k + 1]
-        if abs(taken) < _VISIBLE * max(budget.errors):
+        if abs(taken) < _VISIBLE * budget.errors[k]:
             clauses.append(f"{name} changes little")
             last = ""
             continue

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin import labels
 from twin.diagnosis import spectrum
 from twin.diagnosis.permutation import Slopes
 from twin.diagnosis.rays import best_on_rays, point_on_ray, rays, visible_length, with_effect
@@ -126,11 +127,11 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     ]
     scored = []
     for name in chosen:
-        progress(f"trying {name}")
+        progress(f"trying {labels.words(name)}")
         scored.append(fit_quickly(bench, base, name, slopes[name], peaks.get(name, ())))
     others = [n for n in names if n not in chosen]
     for name, values in _large_sizes(bench, base, {n: slopes[n] for n in others}, scored).items():
-        progress(f"trying {name}")
+        progress(f"trying {labels.words(name)}")
         chosen.append(name)
         scored.append(fit_from_best(bench, base, name, [values]))
     # A score test may overestimate the gain of a fit: candidates that were not fitted rank behind those that were.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -273,10 +274,9 @@ def _held_out(predictions: Mapping[str, Prediction]) -> str:
     ]
     if not errors:
         return "No recording was held out."
-    before, after = (sorted(getattr(e, which) / e.noise for e in errors) for which in ("before", "after"))
-    middle = len(errors) // 2
-    fell = f"falls from {labels.ratio(before[middle])} to" if before[middle] > after[middle] else "is"
-    return f"Over all channels and whole runs the median error {fell} {labels.ratio(after[middle])} noise levels."
+    before, after = (median(getattr(e, which) / e.noise for e in errors) for which in ("before", "after"))
+    fell = f"falls from {labels.ratio(before)} to" if before > after else "is"
+    return f"Over all channels and whole runs the median error {fell} {labels.ratio(after)} noise levels."
 
 
 def _place(channel: str) -> str:

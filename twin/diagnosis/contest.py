@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from twin import labels
 from twin.diagnosis import candidates, rules
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement, judge_all, passes
@@ -41,7 +42,7 @@ def fit_to_convergence(
     """
     best = ranked[0].score
     contenders = [c for c in ranked[:CONTENDERS] if c.score > _LEAST_SHARE * best]
-    progress(f"comparing {', '.join(c.name for c in contenders)}")
+    progress(f"comparing {', '.join(labels.words(c.name) for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
     refined = list[Candidate]()
     for c in contenders:

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
+from twin import labels
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis import (
     candidates,
@@ -282,7 +283,7 @@ def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) 
     done = Round(tuple(ranked), by_chance, threshold, draws, judgements)
     if choice is None:
         return state.with_round(done), False
-    progress(f"adopting {choice.name}")
+    progress(f"adopting {labels.words(choice.name)}")
     bench, current = contest.refit_with_own_noise(confirmed, current, choice.fit)
     done = replace(done, adopted=replace(choice, fit=current), bench=bench)
     return revise.revise(state.with_round(done), progress), True

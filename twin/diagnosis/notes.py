@@ -51,6 +51,7 @@ def all_notes(
         *channel_error_notes(polished.augmented),
         *_assumptions(campaign),
         *_known_effects(state),
+        *drive_notes(campaign, polished.augmented),
         *back_emf(campaign, polished.augmented.model.effects if state.adopted else {}),
         *_single_recordings(state),
         *_overstated_noise(state),
@@ -117,6 +118,35 @@ def _known_effects(state: SearchState) -> list[str]:
     return [
         f"The rig was declared with {' and '.join(state.known)}, fitted again: effects named as missing are additional."
     ]
+
+
+def drive_notes(campaign: Campaign, fit: Fit) -> list[str]:
+    """What was fitted of a drive of which the torque per volt or ampere was declared, in terms of its command."""
+    if campaign.torque_per_raw_unit is None:
+        return []
+    torque, unit = campaign.torque_per_raw_unit
+    effects, declared = fit.model.effects, campaign.effects
+    gain = effects.get("torque-gain", {}).get("gain", 1.0)
+    notes = []
+    if "torque-gain" in declared:
+        said = f"[drive] declares {torque:.3g} N·m/{unit} at the hub; fitted: {gain * torque:.3g} N·m/{unit}."
+        if "viscous-friction" in declared:
+            before, after = (of["viscous-friction"]["viscous"] for of in (declared, effects))
+            said += (
+                f" Its back-EMF declares {before:.3g} N·m·s/rad of friction; fitted: {after:.3g} N·m·s/rad."
+            )
+        scaled = "The scale of torques, inertias and stiffnesses is known as well as these, ratios are known better."
+        notes.append(f"{said} {scaled}")
+    elif (command := campaign.sensors.get("torque_command")) is None or not command.gain_uncertainty:
+        notes.append(
+            f"Parameters and standard errors hold if {torque:.3g} N·m/{unit} is right: inertias, stiffnesses and "
+            "frictions are proportional to it. Declare gain_uncertainty, or the motor in [drive], if it is not sure."
+        )
+    if width := effects.get("dead-zone", {}).get("half_width", 0.0):
+        notes.append(
+            f"The dead zone of {width:.3g} N·m is {width / (gain * torque):.3g} {unit} of the command."
+        )
+    return notes
 
 
 def back_emf(campaign: Campaign, effects: Mapping[str, Mapping[str, float]]) -> list[str]:

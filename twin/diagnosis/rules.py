@@ -122,7 +122,7 @@ SCREENING: tuple[Rule[Trial], ...] = (
 ADOPTION: tuple[Rule[Trial], ...] = (
     Rule(
         "best-of-round",
-        "Has no other candidate of the round a larger score, or an equal one with fewer parameters?",
+        "Is it the best candidate of the round, the simpler one of equals?",
         "rank in the round",
         lambda t: t.place,
         lambda t: 1,

@@ -14,7 +14,9 @@ class DeadZone(Effect):
     """
 
     name = "dead-zone"
-    meaning = "a drive that gives nothing for small commands, and the excess of larger ones"
+    meaning = (
+        "a drive that gives no torque below a level of the command, and beyond it what exceeds the level"
+    )
     acts_on = "drive"
     seen_as = (
         "Small commands do nothing; of larger ones a constant amount is missing. The missing torque is the command "

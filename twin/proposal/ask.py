@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 from twin.campaigns import units
 from twin.campaigns.units import DERIVED_UNITS, TIME
 from twin.errors import InputError, checked_number, shown
-from twin.parameters import PARAMETERS, rig_parameter
-from twin.proposal.campaign_text import GAUGE, MEANINGS, REQUIRED
+from twin.parameters import DEFAULTS, PARAMETERS, rig_parameter
+from twin.proposal.campaign_text import DRIVE, GAUGE, MEANINGS, drive_keys
 from twin.proposal.propose import ChannelProposal, Proposal
+from twin.proposal.quantity import Quantity, quantity
 from twin.recording import CHANNEL_UNITS
 
 Ask = Callable[[str], str]
 """Shows a question and returns the answer; "" where there is none."""
+_Answer = TypeVar("_Answer")
+_OPEN = "(Enter: leave it open)"
 
 
 def complete(proposal: Proposal, ask: Ask) -> Proposal:
     """Returns the proposal with what the user answered."""
     channels = dict(_channels(proposal, ask))
-    parameters = {
-        name: value
-        for name in (*REQUIRED, "tip_mass", "tip_inertia")
-        if (value := _parameter(name, ask)) is not None
-    }
+    drive = _drive(channels, ask)
+    values = dict(_parameters("limit" in drive, ask))
     recordings = tuple(
         replace(
             entry, loop=_choice(f"{entry.path.name}: loop, open or closed [open]? ", ("open", "closed"), ask)
@@ -33,7 +34,17 @@ def complete(proposal: Proposal, ask: Ask) -> Proposal:
         else entry
         for entry in proposal.recordings
     )
-    return replace(proposal, channels=channels, parameters=parameters, recordings=recordings)
+    return replace(
+        proposal,
+        channels=channels,
+        drive=drive,
+        parameters={name: value for name, (value, _) in values.items()},
+        uncertainty={name: error for name, (_, error) in values.items() if error is not None},
+        recordings=recordings,
+    )
+
+
+# Channels
 
 
 def _channels(proposal: Proposal, ask: Ask) -> Iterator[tuple[str, ChannelProposal]]:
@@ -45,9 +56,11 @@ def _channels(proposal: Proposal, ask: Ask) -> Iterator[tuple[str, ChannelPropos
         taken.add(given)
         if not channel.unit or given != name:
             channel = replace(channel, unit=_unit(given, channel, ask), unit_reason="")
+        if channel.unit and given != TIME and units.raw_unit(channel.unit):
+            channel = _with_gain(given, channel, ask)
         if units.is_strain(given):
             asked = {
-                key: _length(f"{given}: {key.replace('_', ' ')}, {what}? ", ask)
+                key: _quantity(f"{given}: {key.replace('_', ' ')}, {what} {_OPEN}? ", _length, ask)
                 for key, what in GAUGE.items()
             }
             channel = replace(
@@ -61,7 +74,8 @@ def _renamed(name: str, channel: ChannelProposal, taken: set[str], ask: Ask) -> 
     column, reason = shown(channel.found.column), channel.found.reason
     known = (TIME, *CHANNEL_UNITS, *DERIVED_UNITS)
     free = [other for other in known if other not in taken]
-    question = f"column {column} {reason}: which channel, or none [{name}]? "
+    what = ": torque, current or voltage" if name == "torque_command" else ""
+    question = f"column {column} {reason}. Which channel is it, or none [{name}{what}]? "
     answer = _choice(question, (name, "none", *free), ask)
     return None if answer == "none" else answer
 
@@ -75,9 +89,7 @@ def _choice(question: str, choices: tuple[str, ...], ask: Ask) -> str:
 
 
 def _unit(name: str, channel: ChannelProposal, ask: Ask) -> str:
-    question = (
-        f"{name}, column {shown(channel.found.column)}: unit, such as {', '.join(units.allowed(name))}? "
-    )
+    question = f"{name}, column {shown(channel.found.column)}: unit, such as {', '.join(units.allowed(name))} {_OPEN}? "
     while answer := ask(question).strip():
         try:
             units.scale(name, answer)
@@ -87,24 +99,87 @@ def _unit(name: str, channel: ChannelProposal, ask: Ask) -> str:
     return ""
 
 
-def _parameter(name: str, ask: Ask) -> float | None:
-    unit = PARAMETERS[name][0]
-    return _number(
-        f"{name} [{unit}], {MEANINGS[name]}? ", ask, lambda value: rig_parameter(name, value, None, "").value
-    )
+def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal:
+    """The channel of a raw signal with what one volt or ampere of it is; a curvature becomes its unit."""
+    what = units.allowed(name)[0]
+    of = {"torque_command": "at the hub "}.get(name, "")
+    other, empty = "", _OPEN
+    if units.is_strain(name):
+        what, other = "strain", ", or curvature with its unit, such as 0.5 1/m"
+    if name == "torque_command":
+        empty = "(Enter: by data of the motor, or left open)"
+    turned = "; negative, as it counts the wrong way round" if channel.gain else ""
+    question = f"{name}: {what} {of}per {channel.unit}{other}{turned} {empty}? "
+
+    def checked(answer: Quantity) -> tuple[float, str]:
+        if units.is_strain(name) and answer.unit and units.convertible(answer.unit, "1/m"):
+            return answer.to("1/m"), "1/m"
+        return answer.to(units.allowed(name)[0]), channel.unit
+
+    found = _quantity(question, checked, ask)
+    if found is None:
+        return channel
+    gain, unit = found
+    reason = channel.unit_reason if unit == channel.unit else f"curvature per {channel.unit} of the column"
+    return replace(channel, gain=gain, is_gain_known=True, unit=unit, unit_reason=reason)
 
 
-def _length(question: str, ask: Ask) -> float | None:
-    return _number(question, ask, lambda value: checked_number("it", value, 0.0, 100.0, "m"))
+def _length(answer: Quantity) -> float:
+    return checked_number("it", answer.to("m"), 0.0, 100.0, "m")
 
 
-def _number(question: str, ask: Ask, checked: Callable[[float], float]) -> float | None:
+# Drive and parameters
+
+
+def _drive(channels: Mapping[str, ChannelProposal], ask: Ask) -> dict[str, float]:
+    """Keys of the `[drive]` of a DC motor -> value, without its kind; empty where the torque of a command is known."""
+    command = channels.get("torque_command")
+    raw = units.raw_unit(command.unit) if command is not None and command.unit else None
+    if command is None or raw is None or command.is_gain_known:
+        return {}
+    found: dict[str, float] = {}
+    for key in drive_keys(raw):
+        unit, what = DRIVE[key]
+        unit = unit or raw
+        told = "" if unit == "1" else f" [{unit}]"
+        asked = f"DC motor of the drive: {key.replace('_', ' ')}{told}, {what} {_OPEN}? "
+        answer = _quantity(asked, lambda given, unit=unit: (given.to(unit), given.uncertainty), ask)
+        if answer is None and key in ("resistance", "torque_constant"):
+            return {}
+        if answer is not None:
+            found[key] = checked_number(key, answer[0], 0.0)
+            if answer[1] is not None:
+                found[f"{key}_uncertainty"] = answer[1]
+    return found
+
+
+def _parameters(limited: bool, ask: Ask) -> Iterator[tuple[str, tuple[float, float | None]]]:
+    """Name of a parameter -> its value and relative uncertainty; `limited`: the drive has a limit."""
+    is_first = True
+    for name in (*(n for n in PARAMETERS if n not in DEFAULTS), *DEFAULTS):
+        if limited and name == "torque_limit":
+            continue
+        unit = PARAMETERS[name][0]
+        told = "" if unit == "1" else f" [{unit}]"
+        empty = f"(Enter: {DEFAULTS[name]:g})" if name in DEFAULTS else _OPEN
+        example = f"; with unit and uncertainty if you like, such as 0.1 {unit} ± 10 %" if is_first else ""
+        question = f"{name}{told}, {MEANINGS[name]}{example} {empty}? "
+
+        def checked(answer: Quantity, name: str = name, unit: str = unit) -> tuple[float, float | None]:
+            return rig_parameter(name, answer.to(unit), answer.uncertainty, "").value, answer.uncertainty
+
+        found = _quantity(question, checked, ask)
+        is_first = False
+        if found is not None:
+            yield name, found
+
+
+def _quantity(question: str, checked: Callable[[Quantity], _Answer], ask: Ask) -> _Answer | None:
+    """The answer as a checked quantity, asked for again until it is one; None where it is empty."""
     asked = question
     while answer := ask(asked).strip():
         try:
-            return checked(float(answer.replace(",", ".")))
+            return checked(quantity(answer))
         except InputError as error:
             asked = f"{error}. {question}"
-        except ValueError:
-            asked = f"'{shown(answer)}' is no number. {question}"
     return None

@@ -7,15 +7,16 @@ from collections.abc import Iterator
 
 from twin.campaigns import units
 from twin.campaigns.units import TIME
-from twin.parameters import DEFAULTS, PARAMETERS
+from twin.parameters import ASSUMED_UNCERTAINTY, DEFAULTS, PARAMETERS
 from twin.proposal.propose import ChannelProposal, Proposal, RecordingProposal
+from twin.recording import ON_LINK
 
 MEANINGS = {
     "length": "from the axis of the hub to the tip",
     "linear_density": "mass of the link per length",
     "bending_stiffness": "E I of the link: Young's modulus times width times thickness^3 / 12",
-    "hub_inertia": "of all that turns with the hub, the link left out",
-    "tip_mass": "payload at the tip",
+    "hub_inertia": "of all that turns with the hub, the motor times the square of its gear ratio, without the link",
+    "tip_mass": "payload at the tip; 0 for none",
     "tip_inertia": "of the payload about the tip",
     "damping_ratio": "of every bending mode with the hub free to turn",
     "static_friction": "torque that a resting hub withstands",
@@ -26,20 +27,34 @@ MEANINGS = {
 REQUIRED = tuple(name for name in PARAMETERS if name not in DEFAULTS)
 """Parameters without which a rig cannot be simulated."""
 GAUGE = {
-    "position": "m along the link from the axis of the hub",
-    "half_thickness": "m from the neutral axis of the link to the gauge",
+    "position": "m along the link, from the axis of the hub (not from the clamp)",
+    "half_thickness": "m from the neutral axis of the link to the gauge, half the thickness of a strip",
 }
 """Key of a strain gauge -> what it is."""
+DRIVE = {
+    "resistance": ("ohm", "of the winding"),
+    "torque_constant": ("N*m/A", "torque of the motor per current"),
+    "gear_ratio": ("1", "turns of the motor per turn of the hub; 1 without a gear"),
+    "efficiency": ("1", "share of the torque that the gear passes on"),
+    "limit": ("", "largest magnitude of the command"),
+}
+"""Key of `[drive]` -> its unit, "" for that of the command, and what it is."""
+
+
+def drive_keys(raw: str) -> tuple[str, ...]:
+    """Returns the keys of the `[drive]` of a command in V or A."""
+    return tuple(key for key in DRIVE if raw == "V" or key != "resistance")
 
 
 def campaign_text(proposal: Proposal) -> str:
     """Returns the text of the file."""
     parts = [
         _head(proposal),
-        *(_channel(name, channel, proposal) for name, channel in proposal.channels.items()),
+        *(_channel(name, channel) for name, channel in proposal.channels.items()),
+        _drive(proposal),
         _missing_channels(proposal),
         _unused(proposal),
-        *(_recording(entry) for entry in proposal.recordings),
+        *(_recording(entry, k == 0) for k, entry in enumerate(proposal.recordings)),
     ]
     return "\n\n".join("\n".join(lines) for part in parts if (lines := list(part))) + "\n"
 
@@ -55,9 +70,12 @@ def _head(proposal: Proposal) -> Iterator[str]:
         yield _parameter(name, unit, proposal.parameters.get(name))
     yield ""
     yield "[uncertainty]"
-    yield "# relative standard deviation of each value above that is known, say"
-    yield "# length = 0.002"
-    yield "# bending_stiffness = 0.05"
+    yield "# standard deviation of each value above, as a share of it: two of three true values lie within"
+    for name, assumed in ASSUMED_UNCERTAINTY.items():
+        if name in proposal.uncertainty:
+            yield f"{name} = {proposal.uncertainty[name]:.6g}"
+        else:
+            yield f"# {name} = {assumed:g}{_behind('assumed if not given')}"
 
 
 def _parameter(name: str, unit: str, value: float | None) -> str:
@@ -69,7 +87,7 @@ def _parameter(name: str, unit: str, value: float | None) -> str:
     return f"# {name} = ...{_behind(f'{need}{what}{default}')}"
 
 
-def _channel(name: str, channel: ChannelProposal, proposal: Proposal) -> Iterator[str]:
+def _channel(name: str, channel: ChannelProposal) -> Iterator[str]:
     yield f"[channels.{name}]"
     yield f"column = {_quoted(channel.found.column)}{_behind(channel.found.reason)}"
     if channel.unit:
@@ -80,6 +98,8 @@ def _channel(name: str, channel: ChannelProposal, proposal: Proposal) -> Iterato
     if name == TIME:
         return
     yield from _gain(name, channel)
+    if name in ON_LINK:
+        yield "# its zero is fitted in each recording; offset_uncertainty = 0 if it is certain"
     if units.is_strain(name):
         for key, what in GAUGE.items():
             value = channel.gauge.get(key)
@@ -92,10 +112,16 @@ def _channel(name: str, channel: ChannelProposal, proposal: Proposal) -> Iterato
 
 def _gain(name: str, channel: ChannelProposal) -> Iterator[str]:
     raw = units.raw_unit(channel.unit) if channel.unit else None
-    if raw:
+    if channel.is_gain_known:
+        yield f"gain = {channel.gain!r}{_behind(channel.sign_reason)}"
+    elif raw:
         turned = "negative, " if channel.gain else ""
-        drive = f"; or [drive], where {raw} drives a motor" if name == "torque_command" else ""
-        yield f"# gain = ...{_behind(f'needed: {turned}{units.allowed(name)[0]} per {raw}{drive}')}"
+        drive = f"; or [drive], where {raw} drives a DC motor" if name == "torque_command" else ""
+        per = "strain" if units.is_strain(name) else units.allowed(name)[0]
+        curved = '; or unit = "1/m" and the curvature per ' + raw if units.is_strain(name) else ""
+        yield f"# gain = ...{_behind(f'needed: {turned}{per} per {raw}{drive}{curved}')}"
+    if channel.is_gain_known:
+        return
     if channel.gain is not None and not raw:
         yield f"gain = {channel.gain:g}{_behind(channel.sign_reason)}"
     elif channel.sign_reason:
@@ -110,11 +136,35 @@ def needed(proposal: Proposal) -> list[str]:
     for name, channel in channels.items():
         if not channel.unit:
             keys.append(f"channels.{name}.unit")
-        elif name != TIME and units.raw_unit(channel.unit):
-            keys.append(f"channels.{name}.gain")
+        elif name != TIME and units.raw_unit(channel.unit) and not channel.is_gain_known:
+            if name == "torque_command" and proposal.drive:
+                continue
+            keys.append(f"channels.{name}.gain{' or [drive]' * (name == 'torque_command')}")
         if units.is_strain(name):
             keys += [f"channels.{name}.{key}" for key in GAUGE if key not in channel.gauge]
     return keys
+
+
+def _drive(proposal: Proposal) -> Iterator[str]:
+    """The `[drive]` of a command in V or A of which the torque is not known: as a comment where it was not given."""
+    command = proposal.channels.get("torque_command")
+    raw = units.raw_unit(command.unit) if command is not None and command.unit else None
+    if command is None or raw is None or command.is_gain_known:
+        return
+    mark = "" if proposal.drive else "# "
+    if not proposal.drive:
+        yield f"# instead of the gain, where {raw} drives a DC motor:"
+    yield f"{mark}[drive]"
+    yield f'{mark}kind = "{"voltage" if raw == "V" else "current"}"'
+    for key in drive_keys(raw):
+        unit, what = DRIVE[key]
+        value = proposal.drive.get(key)
+        line = f"# {key} = ..." if value is None else f"{key} = {value:.9g}"
+        yield f"{line}{_behind(what if unit == '1' else f'{unit or raw}, {what}')}"
+        if (error := proposal.drive.get(f"{key}_uncertainty")) is not None:
+            yield f"{key}_uncertainty = {error:.6g}"
+    if not any(key.endswith("_uncertainty") for key in proposal.drive):
+        yield "# each may have its uncertainty, such as efficiency_uncertainty = 0.1, a share; else 10 % of the torque"
 
 
 def _missing_channels(proposal: Proposal) -> Iterator[str]:
@@ -140,12 +190,22 @@ def _unused(proposal: Proposal) -> Iterator[str]:
             yield f"#   {_quoted(column)}{f', which {what}' if what else ''}"
 
 
-def _recording(entry: RecordingProposal) -> Iterator[str]:
+_WORDS = {
+    "role": '"fit", or "holdout": kept back, to test predictions',
+    "loop": '"open" for a prescribed command, "closed" for that of a controller',
+    "start": '"rest", or "unknown" for a rig that may move at the first sample',
+}
+"""Key of a recording -> its words."""
+
+
+def _recording(entry: RecordingProposal, with_words: bool) -> Iterator[str]:
     lines = ["[[recordings]]", f"file = {_quoted(entry.path.name)}", f"role = {_quoted(entry.role)}"]
+    words = _WORDS if with_words else dict.fromkeys(_WORDS, "")
+    lines[-1] += _behind(words["role"])
     if entry.clamped:
         lines.append("clamped = true")
-    lines.append(f"loop = {_quoted(entry.loop)}")
-    lines.append(f"start = {_quoted(entry.start)}")
+    lines.append(f"loop = {_quoted(entry.loop)}{_behind(words['loop'])}")
+    lines.append(f"start = {_quoted(entry.start)}{_behind(words['start'])}")
     if entry.unusable:
         yield f"# Not used: {entry.unusable}."
     yield from (f"# {line}" if entry.unusable else line for line in lines)

@@ -70,7 +70,10 @@ def _follows(campaign: Campaign, recordings: tuple[Recording, ...]) -> Finding:
     ]
     clear = [ratio for ratio in ratios if ratio is not None]
     if not clear:
-        text = "in no recording does the hub speed up slowly enough beside its vibrations to see it follow the command"
+        text = (
+            "sign and size of the command are not checked: no recording has a slow part in which the hub follows it, "
+            "such as a slow ramp of the command"
+        )
         return Finding("hub, command", False, text)
     middle = float(np.median(clear))
     text = (

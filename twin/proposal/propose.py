@@ -34,9 +34,10 @@ class ChannelProposal:
       found: its column and why.
       unit: unit of the column; "" where nothing tells it.
       unit_reason: where the unit comes from.
-      gain: -1 where the channel counts the wrong way round; None: not so.
+      gain: -1 where the channel counts the wrong way round, None where not, or what the user gave.
       sign_reason: what is known of its sign; "" for a channel without one.
       gauge: position and half thickness of a strain gauge that the user gave [m].
+      is_gain_known: whether the user gave the gain.
     """
 
     found: Found
@@ -45,6 +46,7 @@ class ChannelProposal:
     gain: float | None = None
     sign_reason: str = ""
     gauge: Mapping[str, float] = field(default_factory=dict)
+    is_gain_known: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,8 @@ class Proposal:
       static: file of a static load test; None if there is none.
       resonance: frequency of the largest peak of the link's readings [Hz]; None where none is seen.
       parameters: values that the user gave, SI.
+      uncertainty: their relative standard deviations, of those that the user gave.
+      drive: keys of a `[drive]` that the user gave, without the kind.
     """
 
     name: str
@@ -90,6 +94,8 @@ class Proposal:
     static: Path | None = None
     resonance: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    drive: Mapping[str, float] = field(default_factory=dict)
 
 
 def propose(files: Sequence[Path], name: str) -> Proposal:

@@ -92,9 +92,9 @@ def _missing(d: Diagnosis) -> tuple[str, str]:
     if beyond:
         return (
             "Beyond doubt.",
-            f"What was found gains far more than chance, or the model's own error, can.{alarm}",
+            f"What was found gains far more than chance can, or an error of the model.{alarm}",
         )
-    return "Yes.", f"What was found gains more than chance, or the model's own error, does.{alarm}"
+    return "Yes.", f"What was found gains more than chance does, and more than an error of the model.{alarm}"
 
 
 def _cause(d: Diagnosis) -> list[Answer]:

@@ -101,7 +101,7 @@ def visible_rows(check: DataCheck) -> Iterator[tuple[str, str, str, str]]:
     """Yields effect, parameter, standard error of a change from neutral, and the change from which it is found."""
     for before, d in zip((None, *check.visible), check.visible, strict=False):
         effect = "" if before is not None and before.effect == d.effect else labels.words(d.effect)
-        sigma = _with_unit(d.sigma, d) if math.isfinite(d.sigma) else "–"
+        sigma = _with_unit(d.sigma, d) if math.isfinite(d.sigma) and d.is_visible else "–"
         yield effect, labels.words(d.parameter), sigma, _found(d)
 
 
