@@ -143,11 +143,15 @@ def _drive(channels: Mapping[str, ChannelProposal], ask: Ask) -> dict[str, float
         unit = unit or raw
         told = "" if unit == "1" else f" [{unit}]"
         asked = f"DC motor of the drive: {key.replace('_', ' ')}{told}, {what} {_OPEN}? "
-        answer = _quantity(asked, lambda given, unit=unit: (given.to(unit), given.uncertainty), ask)
+
+        def checked(given: Quantity, key: str = key, unit: str = unit) -> tuple[float, float | None]:
+            return checked_number(key, given.to(unit), 0.0), given.uncertainty
+
+        answer = _quantity(asked, checked, ask)
         if answer is None and key in ("resistance", "torque_constant"):
             return {}
         if answer is not None:
-            found[key] = checked_number(key, answer[0], 0.0)
+            found[key] = answer[0]
             if answer[1] is not None:
                 found[f"{key}_uncertainty"] = answer[1]
     return found
