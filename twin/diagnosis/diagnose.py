@@ -37,7 +37,7 @@ from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
-from twin.recording import ON_LINK
+from twin.recording import HUB_TORQUE, ON_LINK
 
 MOST_EFFECTS = 3
 """Effects that are adopted at most."""
@@ -115,9 +115,10 @@ def search(
     first = continued_on_output_errors(*first, progress)
     state = _searched_to_end(*first, progress, false_alarm_rate)
     begun = SearchState(state.start, state.adopting[:1])
-    if state.on_output_errors or not remainder.unexplained_channels(state) or _has_play(begun.best):
+    hidden = HUB_TORQUE in remainder.unexplained_channels(state)
+    if state.on_output_errors or not hidden or _has_play(begun.best):
         return state
-    # Where the measured hub drives the link, its noise does too, and a play is stepped over: an effect may be hidden.
+    # Driven data smooth the motion of the hub, and an impact with it: what is missing in its balance may be hidden.
     progress("searching once more, with output errors")
     other = _searched_to_end(*on_output_errors(begun, True, math.inf, progress), progress, false_alarm_rate)
     return state if remainder.unexplained_channels(other) else other
