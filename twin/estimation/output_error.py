@@ -146,11 +146,13 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
     if not found:
         return None
     free, fitted = min(found, key=lambda path: path[1].cost)
-    free, _ = chain_limit.without_discretisation_error(
+    exact, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
     at = fitted.model, fitted.starts, fitted.unknowns, fitted.values
-    return free, minimise(free, *at, fixed_jacobian=fitted.jacobian_columns)
+    corrected = minimise(exact, *at, fixed_jacobian=fitted.jacobian_columns)
+    # Where the discretisation decides a stick, its error is no small correction.
+    return (exact, corrected) if corrected.cost <= fitted.cost else (free, fitted)
 
 
 def _softened(
