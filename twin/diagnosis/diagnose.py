@@ -207,15 +207,17 @@ def continued_on_output_errors(
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
-    They are used where the noise of the hub sensor dominates, or where they leave less of the recordings than driven
-    data do, and these leave much; not to replace those of a play, whose impacts take ten times as many steps.
+    They are used where the noise of the hub sensor dominates, or where driven data leave much, output errors are
+    explained and leave less; not to replace those of a play, whose impacts take ten times as many steps.
     """
     if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
         return on_output_errors(state, more, math.inf, progress)
     explained = _largest(state.bench, state.best) < rules.WORST_RESIDUAL
     if explained or _has_play(state.best):
         return state, more
-    return on_output_errors(state, more, state.bench.misfit(state.best.residual), progress)
+    return on_output_errors(
+        state, more, state.bench.misfit(state.best.residual), progress, rules.WORST_RESIDUAL
+    )
 
 
 def _has_play(fit: Fit) -> bool:
@@ -223,7 +225,7 @@ def _has_play(fit: Fit) -> bool:
 
 
 def on_output_errors(
-    state: SearchState, more: bool, most: float, progress: Progress
+    state: SearchState, more: bool, most: float, progress: Progress, largest: float = math.inf
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
@@ -232,13 +234,14 @@ def on_output_errors(
       more: whether to go on where output errors are not used.
       most: misfit above which output errors are not used [nat].
       progress: called with a message.
+      largest: residual of a block from which on output errors are not used [noise levels].
     """
     progress("fitting output errors")
     found = output_error.fit_output_error(state.bench, state.best, most)
     if found is None:
         return state, more
     bench, fit = found
-    if bench.misfit(fit.residual) > most:
+    if bench.misfit(fit.residual) > most or _largest(bench, fit) >= largest:
         return state, more
     if state.adopted:
         *earlier, last = state.adopting
