@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from twin.campaigns.drive import RawCommand
 from twin.diagnosis import notes, remainder
 from twin.diagnosis.answer import ChannelError
 from twin.estimation.unknowns import Unknown
@@ -129,7 +130,7 @@ def test_a_delay_is_told_in_milliseconds():
 def drive_campaign(effects, uncertain=0.0):
     command = SimpleNamespace(gain_uncertainty=uncertain)
     return SimpleNamespace(
-        torque_per_raw_unit=(0.12, "V"), effects=effects, sensors={"torque_command": command}
+        raw_command=RawCommand(0.12, "V", bool(effects)), effects=effects, sensors={"torque_command": command}
     )
 
 
@@ -143,7 +144,7 @@ def test_a_dead_zone_is_told_in_units_of_the_command():
     assert "The dead zone of 0.024 N·m is 0.2 V of the command." in said
     assert any("hold if 0.12 N·m/V is right" in note for note in said)
     assert len(notes.drive_notes(drive_campaign({}, uncertain=0.1), found)) == 1
-    assert notes.drive_notes(SimpleNamespace(torque_per_raw_unit=None), found) == []
+    assert notes.drive_notes(SimpleNamespace(raw_command=None), found) == []
 
 
 def test_a_declared_drive_is_told_as_declared_and_as_fitted():

@@ -16,13 +16,7 @@ from twin import rigs
 from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.declaration_warnings import declaration_warnings
 from twin.campaigns.derived_channels import derive, derived_sensors
-from twin.campaigns.drive import (
-    check_drive,
-    known_effects,
-    torque_per_command,
-    torque_per_raw_unit,
-    torque_per_volt,
-)
+from twin.campaigns.drive import RawCommand, check_drive, known_effects, raw_command, torque_per_command
 from twin.campaigns.missing import check_complete
 from twin.errors import InputError, listed, nearest, shown
 from twin.files.readers import read_recording
@@ -77,8 +71,7 @@ class Campaign:
       warnings: a sentence for each oddity of the data.
       effects: name of each effect known to act on the rig -> parameter -> value, SI.
       effect_errors: name of effect -> parameter -> standard error, SI; without one, the value is only a rough one.
-      torque_per_volt: nominal [N m/V], where the command is a voltage of which no drive is declared; otherwise None.
-      torque_per_raw_unit: nominal torque at the resting hub per V or A of the command, and which; None of one in N m.
+      raw_command: what a command in V or A nominally does; None of one in N m.
     """
 
     name: str
@@ -90,8 +83,7 @@ class Campaign:
     _held_out: tuple[Recording, ...] = field(default=(), repr=False)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effect_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    torque_per_volt: float | None = None
-    torque_per_raw_unit: tuple[float, str] | None = None
+    raw_command: RawCommand | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sensors", MappingProxyType(dict(self.sensors)))
@@ -102,8 +94,13 @@ class Campaign:
 
     def __reduce__(self):
         first = (self.name, self.rig, dict(self.sensors), self.fit, self.static, self.warnings)
-        drive = self.torque_per_volt, self.torque_per_raw_unit
-        return (type(self), (*first, self._held_out, self.effects, self.effect_errors, *drive))
+        return (type(self), (*first, self._held_out, self.effects, self.effect_errors, self.raw_command))
+
+    @property
+    def torque_per_volt(self) -> float | None:
+        """Nominal [N m/V], where the command is a voltage of which no drive is declared; otherwise None."""
+        raw = self.raw_command
+        return raw.torque if raw is not None and raw.unit == "V" and not raw.is_of_drive else None
 
 
 def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
@@ -149,8 +146,7 @@ def read_campaign(folder: str | os.PathLike[str]) -> Campaign:
         _held_out=held_out,
         effects=effects,
         effect_errors=errors,
-        torque_per_volt=torque_per_volt(content),
-        torque_per_raw_unit=torque_per_raw_unit(content),
+        raw_command=raw_command(content),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from twin.campaigns import schema
+from twin.campaigns.drive import COMMAND_UNITS
 from twin.recording import LONGEST_DELAY
 
 _NOT_COMPARED = {
@@ -34,7 +35,7 @@ def _command_gain_warnings(content: schema.CampaignFile) -> Iterator[str]:
     command = content.channels.get("torque_command")
     if command is None or command.gain is None or abs(command.gain) == 1.0 or content.drive.kind == "torque":
         return
-    unit = {"voltage": "V", "current": "A"}[content.drive.kind]
+    unit = COMMAND_UNITS[content.drive.kind]
     yield (
         f"{schema.FILE}: channels.torque_command.gain is {command.gain:g}, so that 1 {command.unit} of the recording "
         f"counts as {command.gain:g} {unit} at the motor; the torque per {unit} follows from [drive]"

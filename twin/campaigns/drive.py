@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from twin.campaigns import schema, units
 from twin.errors import InputError
@@ -23,8 +24,10 @@ DEFAULT_UNCERTAINTY = 0.1
 data sheets of motors give their constants to 10 %, and the efficiency of a gear depends on its load."""
 
 _NEEDED = {"torque": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}
-_UNITS = {"current": "A", "voltage": "V"}
-"""Kind of the drive -> unit of its command."""
+COMMAND_UNITS = {"current": "A", "voltage": "V"}
+"""Kind of the drive of a motor -> unit of its command."""
+MOTOR_KINDS = {unit: kind for kind, unit in COMMAND_UNITS.items()}
+"""Unit of a command -> kind of the drive of a motor."""
 _OF_A_MOTOR = {"resistance", "torque_constant", "back_emf_constant", "efficiency"}
 
 
@@ -42,7 +45,7 @@ def check_drive(content: schema.CampaignFile) -> None:
     command = content.channels.get("torque_command")
     if drive.kind == "torque" or command is None:
         return
-    unit = _UNITS[drive.kind]
+    unit = COMMAND_UNITS[drive.kind]
     if not units.convertible(command.unit, unit):
         raise InputError(
             f"{schema.FILE}: channels.torque_command.unit is '{command.unit}'; expected '{unit}', because "
@@ -57,8 +60,8 @@ def _check_kind(content: schema.CampaignFile) -> None:
     declared = content.drive.model_fields_set
     if "drive" not in content.model_fields_set or "kind" in declared or not (unit or declared & _OF_A_MOTOR):
         return
-    kind = next((kind for kind, other in _UNITS.items() if unit == other), None)
-    expected = f'"{kind}", as the command is in {unit}' if kind else '"voltage", "current" or "torque"'
+    sure = f'"{MOTOR_KINDS[unit]}", as the command is in {unit}' if unit else ""
+    expected = sure or '"voltage", "current" or "torque"'
     raise InputError(f"{schema.FILE}: drive.kind is missing; expected {expected}")
 
 
@@ -70,22 +73,28 @@ def torque_per_command(drive: schema.DriveEntry) -> float:
     return per_ampere / (drive.resistance or 1.0) if drive.kind == "voltage" else per_ampere
 
 
-def torque_per_volt(content: schema.CampaignFile) -> float | None:
-    """Nominal gain of a command that is a voltage [N m/V], of which no drive is declared; None of any other."""
-    command = content.channels.get("torque_command")
-    if content.drive.kind != "torque" or command is None or units.raw_unit(command.unit) != "V":
-        return None
-    return command.gain
+class RawCommand(NamedTuple):
+    """What a command in volts or amperes nominally does.
+
+    Attributes:
+      torque: at the resting hub per unit [N m/V], [N m/A].
+      unit: "V" or "A".
+      is_of_drive: whether it follows from a declared drive, not from a gain.
+    """
+
+    torque: float
+    unit: str
+    is_of_drive: bool
 
 
-def torque_per_raw_unit(content: schema.CampaignFile) -> tuple[float, str] | None:
-    """Nominal torque at the resting hub per volt or ampere of the command, and which; None of a command in N m."""
+def raw_command(content: schema.CampaignFile) -> RawCommand | None:
+    """What a command in volts or amperes does; None of a command in N m."""
     command = content.channels.get("torque_command")
     raw = units.raw_unit(command.unit) if command is not None else None
     if command is None or raw is None:
         return None
     gain = 1.0 if command.gain is None else command.gain
-    return abs(gain) * torque_per_command(content.drive), raw
+    return RawCommand(abs(gain) * torque_per_command(content.drive), raw, content.drive.kind != "torque")
 
 
 def known_effects(

@@ -9,17 +9,11 @@ from twin.campaigns import schema, units
 from twin.errors import InputError, nearest
 from twin.parameters import DEFAULTS, PARAMETERS
 
-_INSTEAD = {
-    (
-        "torque_command",
-        "V",
-    ): '; or a table [drive] with kind = "voltage", resistance, torque_constant and gear_ratio of a DC motor',
-    (
-        "torque_command",
-        "A",
-    ): '; or a table [drive] with kind = "current", torque_constant and gear_ratio of a DC motor',
+_INSTEAD_OF_A_GAIN = {
+    "V": 'kind = "voltage", resistance, torque_constant and gear_ratio',
+    "A": 'kind = "current", torque_constant and gear_ratio',
 }
-"""Channel and unit of its raw signal -> what can be declared instead of a gain."""
+"""Unit of a command -> what [drive] needs of a motor, instead of a gain."""
 
 
 def check_complete(content: schema.CampaignFile) -> None:
@@ -51,9 +45,14 @@ def _channels(content: schema.CampaignFile) -> Iterator[str]:
         is_raw_command = name == "torque_command" and content.drive.kind != "torque"
         if raw and name != units.TIME and channel.gain is None and not is_raw_command:
             si = units.allowed(name)[0]
+            motor = (
+                f"; or a table [drive] with {_INSTEAD_OF_A_GAIN[raw]} of a DC motor"
+                if name == "torque_command"
+                else ""
+            )
             yield (
                 f"channels.{name}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * "
-                f"(raw - offset), the gain in {si} per {raw}{_INSTEAD.get((name, raw), '')}"
+                f"(raw - offset), the gain in {si} per {raw}{motor}"
             )
         for key in ("position", "half_thickness") if units.is_strain(name) else ():
             if getattr(channel, key) is None:

@@ -122,13 +122,13 @@ def _known_effects(state: SearchState) -> list[str]:
 
 def drive_notes(campaign: Campaign, fit: Fit) -> list[str]:
     """What was fitted of a drive of which the torque per volt or ampere was declared, in terms of its command."""
-    if campaign.torque_per_raw_unit is None:
+    if campaign.raw_command is None:
         return []
-    torque, unit = campaign.torque_per_raw_unit
+    torque, unit, is_of_drive = campaign.raw_command
     effects, declared = fit.model.effects, campaign.effects
     gain = effects.get("torque-gain", {}).get("gain", 1.0)
     notes = []
-    if "torque-gain" in declared:
+    if is_of_drive:
         said = f"[drive] declares {torque:.3g} N·m/{unit} at the hub; fitted: {gain * torque:.3g} N·m/{unit}."
         if "viscous-friction" in declared:
             before, after = (of["viscous-friction"]["viscous"] for of in (declared, effects))

@@ -141,7 +141,9 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
       most: misfit that may be left [nat]; None where the fit does not come near that.
     """
     start = _as_start(bench, fit)
-    softened = [_softened(bench, start, ratio, most) for ratio in _DAMPING_RATIOS]
+    least = bench.data.period if isinstance(bench.data, OutputErrorData) else 0.0
+    ratios = _DAMPING_RATIOS if least < np.inf else (0.0,)
+    softened = [_softened(bench, start, ratio, most, least) for ratio in ratios]
     found = [path for path in softened if path is not None]
     if not found:
         return None
@@ -156,13 +158,13 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
 
 
 def _softened(
-    bench: Workbench, start: Fit, damping_ratio: float, most: float
+    bench: Workbench, start: Fit, damping_ratio: float, most: float, least: float
 ) -> tuple[Workbench, Fit] | None:
     """The likeliest of fits with springs of one damping ratio, each begun at the one before it, from the stiffest on.
 
-    It ends where a softer spring is less likely. Arguments as `fit_output_error`; None where the first leaves too much.
+    It ends where a softer spring is less likely. Arguments as `fit_output_error`, `least` the shortest period
+    [s]; None where the first leaves too much.
     """
-    least = bench.data.period if isinstance(bench.data, OutputErrorData) else 0.0
     best: tuple[Workbench, Fit] | None = None
     for period in (p for p in _PERIODS if p >= least):
         data = OutputErrorData(driven_data(bench), start.model, period, damping_ratio)

@@ -10,7 +10,7 @@ from twin.campaigns import units
 from twin.campaigns.units import DERIVED_UNITS, TIME
 from twin.errors import InputError, checked_number, shown
 from twin.parameters import DEFAULTS, PARAMETERS, rig_parameter
-from twin.proposal.campaign_text import DRIVE, GAUGE, MEANINGS, drive_keys
+from twin.proposal.campaign_text import DRIVE, GAUGE, MEANINGS, drive_keys, motor_unit
 from twin.proposal.propose import ChannelProposal, Proposal
 from twin.proposal.quantity import Quantity, quantity
 from twin.recording import CHANNEL_UNITS
@@ -133,9 +133,8 @@ def _length(answer: Quantity) -> float:
 
 def _drive(channels: Mapping[str, ChannelProposal], ask: Ask) -> dict[str, float]:
     """Keys of the `[drive]` of a DC motor -> value, without its kind; empty where the torque of a command is known."""
-    command = channels.get("torque_command")
-    raw = units.raw_unit(command.unit) if command is not None and command.unit else None
-    if command is None or raw is None or command.is_gain_known:
+    raw = motor_unit(channels)
+    if raw is None:
         return {}
     found: dict[str, float] = {}
     for key in drive_keys(raw):

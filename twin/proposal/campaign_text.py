@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from twin.campaigns import units
+from twin.campaigns.drive import MOTOR_KINDS
 from twin.campaigns.units import TIME
 from twin.parameters import ASSUMED_UNCERTAINTY, DEFAULTS, PARAMETERS
 from twin.proposal.propose import ChannelProposal, Proposal, RecordingProposal
@@ -39,6 +40,12 @@ DRIVE = {
     "limit": ("", "largest magnitude of the command"),
 }
 """Key of `[drive]` -> its unit, "" for that of the command, and what it is."""
+
+
+def motor_unit(channels: Mapping[str, ChannelProposal]) -> str | None:
+    """Returns "V" or "A" of a command of which the torque is not known; None of any other."""
+    command = channels.get("torque_command")
+    return units.raw_unit(command.unit) if command and command.unit and not command.is_gain_known else None
 
 
 def drive_keys(raw: str) -> tuple[str, ...]:
@@ -114,14 +121,13 @@ def _gain(name: str, channel: ChannelProposal) -> Iterator[str]:
     raw = units.raw_unit(channel.unit) if channel.unit else None
     if channel.is_gain_known:
         yield f"gain = {channel.gain!r}{_behind(channel.sign_reason)}"
-    elif raw:
+        return
+    if raw:
         turned = "negative, " if channel.gain else ""
         drive = f"; or [drive], where {raw} drives a DC motor" if name == "torque_command" else ""
         per = "strain" if units.is_strain(name) else units.allowed(name)[0]
         curved = '; or unit = "1/m" and the curvature per ' + raw if units.is_strain(name) else ""
         yield f"# gain = ...{_behind(f'needed: {turned}{per} per {raw}{drive}{curved}')}"
-    if channel.is_gain_known:
-        return
     if channel.gain is not None and not raw:
         yield f"gain = {channel.gain:g}{_behind(channel.sign_reason)}"
     elif channel.sign_reason:
@@ -147,15 +153,14 @@ def needed(proposal: Proposal) -> list[str]:
 
 def _drive(proposal: Proposal) -> Iterator[str]:
     """The `[drive]` of a command in V or A of which the torque is not known: as a comment where it was not given."""
-    command = proposal.channels.get("torque_command")
-    raw = units.raw_unit(command.unit) if command is not None and command.unit else None
-    if command is None or raw is None or command.is_gain_known:
+    raw = motor_unit(proposal.channels)
+    if raw is None:
         return
     mark = "" if proposal.drive else "# "
     if not proposal.drive:
         yield f"# instead of the gain, where {raw} drives a DC motor:"
     yield f"{mark}[drive]"
-    yield f'{mark}kind = "{"voltage" if raw == "V" else "current"}"'
+    yield f'{mark}kind = "{MOTOR_KINDS[raw]}"'
     for key in drive_keys(raw):
         unit, what = DRIVE[key]
         value = proposal.drive.get(key)
