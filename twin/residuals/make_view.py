@@ -111,7 +111,9 @@ def _clamped_signals(prepared: Prepared) -> Signals:
     time = _grid_of(prepared.recording)
     measured, known, with_gaps = _resampled(prepared, time)
     still = np.zeros(len(time))
-    return Signals(time, still, still, still, still, still > 0, measured, known, (), with_gaps=with_gaps)
+    # Gravity bends the link according to the angle at which the hub is held.
+    held = np.full(len(time), prepared.start.hub_angle)
+    return Signals(time, held, still, still, still, still > 0, measured, known, (), with_gaps=with_gaps)
 
 
 def hub_signals(

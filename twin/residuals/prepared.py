@@ -100,7 +100,7 @@ def sensor_corrected_start(model: Model, prepared: Prepared, start: Start) -> St
 
     The state of a rig that was moving is fitted and remains as it is.
     """
-    if prepared.recording.start != "rest" or prepared.hub is None:
+    if prepared.recording.start != "rest" or "hub_angle" not in prepared.channels:
         return start
     angle = model.hub_angle_of(np.array([start.hub_angle]), prepared.recording.time[:1])
     return replace(start, hub_angle=float(angle[0]))

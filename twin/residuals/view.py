@@ -37,7 +37,7 @@ class Signals:
 
     Attributes:
       time: [s] (m).
-      reading, rate, acceleration: of the hub's reading [rad], [rad/s], [rad/s^2] (m); zero where it is clamped.
+      reading, rate, acceleration: of the hub's reading [rad], [rad/s], [rad/s^2] (m); constant where it is clamped.
       direction: sign of the hub's motion, 0 where it rests or that is unclear (m).
       sliding: whether the hub slides for certain throughout the reach of the filter (m).
       measured: channel other than the hub angle -> readings (m).
