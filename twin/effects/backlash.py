@@ -16,7 +16,7 @@ class Backlash(Effect):
     of a gear motor with its back-EMF: a resting motor then leaves the hub free within the play. Otherwise friction acts
     on the hub, as that of its bearing. All other torques act on the hub.
 
-    A flank in contact is a spring with a damper, both fitted.
+    A flank in contact is a spring with a damper that grows with the depth, both fitted: see `planar.contact_torque`.
     """
 
     name = "backlash"
@@ -43,7 +43,7 @@ class Backlash(Effect):
             inverse=True,
             possible=(1.0, 1e5),
         ),
-        EffectParameter("contact_loss", "1", CONTACT_LOSS, (0.02, 0.8), 0.03, possible=(0.0, 1.0)),
+        EffectParameter("contact_loss", "s/rad", CONTACT_LOSS, (0.02, 2.0), 0.03, possible=(0.0, 10.0)),
         EffectParameter("friction_on_motor", "1", 0.0, (0.0, 1.0), 1.0, choice=True),
     )
     linearisable = False

@@ -13,7 +13,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from twin.mechanics import mjcf, planar
+from twin.mechanics import mjcf
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubTorque
 from twin.mechanics.plant import Plant
@@ -159,8 +159,8 @@ class ChainModel:
         if beyond <= 0:
             return 0.0
         pressing = math.copysign(1.0, play) * (turning - rate)
-        push = self._plant.motor.contact_stiffness * beyond + planar.contact_damping(self._plant) * pressing
-        return math.copysign(max(push, 0.0), play)
+        damped = max(1 + self._plant.motor.contact_loss * pressing, 0.0)
+        return math.copysign(self._plant.motor.contact_stiffness * beyond * damped, play)
 
     def _hub_state(self) -> tuple[float, float]:
         """Angle [rad] and rate [rad/s] of the hub."""

@@ -36,7 +36,7 @@ import numpy as np
 
 from twin.files.compiled import cached_njit
 from twin.mechanics import hub_law
-from twin.mechanics.plant import CONTACT_STEP, Plant
+from twin.mechanics.plant import CONTACT_PHASE, CONTACT_STEP, Plant
 
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 # Without numba's run-time system, compiled functions count no references to arrays, and cannot make any. Counting at
@@ -98,19 +98,31 @@ def _rubbing(plant, size):
 
 
 @_inlined
-def contact_damping(plant):
-    """Damping constant of a flank of the backlash [N m s/rad]."""
-    return 2 * plant.motor.contact_loss * np.sqrt(plant.motor.contact_stiffness * plant.motor.inertia)
-
-
-@_inlined
 def contact_torque(plant, play, rate):
-    """Contact torque [N m] of the motor on the hub; `play` is motor less hub angle [rad], `rate` its rate [rad/s]."""
+    """Contact torque [N m] of the motor on the hub; `play` is motor less hub angle [rad], `rate` its rate [rad/s].
+
+    A flank that is pressed by d has the torque k d (1 + c d'), and never pulls: its damping grows with the depth, so
+    that the torque does not jump at an impact (K. H. Hunt and F. R. E. Crossley, Journal of Applied Mechanics 42,
+    1975, 440-445).
+    """
     beyond = abs(play) - 0.5 * plant.motor.gap
     if beyond <= 0.0:
         return 0.0
     side = 1.0 if play > 0.0 else -1.0
-    return side * max(plant.motor.contact_stiffness * beyond + contact_damping(plant) * side * rate, 0.0)
+    return (
+        side * plant.motor.contact_stiffness * beyond * max(1.0 + plant.motor.contact_loss * side * rate, 0.0)
+    )
+
+
+@_inlined
+def _contact_step(plant, phi):
+    """Largest step [s] of an integration by the contact of the motor with a flank, infinite where they do not touch.
+
+    Both the frequency w of the contact and the rate c d w^2 at which its damper slows it are resolved alike.
+    """
+    beyond = abs(phi[phi.size - 1] - phi[0]) - 0.5 * plant.motor.gap
+    step = plant.motor.contact_step
+    return min(step, step**2 / (plant.motor.contact_loss * beyond + 1e-300) / CONTACT_PHASE)
 
 
 @_inlined
@@ -439,7 +451,7 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
                 mode = 1 if needed > 0 else -1
         locked = HUB if clamped else FREE if mode != 0 else _stuck(plant, phi.size)
         touching = _touches(plant, phi)
-        longest = min(h_max, plant.motor.contact_step) if touching else h_max
+        longest = min(h_max, _contact_step(plant, phi)) if touching else h_max
         h = left / max(1.0, np.ceil(left / longest - 1e-9))
         held = u, u_before, age, mode, locked, touching
         _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)

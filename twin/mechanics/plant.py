@@ -34,11 +34,11 @@ IMMOVABLE = 1e9
 
 CONTACT_STIFFNESS = 100.0
 """Contact stiffness of the flanks of a backlash [N m/rad] unless it is fitted: 0.2 N m compress them by 0.1 degrees."""
-CONTACT_LOSS = 0.2
-"""Damping ratio of the motor's inertia on a flank [1] unless it is fitted: rebound with half of the speed."""
+CONTACT_LOSS = 0.3
+"""Damping of a flank over its torque [s/rad] unless it is fitted: a rebound from 1 rad/s with 0.8 of it."""
 CONTACT_STEP = 1e-4
 """Largest step of an integration that does not locate impacts [s]: an impact takes about 2 ms."""
-_CONTACT_PHASE = 0.5
+CONTACT_PHASE = 0.5
 """Step on a flank of the backlash times the frequency of the contact [1]: the error of a Runge-Kutta step is 3e-4."""
 
 
@@ -126,7 +126,7 @@ class Motor(NamedTuple):
     gap: float = 0.0  # rad, whole backlash between motor and hub
     inertia: float = 0.0  # kg m^2, of a motor with backlash; included in `Link.inertia`
     contact_stiffness: float = CONTACT_STIFFNESS  # N m/rad, of the flanks
-    contact_loss: float = CONTACT_LOSS  # [1] damping ratio of a motor with backlash on the flanks
+    contact_loss: float = CONTACT_LOSS  # s/rad, damping of a flank over its torque
     contact_step: float = np.inf  # s, largest integration step while the motor is on a flank
 
 
@@ -185,7 +185,7 @@ class Plant(NamedTuple):
           gap: whole backlash [rad].
           motor_inertia: the motor's share of the hub's inertia [kg m^2].
           stiffness: of the flanks [N m/rad].
-          loss: damping ratio of the motor on the flanks [1].
+          loss: damping of a flank over its torque [s/rad].
           friction_on_motor: whether dry friction acts on the motor, not on the hub.
         """
         behind = self._with_extra(motor_inertia, len(self.link.lengths)).with_friction(
@@ -240,7 +240,7 @@ class Plant(NamedTuple):
             return self
         hub_mobility = float(np.linalg.inv(self.link.inertia[:-1, :-1])[0, 0])
         frequency = np.sqrt(self.motor.contact_stiffness * (1 / self.motor.inertia + hub_mobility))
-        return self.with_motor(contact_step=float(_CONTACT_PHASE / frequency))
+        return self.with_motor(contact_step=float(CONTACT_PHASE / frequency))
 
     def _with_extra(self, inertia: float, place: int) -> Plant:
         """Returns a plant with a coordinate inserted at `place`, its inertia [kg m^2] subtracted from the hub's."""
