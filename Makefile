@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV ?= .venv
 PIP = $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-fast lint docs clean
+.PHONY: demo test test-fast studies lint docs clean
 
 demo: $(VENV)/.installed
 	$(VENV)/bin/twin demo
@@ -16,7 +16,11 @@ test: $(VENV)/.installed-dev
 
 # Without the tests marked slow.
 test-fast: $(VENV)/.installed-dev
-	$(VENV)/bin/python -m pytest -n 2 -m "not slow"
+	$(VENV)/bin/python -m pytest -n 2 -m "not slow and not study"
+
+# Whole searches and fits whose kind `make test` covers by another one; ten minutes.
+studies: $(VENV)/.installed-dev
+	$(VENV)/bin/python -m pytest -n 2 -m study
 
 lint: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff check .

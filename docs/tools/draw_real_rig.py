@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 import twin
 from twin import labels
+from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.error_budget import ChannelBudget, ModelError
 
@@ -25,7 +26,7 @@ POINTS = 1500
 """Points of a line: as many as a picture of this width resolves."""
 
 
-def draw(name: str, predictions: dict[str, Prediction]) -> None:
+def draw(campaign: Campaign, name: str, predictions: dict[str, Prediction]) -> None:
     """Draws hub angle and link of the first held-out recording, in both themes."""
     file, prediction = next(iter(predictions.items()))
     channels = [c for c in prediction.budget if c in prediction.after]
@@ -34,16 +35,22 @@ def draw(name: str, predictions: dict[str, Prediction]) -> None:
             page = Figure(figsize=(8, 1 + 2.1 * len(channels)), layout="constrained")
             rows = np.atleast_1d(page.subplots(len(channels), sharex=True))
             for axes, channel in zip(rows, channels, strict=True):
-                _lines(axes, prediction, channel, theme)
+                _lines(axes, prediction, channel, theme, _display(campaign, channel))
             rows[0].set_title(f"{file}, held out", fontsize=11, loc="left")
             rows[-1].set_xlabel("time, s")
             page.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
             print(save(page, name, theme))
 
 
-def _lines(axes: Axes, prediction: Prediction, channel: str, theme: Theme) -> None:
-    """A measured channel and the free run of the completed model, in the unit for people."""
-    display = labels.channel(channel)
+def _display(campaign: Campaign, channel: str) -> labels.Display:
+    """The unit for people; a gauge whose half thickness is declared as 1 m reads the curvature."""
+    if channel in campaign.sensors and campaign.sensors[channel].half_thickness == 1.0:
+        return labels.Display("curvature", "1/m", 1.0)
+    return labels.channel(channel)
+
+
+def _lines(axes: Axes, prediction: Prediction, channel: str, theme: Theme, display: labels.Display) -> None:
+    """A measured channel and the free run of the completed model."""
     for recording, label, colour, width, dash in (
         (prediction.measured, "measured", theme.faint, 4, "-"),
         (prediction.after, "simulated from the command alone", theme.blue, 1.5, "-"),
@@ -97,8 +104,8 @@ def main() -> None:
     options = parser.parse_args()
     diagnosis = twin.diagnose(options.folder)
     held_out = {f: p for f, p in diagnosis.answer.predictions.items() if p.role == "holdout"}
-    draw(options.folder.name, held_out)
-    print(diagnosis, table(held_out), f"{diagnosis.answer.wall_s:.0f} s", sep="\n")
+    draw(read_campaign(options.folder), options.folder.name, held_out)
+    print(diagnosis, *diagnosis.effects, table(held_out), f"{diagnosis.answer.wall_s:.0f} s", sep="\n")
 
 
 if __name__ == "__main__":

@@ -82,7 +82,7 @@ def recorded(rig_campaign, effects, seed, ramp=True):
     return rig_campaign(known, seed, experiments=seen, perturb=0.5).read()
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("name", [name for name in REGISTRY if name not in (*LEFT_OPEN, *ALIKE, *SLOWEST)])
 def test_what_is_missing_is_named_and_recovered(rig_campaign, name):
     seed = SEED + list(REGISTRY).index(name)
@@ -106,7 +106,7 @@ def test_what_is_missing_is_named_and_recovered(rig_campaign, name):
             assert abs(off) < room, u.name
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(rig_campaign):
     planted = {"cable-torsion": {"stiffness": 0.012, "rest_angle": 0.2}, "actuator-delay": {"delay": 0.008}}
     campaign = recorded(rig_campaign, planted, 4153, False)
@@ -120,7 +120,7 @@ def test_beside_an_effect_that_is_known_and_has_changed_another_is_named(rig_cam
     assert values["actuator-delay"]["delay"] == pytest.approx(0.008, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_little(rig_campaign):
     campaign = recorded(rig_campaign, {"root-compliance": {"stiffness": 1.5}}, 4150, False)
     names = [
@@ -138,7 +138,7 @@ def test_a_clamp_nearly_as_soft_as_the_link_is_tried_though_its_slope_promises_l
     assert best.fit.model.effects["root-compliance"]["stiffness"] == pytest.approx(1.5, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(rig_campaign):
     shaken = {"shaking-base": {"amplitude": 0.2, "frequency": 9.0, "phase": 0.7}}
     with ResidualPool(1) as pool:
@@ -173,7 +173,7 @@ def test_nothing_is_named_where_nothing_is_missing(rig_campaign):
         assert abs(value - u.start) < 3 * u.scale, u.name
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(rig_campaign):
     found = searched(rig_campaign, {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250, False)
     assert verdict_of(found) == "outside-library"

@@ -36,6 +36,7 @@ def picked(rig_campaign):
     pool.shutdown()
 
 
+@pytest.mark.study
 def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
     found = picked({"hardening-cable": {"stiffness": 0.1}})
     assert verdict_of(found) == "explained"
@@ -51,6 +52,7 @@ def test_a_cable_that_gets_stiffer_is_no_cable_with_cogging(picked):
     assert explanatory_variables(other, unexplained_residuals(other.bench, other.best))[0] == "hub_angle"
 
 
+@pytest.mark.study
 def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
     found = picked(SPRING | COGGING)
     assert revise.without_undetermined(found) is None
@@ -63,6 +65,7 @@ def test_two_that_are_both_missing_are_told_and_a_whole_order_is_taken(picked):
                 assert value == pytest.approx(effect[u.name], abs=4 * error + 0.02 * abs(effect[u.name]))
 
 
+@pytest.mark.study
 def test_an_order_between_two_whole_numbers_stays(picked):
     found = picked(SPRING | {"cogging": {"amplitude": 0.03, "order": 5.4, "phase": 0.9}})
     assert revise.with_whole_orders(found.bench, found.best) is found.best

@@ -165,7 +165,7 @@ def test_missing_strains_leave_no_trace_beside_them(sweep):
     assert np.std((bridged - as_it_is)[known]) > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_missing_hub_angle_is_bridged_to_its_noise(sweep):
     parts, _ = left(sweep)
     bridged, _ = left(sweep, hub_angle=(sweep[0].time + 0.3) % 0.5 < 0.013)

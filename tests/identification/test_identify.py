@@ -486,7 +486,7 @@ def test_intervals_are_told_with_where_they_come_from(run):
     assert "moves the estimate by more than chance" in output or "standard errors of the move" in output
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_an_effect_that_a_rig_is_known_to_have_is_identified_with_it(rig_campaign, tmp_path):
     planted = {"viscous-friction": {"viscous": 0.02}}
     made = rig_campaign(planted, 8, perturb=1.0, experiments=experiments())

@@ -448,13 +448,6 @@ def test_outside_the_library_the_traces_are_of_what_remains_and_no_lookup_has_a_
     assert "What the calibrated model leaves" in seen(page(diagnosis))
 
 
-def test_what_remains_is_listed_worst_first(diagnosis):
-    rows = display.remaining_errors(diagnosis)
-    assert rows
-    assert all(over > display.NOISE_LIKE for *_, over in rows)
-    assert [row[3] for row in rows] == sorted((row[3] for row in rows), reverse=True)
-
-
 # Numbers
 
 

@@ -132,16 +132,6 @@ def worst_error(predictions: Iterable[Prediction], model: str) -> tuple[Predicti
     return max(errors, key=lambda entry: entry[2], default=None)
 
 
-def remaining_errors(diagnosis: Diagnosis) -> list[tuple[str, str, ChannelError, float]]:
-    """Returns (file, channel, error, error over noise) where the final error exceeds the noise, largest first."""
-    rows = [
-        (file, name, error, over_noise(error.after, error.noise))
-        for file, prediction in evaluated_predictions(diagnosis).items()
-        for name, error in prediction.errors.items()
-    ]
-    return sorted((row for row in rows if row[3] > NOISE_LIKE), key=lambda row: -row[3])
-
-
 def headline(diagnosis: Diagnosis) -> str:
     """Returns the verdict in one plain sentence."""
     names = [words(e.name) for e in diagnosis.effects]
