@@ -75,6 +75,12 @@ class Candidate:
         """Whether it was fitted; otherwise its score is that of the score test."""
         return self.name in self.fit.model.effects
 
+    def stored(self) -> Candidate:
+        """The candidate with its Jacobian in single precision: a search keeps dozens, each of up to 100 MB."""
+        if not self.is_fitted:
+            return self
+        return replace(self, fit=replace(self.fit, jacobian=self.fit.jacobian.astype(np.float32)))
+
 
 def penalty(parameters: int, bench: Workbench) -> float:
     """Penalty of this number of parameters: each half the log of the number of independent samples (Schwarz, 1978)."""

@@ -115,13 +115,19 @@ def search(
     first = continued_on_output_errors(*first, progress)
     state = _searched_to_end(*first, progress, false_alarm_rate)
     begun = SearchState(state.start, state.adopting[:1])
-    hidden = HUB_TORQUE in remainder.unexplained_channels(state)
-    if state.on_output_errors or not hidden or _has_play(begun.best):
+    if state.on_output_errors or not _may_hide(state) or _has_play(begun.best):
         return state
     # Driven data smooth the motion of the hub, and an impact with it: what is missing in its balance may be hidden.
     progress("searching once more, with output errors")
     other = _searched_to_end(*on_output_errors(begun, True, math.inf, progress), progress, false_alarm_rate)
     return state if remainder.unexplained_channels(other) else other
+
+
+def _may_hide(state: SearchState) -> bool:
+    """Whether driven data leave the balance of the hub unexplained, or nothing was found and a block is off."""
+    if HUB_TORQUE in remainder.unexplained_channels(state):
+        return True
+    return not state.adopted and _largest(state.bench, state.best) >= rules.WORST_RESIDUAL
 
 
 def _searched_to_end(
@@ -284,7 +290,7 @@ def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) 
     ranked, choice, confirmed = contest.confirm_in_fine_limit(bench, current, ranked, by_chance, state.gained)
     judgements = contest.judge_round(confirmed, current, ranked, by_chance, state.gained)
     threshold = max(by_chance, rules.MODEL_ERROR_SCORE, rules.MODEL_ERROR_SHARE * state.gained)
-    done = Round(tuple(ranked), by_chance, threshold, draws, judgements)
+    done = Round(tuple(c.stored() for c in ranked), by_chance, threshold, draws, judgements)
     if choice is None:
         return state.with_round(done), False
     progress(f"adopting {labels.words(choice.name)}")
