@@ -38,6 +38,7 @@ from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.recording import HUB_TORQUE, ON_LINK
+from twin.residuals.data import EVENT_CHANNELS
 
 MOST_EFFECTS = 3
 """Effects that are adopted at most."""
@@ -115,19 +116,28 @@ def search(
     first = continued_on_output_errors(*first, progress)
     state = _searched_to_end(*first, progress, false_alarm_rate)
     begun = SearchState(state.start, state.adopting[:1])
-    if state.on_output_errors or not _may_hide(state) or _has_play(begun.best):
+    most = most_left(state)
+    if state.on_output_errors or most is None or _has_play(begun.best):
         return state
     # Driven data smooth the motion of the hub, and an impact with it: what is missing in its balance may be hidden.
     progress("searching once more, with output errors")
-    other = _searched_to_end(*on_output_errors(begun, True, math.inf, progress), progress, false_alarm_rate)
+    begun, more = on_output_errors(begun, True, most, progress)
+    if not begun.on_output_errors:
+        return state
+    other = _searched_to_end(begun, more, progress, false_alarm_rate)
     return state if remainder.unexplained_channels(other) else other
 
 
-def _may_hide(state: SearchState) -> bool:
-    """Whether driven data leave the balance of the hub unexplained, or nothing was found and a block is off."""
+def most_left(state: SearchState) -> float | None:
+    """Misfit up to which output errors take the place of the driven data of a search [nat]; None if they do not.
+
+    Any, where these leave the balance of the hub unexplained; their own, where nothing was found and a block is off.
+    """
     if HUB_TORQUE in remainder.unexplained_channels(state):
-        return True
-    return not state.adopted and _largest(state.bench, state.best) >= rules.WORST_RESIDUAL
+        return math.inf
+    sizes = zip(state.bench.groups, state.bench.sizes(state.best.residual), strict=True)
+    off = any(s >= rules.WORST_RESIDUAL for g, s in sizes if g.channel not in EVENT_CHANNELS)
+    return state.bench.misfit(state.best.residual) if off and not state.adopted else None
 
 
 def _searched_to_end(
