@@ -48,7 +48,10 @@ LINES = [
     for line in dict.fromkeys(line for block in blocks(text, "sh") for line in block.splitlines())
     if line.startswith("twin ")
 ]
-AT_ONCE = [(name, line) for name, line in LINES if line.split()[1] not in MINUTES]
+_FIRST = {
+    tuple(shlex.split(line, comments=True)): (name, line) for name, line in reversed(LINES)
+}  # of a command that several documents show, the first is run
+AT_ONCE = [shown for shown in _FIRST.values() if shown[1].split()[1] not in MINUTES][::-1]
 
 sys.path.insert(0, str(ROOT / "docs" / "tools"))
 import build  # noqa: E402

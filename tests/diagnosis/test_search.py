@@ -155,7 +155,7 @@ def test_a_base_that_shakes_is_a_disturbance_and_no_torque_on_the_hub(rig_campai
     assert np.sin(values["direction"]) == pytest.approx(0.0, abs=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_which_sensors_are_late_is_told_where_it_is_known_how_late(rig_campaign):
     campaign = recorded(rig_campaign, {"sensor-delay": {"delay": 0.04}}, 4151, False)
     with ResidualPool(1) as pool:
@@ -165,7 +165,7 @@ def test_which_sensors_are_late_is_told_where_it_is_known_how_late(rig_campaign)
     assert late == {"hub_angle": 1.0, "strain": 1.0, "motor_torque": 1.0}
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_nothing_is_named_where_nothing_is_missing(rig_campaign):
     found = searched(rig_campaign, {}, 4200)
     assert verdict_of(found) == "no-missing-effect"

@@ -71,7 +71,7 @@ def test_a_dead_band_is_a_function_of_the_command(rig_campaign):
     assert lookup.at(np.array([-0.015])) > 5e-4
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_sensor_of_the_torque_reads_a_dead_band_too(rig_campaign):
     best, *others = asked(rig_campaign, {"dead-band": {"width": 0.02}}, torque_sensor=True)
     on_hub = next(n for n in others if n.law == state.FunctionOf("torque_command"))

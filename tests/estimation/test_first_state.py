@@ -99,7 +99,7 @@ def with_cable(rig_campaign):
     return calibrated(campaign, [from_sample(steps, 1200), ramps, from_sample(bang, 700)])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     """The slopes of each recording's own state are kept apart: mixed up, a first fit ended far from here."""
     with ResidualPool(1) as pool:
@@ -111,7 +111,7 @@ def test_an_effect_is_found_beside_the_first_states_of_two(with_cable):
     assert quick.cost - full.cost < 0.03 * (with_cable.base.cost - full.cost)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
     data, base = with_cable.bench.data, with_cable.base
     whole = static_levels.levels(data, base.model, base.starts)
@@ -121,7 +121,7 @@ def test_levels_come_from_recordings_that_begin_with_a_rest(with_cable):
         assert level == static_levels.combined_level([r.level for r in of_ramps if r.direction == direction])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_what_is_told_by_an_instant_is_not_asked_of_them(with_cable):
     channels = {(g.recording, g.channel) for g in with_cable.bench.data.groups}
     assert {i for i, channel in channels if channel in EVENT_CHANNELS} == {1}

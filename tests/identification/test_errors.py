@@ -173,6 +173,7 @@ def test_a_missing_hub_angle_is_bridged_to_its_noise(sweep):
         assert np.std(bridged[channel]) < np.std(parts[channel]) + 0.1
 
 
+@pytest.mark.study
 def test_commands_that_act_a_little_late_move_no_break_away():
     time = np.arange(0, 6, 0.002)
     twin = model().replace(step=5e-4)
@@ -640,7 +641,7 @@ def backbone_of_sweeps(rig_campaign, effects):
     return backbone.with_simulation(backbone.backbone(campaign.fit, expected), pairs, expected)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_friction_moves_a_resonance_and_the_model_says_so(rig_campaign):
     found = backbone_of_sweeps(rig_campaign, {})
     assert found.depends_on_amplitude
