@@ -18,7 +18,7 @@ test: $(VENV)/.installed-dev
 test-fast: $(VENV)/.installed-dev
 	$(VENV)/bin/python -m pytest -n 2 -m "not slow and not study"
 
-# Whole searches and fits whose kind `make test` covers by another one; ten minutes.
+# Whole searches and fits whose kind `make test` covers by another one.
 studies: $(VENV)/.installed-dev
 	$(VENV)/bin/python -m pytest -n 2 -m study
 

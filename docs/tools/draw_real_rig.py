@@ -2,7 +2,7 @@
 
 python docs/tools/draw_real_rig.py FOLDER      (ten minutes: it runs the diagnosis)
 
-FOLDER holds recordings and a campaign.toml; the picture takes the name of the campaign.
+FOLDER holds recordings and a campaign.toml; the picture takes its name.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def _display(campaign: Campaign, channel: str) -> labels.Display:
 
 def _lines(axes: Axes, prediction: Prediction, channel: str, theme: Theme, display: labels.Display) -> None:
     """A measured channel and the free run of the completed model."""
-    for recording, label, colour, width, dash in (
-        (prediction.measured, "measured", theme.faint, 4, "-"),
-        (prediction.after, "simulated from the command alone", theme.blue, 1.5, "-"),
+    for recording, label, colour, width in (
+        (prediction.measured, "measured", theme.faint, 4),
+        (prediction.after, "simulated from the command alone", theme.blue, 1.5),
     ):
         shown = slice(None, None, max(1, len(recording.time) // POINTS))
         axes.plot(
@@ -61,14 +61,13 @@ def _lines(axes: Axes, prediction: Prediction, channel: str, theme: Theme, displ
             display.factor * recording[channel][shown],
             color=colour,
             lw=width,
-            ls=dash,
             label=label,
         )
     axes.set_ylabel(f"{display.label}, {display.unit}")
 
 
 def table(predictions: dict[str, Prediction]) -> str:
-    """The error budget of each held-out recording and channel as Markdown: windows, then the whole run."""
+    """The error budget of each held-out recording and channel, a line each."""
     lines = []
     for file, prediction in predictions.items():
         for channel, budget in prediction.budget.items():

@@ -13,7 +13,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from twin.mechanics import mjcf
+from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_law import HubTorque
 from twin.mechanics.plant import Plant
@@ -151,16 +151,11 @@ class ChainModel:
         self._apply(torque, drive)
 
     def _contact(self) -> float:
-        """Contact torque [N m] of the motor on the hub, as `planar.contact_torque`."""
+        """Contact torque [N m] of the motor on the hub."""
         angle, rate = self._hub_state()
         motor, turning = self._motor_state()
-        play = motor - angle
-        beyond = abs(play) - self._plant.motor.gap / 2
-        if beyond <= 0:
-            return 0.0
-        pressing = math.copysign(1.0, play) * (turning - rate)
-        damped = max(1 + self._plant.motor.contact_loss * pressing, 0.0)
-        return math.copysign(self._plant.motor.contact_stiffness * beyond * damped, play)
+        # Not the compiled function: to pass it a plant takes longer than the torque does.
+        return float(planar.contact_torque.py_func(self._plant, motor - angle, turning - rate))
 
     def _hub_state(self) -> tuple[float, float]:
         """Angle [rad] and rate [rad/s] of the hub."""

@@ -116,13 +116,14 @@ def contact_torque(plant, play, rate):
 
 @_inlined
 def _contact_step(plant, phi):
-    """Largest step [s] of an integration by the contact of the motor with a flank, infinite where they do not touch.
+    """Largest step [s] of an integration while the motor touches a flank.
 
     Both the frequency w of the contact and the rate c d w^2 at which its damper slows it are resolved alike.
     """
     beyond = abs(phi[phi.size - 1] - phi[0]) - 0.5 * plant.motor.gap
     step = plant.motor.contact_step
-    return min(step, step**2 / (plant.motor.contact_loss * beyond + 1e-300) / CONTACT_PHASE)
+    damped = CONTACT_PHASE * plant.motor.contact_loss * beyond
+    return step if damped <= step else step**2 / damped
 
 
 @_inlined
