@@ -38,6 +38,8 @@ from twin.files.compiled import cached_njit
 from twin.mechanics import hub_law
 from twin.mechanics.plant import CONTACT_PHASE, CONTACT_STEP, Plant
 
+_PLAIN = "CW"
+"""Contiguous and writable: one kind of array, for a function is compiled for each kind that it is given."""
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 # Without numba's run-time system, compiled functions count no references to arrays, and cannot make any. Counting at
 # every call, for the 14 arrays of a `Plant`, took three times as long as the equations.
@@ -307,7 +309,9 @@ def _step(plant, t, phi, omega, held, h, phi1, omega1, work, scratch):
     """
     u, u_before, age, direction, locked, touching = held
     m = phi.size
-    k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a = work
+    # Row by row: numba takes the rows of an array that is unpacked for not contiguous.
+    k1v, k2v, k3v, k4v = work[0], work[1], work[2], work[3]
+    k1a, k2a, k3a, k4a = work[4], work[5], work[6], work[7]
     begin = _lagged_torque(u, u_before, age, plant.motor.lag)
     half = _lagged_torque(u, u_before, age + h / 2, plant.motor.lag)
     end = _lagged_torque(u, u_before, age + h, plant.motor.lag)
@@ -528,7 +532,7 @@ def simulate(
     """
     phi, omega = np.array(phi0, dtype=float), np.array(omega0, dtype=float)
     command_time, command, out_time = (
-        np.ascontiguousarray(values, dtype=float) for values in (command_time, command, out_time)
+        np.require(values, float, _PLAIN) for values in (command_time, command, out_time)
     )
     size, count = phi.size, out_time.size
     work, scratch = np.empty((11, size)), np.empty((size + 3, size))
@@ -584,7 +588,7 @@ def _simulate(
         u_before = command[settled] if settled >= 0 else 0.0
     guided = observed.size > 0 and not clamped and _rubbing(plant, phi.size) == 0
     _copy_state(phi, omega, angles[0], rates[0])
-    mode, row = mode0, 1
+    mode, row = mode0, np.int64(1)
     modes[0] = mode
     if guided:
         mode = _guide(phi, omega, mode, 0, observed, anchor, rates, modes)
@@ -699,7 +703,9 @@ def _simulate_prescribed_hub(
     plant, time, angle, rate, acceleration, middle, phi, omega, h_max, angles, rates, torques, work, scratch
 ):
     m = phi.size
-    k1v, k2v, k3v, k4v, k1a, k2a, k3a, k4a, p = work
+    # Row by row: numba takes the rows of an array that is unpacked for not contiguous.
+    k1v, k2v, k3v, k4v = work[0], work[1], work[2], work[3]
+    k1a, k2a, k3a, k4a, p = work[4], work[5], work[6], work[7], work[8]
     turn = angle[0] - phi[0]
     for i in range(m):
         phi[i] += turn
