@@ -49,6 +49,10 @@ _inlined = cached_njit(error_model="numpy", fastmath=_FAST, inline="always", nog
 
 FREE, HUB, MOTOR = 0, 1, 2
 """What is locked during a step."""
+STABLE_PHASE = 2.2
+"""Phase of the contact in a step at which the Runge-Kutta method is stable, and damps it by a third [rad]."""
+SETTLED_SWING = 0.005
+"""Amplitude of the motor's oscillation on a flank, over its depth, below which it need not be resolved."""
 EVENT_TOLERANCE = 1e-7
 """Width of the interval to which the instant of a stick or slip is bisected [s]."""
 
@@ -117,15 +121,20 @@ def contact_torque(plant, play, rate):
 
 
 @_inlined
-def _contact_step(plant, phi):
-    """Largest step [s] of an integration while the motor touches a flank.
+def _contact_step(plant, phi, omega, acc):
+    """Largest step [s] of an integration while the motor touches a flank; `acc` are the accelerations.
 
-    Both the frequency w of the contact and the rate c d w^2 at which its damper slows it are resolved alike.
+    Both the frequency w of the contact and the rate c d w^2 at which its damper slows it are resolved alike. Where the
+    motor is pressed on the flank and hardly oscillates there, the step has to be stable and no more.
     """
-    beyond = abs(phi[phi.size - 1] - phi[0]) - 0.5 * plant.motor.gap
+    last = phi.size - 1
+    beyond = abs(phi[last] - phi[0]) - 0.5 * plant.motor.gap
     step = plant.motor.contact_step
     damped = CONTACT_PHASE * plant.motor.contact_loss * beyond
-    return step if damped <= step else step**2 / damped
+    turn = step / CONTACT_PHASE  # 1/w
+    swing = math.hypot((omega[last] - omega[0]) * turn, (acc[last] - acc[0]) * turn * turn)
+    longest = step if damped <= step else step**2 / damped
+    return longest * STABLE_PHASE / CONTACT_PHASE if swing < SETTLED_SWING * beyond else longest
 
 
 @_inlined
@@ -305,20 +314,18 @@ def _step(plant, t, phi, omega, held, h, phi1, omega1, work, scratch):
     """One classical fourth-order Runge-Kutta step of length h from phi, omega to phi1, omega1.
 
     What is held during it: the command, the torque delivered when it came and the time since then, the direction of
-    sliding, what is locked, and whether the motor is on a flank of the backlash.
+    sliding, what is locked, and whether the motor is on a flank of the backlash. `work[4]` holds the accelerations at
+    its beginning.
     """
     u, u_before, age, direction, locked, touching = held
     m = phi.size
     # Row by row: numba takes the rows of an array that is unpacked for not contiguous.
     k1v, k2v, k3v, k4v = work[0], work[1], work[2], work[3]
     k1a, k2a, k3a, k4a = work[4], work[5], work[6], work[7]
-    begin = _lagged_torque(u, u_before, age, plant.motor.lag)
     half = _lagged_torque(u, u_before, age + h / 2, plant.motor.lag)
     end = _lagged_torque(u, u_before, age + h, plant.motor.lag)
     for i in range(m):
         k1v[i] = omega[i]
-    _accelerations(plant, t, phi, omega, begin, direction, locked, touching, k1a, scratch)
-    for i in range(m):
         phi1[i] = phi[i] + 0.5 * h * k1v[i]
         k2v[i] = omega[i] + 0.5 * h * k1a[i]
     _accelerations(plant, t + h / 2, phi1, k2v, half, direction, locked, touching, k2a, scratch)
@@ -446,17 +453,22 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
       row: the first to be filled.
       work, scratch: (11, n + 1 + k) and (n + 4 + k, n + 1 + k), of any content.
     """
-    phi1, omega1, acc, stages = work[8], work[9], work[10], work[:8]
+    phi1, omega1, acc, stages, first = work[8], work[9], work[10], work[:8], work[4]
     left = end - t
+    holds = False  # that friction holds, and `first` the accelerations, is known from the end of the step before
     while left > 1e-12:
-        if not clamped and mode == 0:
-            drive = _lagged_torque(u, u_before, age, plant.motor.lag)
-            needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
-            if not _friction_holds(plant, phi[_rubbing(plant, phi.size)], needed):
-                mode = 1 if needed > 0 else -1
-        locked = HUB if clamped else FREE if mode != 0 else _stuck(plant, phi.size)
         touching = _touches(plant, phi)
-        longest = min(h_max, _contact_step(plant, phi)) if touching else h_max
+        if not holds:
+            drive = _lagged_torque(u, u_before, age, plant.motor.lag)
+            if not clamped and mode == 0:
+                needed = _torque_to_hold(plant, t, phi, omega, drive, first, scratch)
+                if not _friction_holds(plant, phi[_rubbing(plant, phi.size)], needed):
+                    mode = 1 if needed > 0 else -1
+            if clamped or mode != 0:
+                lock = HUB if clamped else FREE
+                _accelerations(plant, t, phi, omega, drive, mode, lock, touching, first, scratch)
+        locked = HUB if clamped else FREE if mode != 0 else _stuck(plant, phi.size)
+        longest = min(h_max, _contact_step(plant, phi, omega, first)) if touching else h_max
         h = left / max(1.0, np.ceil(left / longest - 1e-9))
         held = u, u_before, age, mode, locked, touching
         _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
@@ -478,6 +490,10 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
                 mode = _mode_after(plant, t + h, held, h, phi1, omega1, event, acc, scratch)
         row = _record(t, h, phi, omega, phi1, omega1, held[3], mode, out, row)
         _copy_state(phi1, omega1, phi, omega)
+        holds = event == NO_EVENT and not clamped and mode == 0
+        if holds:
+            for i in range(phi.size):
+                first[i] = acc[i]
         t += h
         age += h
         left -= h
