@@ -455,7 +455,7 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
     """
     phi1, omega1, acc, stages, first = work[8], work[9], work[10], work[:8], work[4]
     left = end - t
-    holds = False  # that friction holds, and `first` the accelerations, is known from the end of the step before
+    holds = False  # known from the end of the step before: that friction does, and `first`
     while left > 1e-12:
         touching = _touches(plant, phi)
         if not holds:
