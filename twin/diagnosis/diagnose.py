@@ -299,7 +299,7 @@ def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) 
             current, ranked = better, [replace(c, score=c.score - gained) for c in ranked]
     ranked, choice, confirmed = contest.confirm_in_fine_limit(bench, current, ranked, by_chance, state.gained)
     judgements = contest.judge_round(confirmed, current, ranked, by_chance, state.gained)
-    threshold = max(by_chance, rules.MODEL_ERROR_SCORE, rules.MODEL_ERROR_SHARE * state.gained)
+    threshold = max(by_chance, rules.least_score(state.gained))
     done = Round(tuple(c.stored() for c in ranked), by_chance, threshold, draws, judgements)
     if choice is None:
         return state.with_round(done), False

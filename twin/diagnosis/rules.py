@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import norm
 
 from twin.diagnosis import permutation
-from twin.diagnosis.candidates import Candidate, is_resolved
+from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement, Rule, judge_all
 from twin.estimation import cross_validation, loss
 from twin.estimation.fit import Fit
@@ -27,8 +27,6 @@ MODEL_ERROR_SCORE = 30.0
 """Minimum score. The discretisation error of the chain reached 23 on rigs without a missing effect."""
 MODEL_ERROR_SHARE = 2e-3
 """Share of the scores of earlier effects that their discretisation error may gain: it grows with what they explain."""
-LEAST_SHARE = 0.05
-"""Share of the misfit that an effect has to explain: less is within the error of the model."""
 LEAST_ELSEWHERE = 10.0
 """Cross-validated gain without the recording that gains most: odds of 20 000 to 1."""
 DETERMINED = 3.0
@@ -70,6 +68,11 @@ class Trial:
     by_chance: float = 0.0
     gained: float = 0.0
     least_fitted: float = -math.inf
+
+
+def least_score(gained: float) -> float:
+    """Score that the error of the model may reach, by the sum of the scores of the effects that it has."""
+    return max(MODEL_ERROR_SCORE, MODEL_ERROR_SHARE * gained)
 
 
 def gain_without_best_recording(bench: Workbench, base: Fit, best: Candidate) -> float:
@@ -132,16 +135,6 @@ ADOPTION: tuple[Rule[Trial], ...] = (
         at_least=False,
     ),
     Rule(
-        "is-resolved",
-        "Does the effect exceed the tolerances in the data sheets of good sensors and cards?",
-        "1 if it does, 0 if not",
-        lambda t: is_resolved(t.bench, t.base, t.candidate.fit),
-        lambda t: 1,
-        "1",
-        "assumed",
-        "a tenth of a sample period; 0.5 % of a gauge factor (data sheets of foil gauges)",
-    ),
-    Rule(
         "exceeds-chance",
         "Is the score larger than by chance at the false-alarm rate?",
         "penalised log-likelihood ratio [nat]",
@@ -153,33 +146,13 @@ ADOPTION: tuple[Rule[Trial], ...] = (
     ),
     Rule(
         "exceeds-model-error",
-        "Is the score larger than by the discretisation error of the model?",
+        "Is the score larger than by the discretisation error of the model and of the effects adopted before?",
         "penalised log-likelihood ratio [nat]",
         lambda t: t.candidate.score,
-        lambda t: MODEL_ERROR_SCORE,
-        f"{MODEL_ERROR_SCORE:g}",
+        lambda t: least_score(t.gained),
+        f"the larger of {MODEL_ERROR_SCORE:g} and {100 * MODEL_ERROR_SHARE:g} % of the sum of earlier scores",
         "measured",
-        f"{_NULLS}: at most 23",
-    ),
-    Rule(
-        "exceeds-earlier-error",
-        "Is the score larger than by the discretisation error of the effects adopted before?",
-        "penalised log-likelihood ratio [nat]",
-        lambda t: t.candidate.score,
-        lambda t: MODEL_ERROR_SHARE * t.gained,
-        f"{100 * MODEL_ERROR_SHARE:g} % of the sum of their scores",
-        "measured",
-        "benchmarks/results/diagnosis.md, rigs with large effects",
-    ),
-    Rule(
-        "explains-a-share",
-        "Does the effect explain a sufficient share of the misfit?",
-        "score over misfit",
-        lambda t: t.candidate.score / max(t.bench.misfit(t.base.residual), 1e-12),
-        lambda t: LEAST_SHARE,
-        f"{LEAST_SHARE:g}",
-        "measured",
-        _NULLS,
+        f"{_NULLS}: at most 23; rigs with large effects",
     ),
     Rule(
         "gains-elsewhere",
@@ -216,7 +189,7 @@ NEEDED: Rule[Standing] = Rule(
     "Is the effect still needed beside the later ones?",
     "penalised log-likelihood ratio of the models with and without it, both fitted [nat]",
     lambda s: s.difference,
-    lambda s: max(MODEL_ERROR_SCORE, MODEL_ERROR_SHARE * s.gained),
+    lambda s: least_score(s.gained),
     f"the larger of {MODEL_ERROR_SCORE:g} and {100 * MODEL_ERROR_SHARE:g} % of the sum of all scores",
     "measured",
     _NULLS,

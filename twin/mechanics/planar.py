@@ -31,6 +31,7 @@ numba's cache does not notice a change in another one.
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from twin.files.compiled import cached_njit
 from twin.mechanics import hub_law
 from twin.mechanics.plant import CONTACT_PHASE, CONTACT_STEP, Plant
 
-_PLAIN = "CW"
+_PLAIN: tuple[Literal["C", "W"], ...] = ("C", "W")
 """Contiguous and writable: one kind of array, for a function is compiled for each kind that it is given."""
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 # Without numba's run-time system, compiled functions count no references to arrays, and cannot make any. Counting at

@@ -17,11 +17,8 @@ _ALMOST, _VERY, _PROBABLY = 0.99, 0.9, 0.6  # probabilities from which a cause i
 REASONS: Mapping[str, str] = {
     "large-score-test": "A quick test promised less of it than of those that were fitted.",
     "best-of-round": "Another candidate explains more.",
-    "is-resolved": "It is smaller than what good sensors and cards leave anyway.",
     "exceeds-chance": "It gains no more than chance gives.",
-    "exceeds-model-error": "It gains no more than the model's own discretisation error.",
-    "exceeds-earlier-error": "It gains no more than the error that the effects found before it leave.",
-    "explains-a-share": "It explains too small a share of the misfit.",
+    "exceeds-model-error": "It gains no more than the discretisation error of the model, effects included.",
     "gains-elsewhere": "It does not improve the prediction of recordings that its fit did not use.",
     "needed-beside-later": "It was no longer needed beside the effects found after it.",
     "best-beside-later": "Beside the effects found after it, another candidate explains more.",
