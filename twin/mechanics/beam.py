@@ -14,6 +14,7 @@ Private functions work in dimensionless variables: z = beta x, b = beta l, y' = 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -111,12 +112,19 @@ def modes(rig: Mapping[str, float], n: int, boundary: Boundary = "free") -> Mode
         raise ValueError(f"Unsupported boundary: '{boundary}'. Expected one of: free, clamped")
     ends = _ends(rig, boundary)
     length, rho = rig["length"], rig["linear_density"]
-    roots = _roots(ends, n)
-    b = np.array(roots)
+    b, shapes = _unit_modes(ends, n)
     frequencies = b**2 * math.sqrt(rig["bending_stiffness"] / rho) / length**2
-    raw = np.array([_shape_coefficients(root, ends) for root in roots])
-    coefficients = raw / np.sqrt(rho * length * _modal_masses(b, raw, ends))[:, None]
-    return Modes(boundary, frequencies, float(length), b, coefficients)
+    return Modes(boundary, frequencies, float(length), b, shapes / math.sqrt(rho * length))
+
+
+@functools.lru_cache(maxsize=64)  # a fit perturbs parameters one by one, and most are not these
+def _unit_modes(ends: _Ends, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Roots (n) and coefficients (n x 4) of the first modes of a link of unit length and density; not to be written."""
+    roots = _roots(ends, n)
+    b, raw = np.array(roots), np.array([_shape_coefficients(root, ends) for root in roots])
+    shapes = raw / np.sqrt(_modal_masses(b, raw, ends))[:, None]
+    b.flags.writeable = shapes.flags.writeable = False
+    return b, shapes
 
 
 def static_tip_compliance(rig: Mapping[str, float]) -> float:
