@@ -23,7 +23,6 @@ from twin.residuals.rest_run import RestRun
 from twin.residuals.view import View
 
 _SMALL = 0.1  # share of its declared deviation up to which a gain or a delay of a channel is not noted
-_AT_BOUND = 1e-3  # share of the range of an unknown within which it is at its bound
 _DRIFT_SHARE = 0.2  # share of the variance of the residuals from which a drifting parameter is noted
 _UNPREDICTABLE = 30.0
 """Sensitivity `ChannelError.reach` [noise levels] from which a held-out recording is called unpredictable."""
@@ -74,7 +73,7 @@ def channel_error_notes(fit: Fit) -> list[str]:
             continue
         fitted = f"The {u.kind} of {with_the(u.name)} is taken as {_in_its_unit(u, value, error)}"
         note = f"{fitted}, within its declaration, {_in_its_unit(u, u.start, u.scale)}."
-        if min(value - u.bounds[0], u.bounds[1] - value) < _AT_BOUND * (u.bounds[1] - u.bounds[0]):
+        if revise.is_at_end(u, value):
             note = (
                 f"{fitted}, the end of what its declaration allows, {_in_its_unit(u, u.start, u.scale)}: the "
                 "recordings contradict this declaration."

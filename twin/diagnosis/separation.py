@@ -23,7 +23,7 @@ import numpy as np
 
 from twin.estimation.fit import Fit
 from twin.estimation.unknowns import Unknown, model_at
-from twin.estimation.workbench import CORRELATION_TIME
+from twin.estimation.workbench import CORRELATION_TIME, DIVERGED
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.rigs.model import BREAK_AWAY_CHANGE, Model
@@ -33,7 +33,6 @@ _LARGEST_ANGLE = 2.8  # rad, to which the wires let the hub turn; assumed
 _ANGLE_SPAN = 0.5  # s, over which the change of the hub angle is compared
 _MOST_AXES = 4  # principal axes with a derivative; the changes by all others count as noise
 _BREAK_AWAY = ("static_friction", "static_positive", "static_negative")
-_DIVERGED = 1e6  # noise levels, clip for diverged simulations
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +172,7 @@ def _compared(channel: str, time: np.ndarray, sigma: float) -> Compared:
     earlier = np.searchsorted(time, time - _ANGLE_SPAN)
 
     def change(run: np.ndarray, other: np.ndarray) -> np.ndarray:
-        values = np.clip(np.nan_to_num((run - other) / sigma, nan=_DIVERGED), -_DIVERGED, _DIVERGED)
+        values = np.clip(np.nan_to_num((run - other) / sigma, nan=DIVERGED), -DIVERGED, DIVERGED)
         return (values - values[earlier]) / np.sqrt(2) if channel == "hub_angle" else values
 
     return change

@@ -22,11 +22,10 @@ from twin.estimation.workbench import FreeData, Workbench
 from twin.mechanics import chain
 from twin.residuals import breakaway, static_levels
 from twin.residuals.data import DrivenData
-from twin.residuals.static_levels import Level
+from twin.residuals.static_levels import TWO_SIGMA, Level
 from twin.rigs.model import Model
 
 _SEGMENTS, _STEP = 6, 1e-3  # of the chain and integration [s] of the grid search
-_TWO_SIGMA = 2.0  # log likelihood below the maximum up to which a value is within two standard errors
 _DIRECTIONS = {"static_friction": (1, -1), "static_positive": (1,), "static_negative": (-1,)}
 """Static level -> directions of motion in which it acts."""
 _GRIDS = ((0.06, 25), (0.006, 25), (0.001, 11))
@@ -160,6 +159,6 @@ def _best_of_grid(
     values = np.clip(x[index] + np.linspace(-half, half, count), *best.unknowns[index].bounds)
     points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
     cost = costs_at(free, model, best.starts, best.unknowns, points)
-    likely = values[cost < cost.min() + _TWO_SIGMA]
+    likely = values[cost < cost.min() + TWO_SIGMA]
     error = max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
     return points[int(np.argmin(cost))], error, float(cost.min())

@@ -24,7 +24,8 @@ CHANGE_SPAN = 0.25
 """Span over which the change of the hub angle is compared in a guided simulation [s]."""
 CORRELATION_TIME = 0.05
 """Time over which the misfit of a guided or free simulation is correlated: one independent sample [s]."""
-_DIVERGED = 1e6  # residual, in multiples of the noise, of a simulation that is no longer finite
+DIVERGED = 1e6
+"""Residual of a simulation that is no longer finite [noise levels]."""
 
 
 class Data(ResidualData, Protocol):
@@ -99,7 +100,7 @@ class Workbench:
             for group in self.data.groups:
                 if group.recording == i:
                     rows = group.rows
-                    part = np.clip(np.nan_to_num(parts[group.channel], nan=_DIVERGED), -_DIVERGED, _DIVERGED)
+                    part = np.clip(np.nan_to_num(parts[group.channel], nan=DIVERGED), -DIVERGED, DIVERGED)
                     results[index][rows] = (part - self.defect[rows]) * self.weight[rows]
         return results
 
@@ -179,7 +180,7 @@ def _local(channel: str, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
         earlier = np.maximum(np.searchsorted(time, time - CHANGE_SPAN + 1e-9), 0)
         first = time < time[0] + CHANGE_SPAN
         residual = np.where(first, residual, (residual - residual[earlier]) / np.sqrt(2))
-    return np.clip(np.nan_to_num(residual, nan=0.0), -_DIVERGED, _DIVERGED)
+    return np.clip(np.nan_to_num(residual, nan=0.0), -DIVERGED, DIVERGED)
 
 
 def layout(

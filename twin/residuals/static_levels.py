@@ -20,7 +20,8 @@ from twin.rigs.model import Model
 _INSTANT_SPAN, _TORQUE_SHARE = 0.02, 0.005
 """Error of the first estimate of a level that its grid covers: of the instant [s], relative of the torque."""
 _GRID_POINTS = 41  # levels of each of two grids
-_TWO_SIGMA = 2.0  # log likelihood below the maximum up to which a level is within two standard errors
+TWO_SIGMA = 2.0
+"""Log likelihood below the maximum up to which a level is within two standard errors."""
 _MAX_RMS = 2.0  # of a run that follows the rig, in multiples of the noise
 _CONTRADICTION = 5.0  # standard errors by which two levels differ for certain
 _BACKLASH_ERROR = 0.01
@@ -136,7 +137,7 @@ def _level(run: RestRun, link_torque_noise: float) -> Level | None:
         if not len(values):
             return None
         costs = np.array([_cost(run, value) for value in values])
-        likely = values[costs < costs.min() + _TWO_SIGMA]
+        likely = values[costs < costs.min() + TWO_SIGMA]
         centre, half = float(likely.mean()), float(np.ptp(likely)) / 2 + 2 * half / (_GRID_POINTS - 1)
     if costs.min() > _MAX_RMS**2 * len(run.time) / 2:
         return None
