@@ -77,6 +77,12 @@ def looked_at(pages: Mapping[str, str], folder: Path) -> dict[tuple[str, int], d
     text = (_FRAMES % "").replace("</body>", "".join(frame for frame, *_ in frames) + "</body>")
     (folder / "frames.html").write_text(text, encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--dump-dom"]
+    options += [
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+    ]
     address = (folder / "frames.html").as_uri()
     command = [str(CHROMIUM), *options, f"--user-data-dir={folder / 'profile'}", address]
     dom = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True).stdout
