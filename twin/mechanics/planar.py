@@ -182,8 +182,11 @@ def acceleration_field(plant, t):
 
 
 @_inlined
-def _generalised_forces(plant, t, phi, omega, touching, force, mass, sin, cos):
-    """Fills the mass matrix `mass` (lower triangle) and the right-hand side `force` without the torques on the hub."""
+def _generalised_forces(plant, t, phi, omega, touching, force, mass, sin, cos, bend):
+    """Fills the mass matrix `mass` (lower triangle) and the right-hand side `force` without the torques on the hub.
+
+    `bend`, for the rates of the hinges, is overwritten as `sin` and `cos` are.
+    """
     m = phi.size
     _relative_sines(phi, sin, cos)
     for i in range(m):
@@ -202,13 +205,15 @@ def _generalised_forces(plant, t, phi, omega, touching, force, mass, sin, cos):
     # Hinge moments: stiffness, reduced with curvature, and damping.
     links = plant.link.stiffness.size + 1
     for i in range(1, links):
+        bend[i - 1] = omega[i] - omega[i - 1]
+    for i in range(1, links):
         angle = phi[i] - phi[i - 1]
         moment = plant.link.stiffness[i - 1] * angle
         if plant.link.softening != 0.0:
             kappa2 = (plant.link.flexibility * moment) ** 2 if plant.link.lengths[i - 1] > 0 else 0.0
             moment *= 1 - plant.link.softening * kappa2 / (kappa2 + plant.link.softening_curvature**2)
-        for j in range(1, links):
-            moment += plant.link.damping[i - 1, j - 1] * (omega[j] - omega[j - 1])
+        for j in range(links - 1):
+            moment += plant.link.damping[i - 1, j] * bend[j]
         force[i] -= moment
         force[i - 1] += moment
     if plant.link.torsion_stiffness > 0.0:
@@ -272,7 +277,7 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, touching, acc
     `locked`: `FREE`, or `HUB` or `MOTOR`, whose rate is zero and stays so.
     """
     mass, row = scratch[3:], scratch[2]
-    _generalised_forces(plant, t, phi, omega, touching, acc, mass, scratch[0], scratch[1])
+    _generalised_forces(plant, t, phi, omega, touching, acc, mass, scratch[0], scratch[1], row)
     m = phi.size
     if plant.motor.gap > 0.0:
         acc[m - 1] += drive + law_torque(plant, t, phi[m - 1], omega[m - 1], True)
@@ -695,7 +700,7 @@ def simulate_prescribed_hub(
 def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     """Fills `acc` (n + 1 + k) under the hub acceleration alpha; returns the hub torque that it takes [N m]."""
     mass, row = scratch[3:], scratch[2]
-    _generalised_forces(plant, t, phi, omega, False, acc, mass, scratch[0], scratch[1])
+    _generalised_forces(plant, t, phi, omega, False, acc, mass, scratch[0], scratch[1], row)
     m = phi.size
     hub_force, hub_mass = acc[0], mass[0, 0]
     for j in range(1, m):
