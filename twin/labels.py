@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -83,6 +84,11 @@ def words(name: str) -> str:
     return name.replace("-", " ").replace("_", " ")
 
 
+def parameter(name: str) -> str:
+    """Returns the name of a parameter in words: "viscous-friction.viscous" becomes "viscous friction: viscous"."""
+    return words(name).replace(".", ": ")
+
+
 def unit(si: str) -> str:
     """Returns a typeset unit: "N*m^2" becomes "N·m²"; "" for a dimensionless number."""
     shown = {"1": "", "-": ""}.get(si, si)
@@ -92,15 +98,30 @@ def unit(si: str) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Returns a value with so many significant digits, with an exponent only where it is very large or small."""
+    """Returns a value with so many significant digits, with a power of ten only where it is very large or small."""
     if value is None or not math.isfinite(value):
-        return "∞" if value == math.inf else "-∞" if value == -math.inf else "–"
+        return "∞" if value == math.inf else "−∞" if value == -math.inf else "–"
     if value == 0.0:
         return "0"
     exponent = math.floor(math.log10(abs(value)))
     if not -5 <= exponent < 6:
-        return f"{value:.{digits - 1}e}"
-    return f"{value:.{max(digits - 1 - exponent, 0)}f}"
+        mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+        return typeset(f"{mantissa}{_power_of_ten(int(power))}")
+    return typeset(f"{value:.{max(digits - 1 - exponent, 0)}f}")
+
+
+def typeset(formatted: str) -> str:
+    """Returns a formatted number with a minus sign in the place of a hyphen."""
+    return formatted.replace("-", "−")
+
+
+def signed(value: float, decimals: int) -> str:
+    """Returns a value with its sign and so many decimals: "+0.69"."""
+    return typeset(f"{value:+.{decimals}f}")
+
+
+def _power_of_ten(exponent: int) -> str:
+    return f" × 10{str(exponent).translate(_RAISED)}"
 
 
 def with_error(value: float, error: float | None, most: int | None = None) -> str:
@@ -120,10 +141,10 @@ def with_error(value: float, error: float | None, most: int | None = None) -> st
     if most is not None and value_places > most - 1 - power:
         value_places, places = most - 1 - power, max(most - 1 - power, -exponent)
     if exponent - digits >= -7 and power < 6:
-        return f"{value:.{max(value_places, 0)}f} ± {error:.{max(places, 0)}f}"
+        return typeset(f"{value:.{max(value_places, 0)}f} ± {error:.{max(places, 0)}f}")
     scale = 10.0**-power
     value_places, places = max(value_places + power, 0), max(places + power, 0)
-    return f"({value * scale:.{value_places}f} ± {error * scale:.{places}f})e{power}"
+    return typeset(f"({value * scale:.{value_places}f} ± {error * scale:.{places}f}){_power_of_ten(power)}")
 
 
 PAGE_DIGITS = 4
@@ -164,9 +185,12 @@ def probability(value: float) -> str:
 
 
 _ASCII = {
-    "±": "+-", "µ": "u", "μ": "u", "ε": "e", "σ": "sigma", "θ": "theta", "°": " deg", "²": "^2", "³": "^3", "⁴": "^4",
+    "±": "+-", "µ": "u", "μ": "u", "ε": "e", "σ": "sigma", "θ": "theta", "°": " deg",
     "–": "-", "—": "-", "−": "-", "∞": "inf", "≤": "<=", "≥": ">=", "×": "x", "·": " ", "…": "...", "→": "->",
 }  # fmt: skip
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_EXPONENT = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 
 
 def printable(text: str, plain: bool = False) -> str:
@@ -174,6 +198,7 @@ def printable(text: str, plain: bool = False) -> str:
     shown = "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
     if not plain:
         return shown
+    shown = _EXPONENT.sub(lambda found: f"^{found.group().translate(_LOWERED)}", shown)
     shown = "".join(_ASCII.get(c, c) for c in shown)
     # Letters lose their accents.
     bare = "".join(c for c in unicodedata.normalize("NFKD", shown) if not unicodedata.combining(c))

@@ -60,6 +60,7 @@ def test_control_characters_do_not_reach_the_terminal():
     assert printed(out) == "a\N{REPLACEMENT CHARACTER}[2Jb\N{REPLACEMENT CHARACTER}c\n"
     assert printable("5° ± 1 µε, x², Ångström", plain=True) == "5 deg +- 1 ue, x^2, Angstrom"
     assert printable(labels.unit("N*m^2"), plain=True) == "N m^2"
+    assert printable(labels.number(-1.3e-12, 2), plain=True) == "-1.3 x 10^-12"
 
 
 @pytest.mark.parametrize(

@@ -423,7 +423,7 @@ def test_a_parameter_at_the_end_of_its_range_is_named():
     )
     assert found.at_bounds() == ["b"]
     assert any(
-        s.startswith("b is at a bound of its range")
+        s.startswith("B is at a bound of its range")
         for s in joint_finding.joint_finding(found, (), ()).sentences
     )
 

@@ -416,6 +416,8 @@ def test_json_is_what_others_read(run):
     assert clamped[0]["frequency_hz"] == pytest.approx(1.24, rel=0.05)
     assert clamped[0]["damping_ratio"] == pytest.approx(0.0057, rel=0.3)
     assert isinstance(said["not_determined"], dict)
+    assert said["trusted"], said["reason"]
+    assert {"campaign.toml", "slew.csv", "static.csv"} <= set(said["provenance"]["inputs"])
     errors = {e["channel"]: e for e in said["held_out"] if e["recording"] == "slew.csv"}
     assert (
         errors["hub_angle"]["windowed"] < errors["hub_angle"]["following"] < errors["hub_angle"]["declared"]

@@ -458,7 +458,7 @@ def test_outside_the_library_the_traces_are_of_what_remains_and_no_lookup_has_a_
         (0.2401, 0.0214, "0.240 ± 0.021"),
         (123.4, 25.0, "123 ± 25"),
         (1.73e-5, 4e-7, "0.0000173 ± 0.0000004"),
-        (1.5e-12, 2.3e-13, "(1.50 ± 0.23)e-12"),
+        (1.5e-12, 2.3e-13, "(1.50 ± 0.23) × 10⁻¹²"),
         (0.5, np.nan, "0.5000"),
         (0.5, 0.0, "0.5000"),
         (0.5, None, "0.5000"),
@@ -470,11 +470,11 @@ def test_value_has_the_digits_that_its_error_allows(value, error, text):
 
 
 def test_number_keeps_significant_digits():
-    assert [labels.number(x, 2) for x in (0.0, 12.34, 0.000123, 1e-9, np.nan)] == [
+    assert [labels.number(x, 2) for x in (0.0, -12.34, 0.000123, 1e-9, np.nan)] == [
         "0",
-        "12",
+        "−12",
         "0.00012",
-        "1.0e-09",
+        "1.0 × 10⁻⁹",
         "–",
     ]
 

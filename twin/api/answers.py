@@ -169,6 +169,16 @@ class Identification:
 
     answer: _Identification = field(repr=False)
 
+    @property
+    def trusted(self) -> bool:
+        """False where the recordings contradict the model: standard errors and intervals are then NaN."""
+        return self.answer.trust.trusted
+
+    @property
+    def reason(self) -> str:
+        """Why it is trusted or not."""
+        return self.answer.trust.reason
+
     def table(self) -> Table:
         """Declared and identified value of each parameter, standard error and 95 % interval."""
         names = ("parameter", "declared", "value", "standard_error", "low", "high", "unit", "not_determined")

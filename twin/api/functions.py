@@ -129,7 +129,11 @@ def identify(
     from twin.identification.identify import identify as run
 
     other = None if against is None else campaign_of(against, None)
-    return Identification(run(campaign_of(campaign, rig), progress, other=other))
+    folder, files = files_of(campaign, rig)
+    read = (*files, *(() if against is None else files_of(against, None)[1]))
+    record = recorded(read, folder, None, {})
+    answer = run(campaign_of(campaign, rig), progress, other=other)
+    return Identification(replace(answer, provenance=record))
 
 
 def plan_experiment(

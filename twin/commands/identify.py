@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +20,7 @@ from twin.commands.shared import (
 )
 from twin.files.json import write_json
 from twin.files.outputs import check_writable
+from twin.files.provenance import command_line, recorded
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -67,7 +69,8 @@ def identify(
         report(COMPILING)
         from twin.identification.identify import identify as run
 
-        result = run(given, report, other=other)
+        record = recorded(read, campaign, command_line(), {})
+        result = replace(run(given, report, other=other), provenance=record)
         report("writing the results")
         paths = deliver.deliver(result, folder)
         if json_file is not None:
@@ -90,45 +93,61 @@ def _held_out(result: Identification) -> Table:
     """Prediction errors on held-out recordings, in noise levels."""
     from rich.table import Table
 
+    from twin import labels
+
     table = Table(
         "recording", "channel", "declared", "identified", "following", "windows", "steps", "start", box=None
     )
     for e in result.held_out:
         sizes = (e.declared, e.identified, e.following, e.windowed, e.by_steps)
-        cells = ("-" if size is None else f"{size / e.noise:.3g}" for size in sizes)
-        table.add_row(e.recording, e.channel, *cells, e.start)
+        cells = ("–" if size is None else labels.ratio(labels.over_noise(size, e.noise)) for size in sizes)
+        table.add_row(e.recording, labels.channel(e.channel).label, *cells, e.start)
+    return table
+
+
+def _parameters(result: Identification) -> Table:
+    """The parameters, with half of their 95 % intervals unless those are withheld."""
+    from rich.table import Table
+
+    from twin import labels
+    from twin.identification.text import with_half_interval
+    from twin.report.prose import prose
+
+    found = "identified, ± half its 95 % interval" if result.trust.trusted else "best fit"
+    table = Table("parameter", "declared", found, "unit", "not determined", box=None)
+    for name, p in result.all_parameters.items():
+        declared, reason = labels.number(p.declared, labels.PAGE_DIGITS), result.not_determined.get(name, "")
+        table.add_row(
+            labels.parameter(name),
+            declared,
+            with_half_interval(p.estimate),
+            labels.unit(p.unit),
+            prose(reason),
+        )
     return table
 
 
 def _print(result: Identification, paths: dict[str, Path]) -> None:
-    from rich.table import Table
-
-    from twin.identification.text import format_estimate
+    from twin.identification import conclusion
+    from twin.report.prose import prose
 
     screen = console()
-    screen.print(f"{result.campaign}: identified")
-    table = Table("parameter", "declared", "identified (95 % interval)", "unit", "not determined", box=None)
-    for name, p in result.all_parameters.items():
-        table.add_row(
-            name,
-            f"{p.declared:.5g}",
-            format_estimate(p.estimate),
-            p.unit,
-            result.not_determined.get(name, ""),
-        )
-    screen.print(table)
+    screen.print(f"{result.campaign}: {conclusion.headline(result)}")
+    screen.print(prose(conclusion.caveat(result)))
+    screen.print()
+    screen.print(_parameters(result))
     for finding in result.findings:
         screen.print(f"\n{finding.title}")
         lines = (f"not possible: {finding.missing}",) if finding.missing else finding.sentences
         for line in lines:
-            screen.print(f"  {line}")
+            screen.print(f"  {prose(line)}")
     if result.held_out:
         screen.print("\nHeld-out recordings: measured minus simulated, in noise levels")
         screen.print(_held_out(result))
     if result.notes:
         screen.print("\nAssumptions and data defects")
         for note in result.notes:
-            screen.print(f"  {note}")
+            screen.print(f"  {prose(note)}")
     screen.print()
     for what, path in paths.items():
         screen.print(f"{what:<7} {path}", soft_wrap=True)

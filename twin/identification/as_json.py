@@ -9,7 +9,7 @@ from twin.identification.backbone import Backbone
 from twin.identification.balance import Balance
 from twin.identification.break_away import StaticFriction
 from twin.identification.decay import Decay
-from twin.identification.estimates import Estimate
+from twin.identification.estimates import Estimate, interval_json
 from twin.identification.friction_map import FrictionMap
 from twin.identification.joint import JointEstimate
 from twin.identification.total_inertia import MomentumBalance
@@ -20,7 +20,7 @@ def estimate(quantity: Estimate, unit: str) -> dict[str, Any]:
     return {
         "value": quantity.value,
         "standard_error": quantity.standard_error,
-        "interval": list(quantity.interval),
+        "interval": interval_json(quantity),
         "unit": unit,
     }
 
@@ -94,20 +94,22 @@ def _by_direction(levels: Mapping[int, Estimate]) -> dict[str, Any]:
     }
 
 
-def correlations(joint: JointEstimate) -> dict[str, Any]:
-    """Returns the correlation matrix of the joint estimate and its strongly correlated pairs."""
+def correlations(joint: JointEstimate, trusted: bool) -> dict[str, Any]:
+    """Returns the correlation matrix of the joint estimate and its correlated pairs, with errors if `trusted`."""
     return {
         "parameters": list(joint.names),
         "matrix": joint.correlation.tolist(),
-        "tied": [_correlated_pair(joint, *pair) for pair in joint.correlated_pairs()],
+        "tied": [_correlated_pair(joint, trusted, *pair) for pair in joint.correlated_pairs()],
     }
 
 
-def _correlated_pair(joint: JointEstimate, a: str, b: str, correlation: float) -> dict[str, Any]:
+def _correlated_pair(
+    joint: JointEstimate, trusted: bool, a: str, b: str, correlation: float
+) -> dict[str, Any]:
     power, error = joint.best_known_product(a, b)
     return {
         "parameters": [a, b],
         "correlation": correlation,
         "power": power,
-        "relative_standard_error": error,
+        "relative_standard_error": error if trusted else None,
     }

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import t as students_t
 
 Boundary = Literal["clamped", "free"]
-IntervalBy = Literal["covariance", "profile", "range", "declaration"]
+IntervalBy = Literal["covariance", "profile", "range", "declaration", "withheld"]
 Kind = Literal["bending", "not bending", "unknown"]
 
 MIN_DETERMINATION = 0.9
@@ -126,7 +126,8 @@ class Identified:
       methods: procedure -> its own estimate.
       profile: 95 % interval where errors are not normal.
       interval_by: source of the interval: the covariance, the profile likelihood, the bounds of the parameter, which
-        truncate it, or the declaration, where the recordings contain no information on it.
+        truncate it, the declaration, where the recordings contain no information on it, or "withheld" where they
+        contradict the model, standard errors and interval being NaN.
     """
 
     value: float
@@ -194,17 +195,22 @@ def mode_json(mode: Mode) -> dict[str, Any]:
     }
 
 
+def interval_json(estimate: Estimate) -> list[float] | None:
+    """Returns an interval as plain values for JSON; None where it is withheld."""
+    return None if math.isnan(estimate.standard_error) else list(estimate.interval)
+
+
 def parameter_json(parameter: Identified) -> dict[str, Any]:
     """Returns an identified parameter as plain values for JSON."""
     return {
         "value": parameter.value,
         "standard_error": parameter.standard_error,
-        "interval": list(parameter.estimate.interval),
+        "interval": interval_json(parameter.estimate),
         "interval_by": parameter.interval_by,
         "unit": parameter.unit,
         "declared": parameter.declared,
         "methods": {
-            name: {"value": e.value, "standard_error": e.standard_error, "interval": list(e.interval)}
+            name: {"value": e.value, "standard_error": e.standard_error, "interval": interval_json(e)}
             for name, e in parameter.methods.items()
         },
     }

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from scipy.constants import g
 
+from twin import labels
 from twin.identification.backbone import MIN_SWEEPS, Backbone
 from twin.identification.balance import Balance
 from twin.identification.bending_modes import SOFTENING_TOLERANCE
@@ -36,7 +37,9 @@ def static(test: StaticTest | None, declared: Estimate) -> Finding:
     p = test.line.curvature_probability
     if p == p:
         word = "straight" if test.line.is_straight else "curved"
-        sentences.append(f"The line is {word}: the F test of a parabola against it has p = {p:.2g}.")
+        sentences.append(
+            f"The line is {word}: the F test of a parabola against it has p = {labels.number(p, 2)}."
+        )
     return Finding("static", title, tuple(sentences))
 
 
@@ -86,9 +89,9 @@ def _tare(test: StaticTest) -> str:
 
 def _outlier(outlier: Outlier) -> list[str]:
     name, others = f"row {outlier.row + 1}", outlier.without
+    away = labels.typeset(f"{1e3 * outlier.residual:+.3g}")
     sentences = [
-        f"{name.capitalize()} lies {1e3 * outlier.residual:+.3g} mm off the line through the others: "
-        "a misreading, or a curved line."
+        f"{name.capitalize()} lies {away} mm off the line through the others: a misreading, or a curved line."
     ]
     if others.stiffness is not None:
         sentences.append(f"Without it {_stiffness(others).removesuffix(',')}, tare = {_tare(others)}.")
@@ -111,7 +114,7 @@ def decays(ring_downs: Sequence[Decay]) -> Finding:
 
 
 def _decay(d: Decay) -> list[str]:
-    where = f"{d.recording}, {d.channel}, {d.time[0]:.1f} to {d.time[-1]:.1f} s"
+    where = f"{d.recording}, {labels.channel(d.channel).label}, {d.time[0]:.1f} to {d.time[-1]:.1f} s"
     sentences = [
         f"{where}: {format_estimate(d.frequency, 'Hz')}, damping ratio {format_estimate(d.damping_ratio)}.",
         agreement(d.by_decrement, d.by_fit, ("Logarithmic decrement", "fit of the decay")),
@@ -128,7 +131,7 @@ def _decay(d: Decay) -> list[str]:
     if abs(d.frequency_slope.value) > 4 * d.frequency_slope.standard_error:
         change = 100 * d.frequency_slope.value
         sentences.append(
-            f"At its first amplitude the frequency is {change:+.2f} % off that of small vibration."
+            f"At its first amplitude the frequency is {labels.signed(change, 2)} % off that of small vibration."
         )
     return sentences
 
@@ -148,9 +151,8 @@ def break_aways(friction: StaticFriction) -> Finding:
         names = ("The level of the positive direction", "that of the negative one")
         sentences.append(agreement(friction.by_direction[1], friction.by_direction[-1], names))
     if friction.angle_spread == friction.angle_spread:
-        sentences.append(
-            f"Standard deviation over the angles at which they were read: {friction.angle_spread:.2g} N·m."
-        )
+        spread = labels.number(friction.angle_spread, 2)
+        sentences.append(f"Standard deviation over the angles at which they were read: {spread} N·m.")
     return Finding("break-away", title, tuple(sentences))
 
 
@@ -208,7 +210,9 @@ def _above_static(hub: Balance | None, joint: JointEstimate, static_level: Estim
 def _coulomb_by_decay(release: FrictionMap | None) -> str:
     head = "By the decay of the unclamped link"
     if release is None:
-        return f"{head}: no unclamped recording with initial_tip_deflection swings five times."
+        return (
+            f"{head}: no unclamped recording that declares the tip deflection at its start swings five times."
+        )
     head = f"{head} ({release.recording})"
     measured = format_estimate(release.measured)
     if release.level is None:
@@ -246,7 +250,7 @@ def inertia(
         )
     if momentum is not None and momentum.accepted:
         sentences.append(
-            f"J = {format_estimate(momentum.inertia, 'kg*m^2')} of the whole rig by its angular momentum."
+            f"Total inertia {format_estimate(momentum.inertia, 'kg*m^2')} by the angular momentum of the rig."
         )
         sentences.append(agreement(momentum.inertia, total, ("It", "that of the joint estimate")))
     elif sentences:
@@ -263,9 +267,9 @@ def _hub_inertia(inertia: Estimate, joint: JointEstimate | None) -> list[str]:
     if not inertia.informative:
         share = 100 * inertia.standard_error / abs(inertia.value)
         return [
-            f"The hub's torque balance does not determine J0: its standard error is {share:.0f} % of its value."
+            f"The hub's torque balance does not determine its inertia: the standard error is {share:.0f} % of it."
         ]
-    sentences = [f"J0 = {format_estimate(inertia, 'kg*m^2')} by the hub's torque balance."]
+    sentences = [f"Hub inertia {format_estimate(inertia, 'kg*m^2')} by the hub's torque balance."]
     if joint is not None and "hub_inertia" in joint.names:
         sentences.append(agreement(inertia, joint.estimate("hub_inertia"), ("It", "the joint estimate")))
     return sentences
@@ -286,7 +290,9 @@ def _missing_total_inertia(momentum: MomentumBalance | None) -> str:
 
 def _tip_mass(tip_mass: Estimate, joint: JointEstimate | None) -> list[str]:
     value = format_estimate(tip_mass, "kg")
-    sentences = [f"Payload {value} by (J - J0 - rho l^3/3 - J_p)/l^2, the link and J_p as declared."]
+    sentences = [
+        f"Payload {value} by the total inertia less that of the hub, and those of link and payload as declared."
+    ]
     if joint is not None and "tip_mass" in joint.names:
         sentences.append(agreement(tip_mass, joint.estimate("tip_mass"), ("It", "the joint estimate")))
     return sentences
@@ -306,7 +312,9 @@ def spectra(
     title = "Spectra of torque sweeps"
     if response is None:
         return Finding("spectra", title, (), "no recording from rest whose torque excites a broad band")
-    sentences = [f"{response.channel} over torque, from {', '.join(response.recordings)}."]
+    sentences = [
+        f"Response of {labels.with_the(response.channel)} to the torque, from {', '.join(response.recordings)}."
+    ]
     if response.by_reference:
         sentences.append(
             "The loop was closed: the response is by the reference as instrumental variable, because noise that the "
@@ -356,6 +364,7 @@ def _backbone(curve: Backbone) -> list[str]:
             "Hub friction and large bends shift it too, and no simulation of these sweeps shows by how much: "
             "this alone is no evidence of a softening link.",
         ]
+    simulated = labels.signed(100 * curve.simulated_slope, 2)
     evidence = (
         "evidence of a softening link, or of something else that the model lacks"
         if curve.differs_from_model
@@ -363,14 +372,15 @@ def _backbone(curve: Backbone) -> list[str]:
     )
     return [
         head,
-        f"The identified model, without softening, shifts by {100 * curve.simulated_slope:+.2f} % in the same sweeps, "
+        f"The identified model, without softening, shifts by {simulated} % in the same sweeps, "
         f"by hub friction and large bends; measured over simulated by {_percent(curve.residual_slope)}: {evidence}.",
     ]
 
 
 def _percent(change: Estimate) -> str:
     low, high = change.interval
-    return f"{100 * change.value:+.2f} % ({100 * low:+.2f} to {100 * high:+.2f})"
+    value, first, last = (labels.signed(100 * x, 2) for x in (change.value, low, high))
+    return f"{value} % ({first} to {last})"
 
 
 def campaigns_compared(comparison: Comparison) -> Finding:
@@ -380,7 +390,8 @@ def campaigns_compared(comparison: Comparison) -> Finding:
         missing = comparison.missing or f"no peak in a band that {comparison.campaign} excites"
         return Finding("against", title, (), missing)
     changed = [
-        f"{name} {here:.4g} here and {there:.4g} there" for name, (here, there) in comparison.changed.items()
+        f"{labels.words(name)} {here:.4g} here and {there:.4g} there"
+        for name, (here, there) in comparison.changed.items()
     ]
     rigs = (
         f"Declared: {', '.join(changed)}."
@@ -400,8 +411,9 @@ def _paired_peak(peak: PairedPeak) -> str:
             return f"{peak.frequency_hz:.4g} Hz is gone ({rest}): no bending mode of the link."
         return f"{peak.frequency_hz:.4g} Hz is no clear peak there, but {rest}: its kind is undetermined."
     shift = 100 * (peak.other_hz / peak.frequency_hz - 1)
+    moved, as_bending = labels.signed(shift, 1), labels.signed(expected, 1)
     kind = "a bending mode" if peak.kind == "bending" else "no bending mode"
-    return f"{peak.frequency_hz:.4g} Hz shifts by {shift:+.1f} %, a bending mode would by {expected:+.1f} %: {kind}."
+    return f"{peak.frequency_hz:.4g} Hz shifts by {moved} %, a bending mode would by {as_bending} %: {kind}."
 
 
 def _unpaired_peak(peak: PairedPeak, campaign: str) -> str:

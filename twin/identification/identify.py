@@ -20,6 +20,7 @@ from twin.identification.modes import clamped_mode, free_modes
 from twin.identification.parameter_estimates import tip_mass_by_balances
 from twin.identification.procedures import Procedures, run_procedures
 from twin.identification.result import Identification
+from twin.identification.trust import derived_without_intervals, trust_in, without_intervals
 from twin.parameters import Rig
 from twin.progress import Progress, silent
 
@@ -45,16 +46,23 @@ def identify(
         held_out, left_out = held_out_errors(campaign, results.joint, rig, pool)
     modes = free_modes(results.joint.fit.model.declared, results.response)
     derived = derived_quantities(campaign.rig, results.joint)
+    undetermined = not_determined(identified, results.joint)
+    trust = trust_in(results.joint, held_out)
+    found = _findings(campaign.rig, results, modes, derived, held_out, trust.trusted)
+    if not trust.trusted:
+        identified = {name: without_intervals(p) for name, p in identified.items()}
+        derived = derived_without_intervals(derived)
     return Identification(
         campaign=campaign.name,
         rig=campaign.rig,
         procedures=results,
         identified=identified,
-        not_determined=not_determined(identified, results.joint),
+        not_determined=undetermined,
         modes=(*(clamped_mode(d) for d in results.decays), *modes),
         derived=derived,
-        findings=_findings(campaign.rig, results, modes, derived, held_out),
+        findings=found,
         held_out=held_out,
+        trust=trust,
         notes=(*campaign.warnings, *results.joint.notes, *left_out),
         wall_s=time.perf_counter() - began,
     )
@@ -66,6 +74,7 @@ def _findings(
     modes: Sequence[Mode],
     derived: DerivedQuantities,
     held_out: Sequence[HeldOutError],
+    trusted: bool,
 ) -> tuple[Finding, ...]:
     """The result of each procedure in sentences; `rig` is the declared one, `modes` are those with a free hub."""
     r, joint = results, results.joint
@@ -79,5 +88,5 @@ def _findings(
         findings.inertia(r.hub_balance, r.momentum, total, tip_mass, joint),
         findings.spectra(r.response, modes, r.backbone, frequency),
         *([findings.campaigns_compared(r.comparison)] if r.comparison is not None else []),
-        joint_finding(joint, derived, held_out),
+        joint_finding(joint, derived, held_out, trusted),
     )

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from twin import labels
 from twin.identification.derived import DerivedQuantity
 from twin.identification.estimates import Finding
 from twin.identification.held_out import HeldOutError
 from twin.identification.joint import JointEstimate
-from twin.identification.text import format_estimate
+from twin.identification.text import format_estimate, format_interval
 
 _MAX_PAIRS = 5  # correlated pairs that are printed
 _MAX_CONTRADICTIONS = 3  # contradictions between recordings that are printed
 
 
 def joint_finding(
-    joint: JointEstimate, derived: Iterable[DerivedQuantity], held_out: Sequence[HeldOutError]
+    joint: JointEstimate,
+    derived: Iterable[DerivedQuantity],
+    held_out: Sequence[HeldOutError],
+    trusted: bool = True,
 ) -> Finding:
     """Returns the finding of the joint estimate.
 
@@ -23,6 +27,7 @@ def joint_finding(
       joint: the joint estimate.
       derived: quantities that follow from it.
       held_out: prediction errors of the identified rig.
+      trusted: false withholds errors and intervals.
     """
     count = len(joint.recordings)
     head = (
@@ -34,44 +39,59 @@ def joint_finding(
         "Joint estimate",
         (
             head,
-            *_correlations(joint),
-            *(_derived_quantity(quantity) for quantity in derived),
+            *_correlations(joint, trusted),
+            *(_derived_quantity(quantity, trusted) for quantity in derived),
             *_bounds(joint),
             *_contradictions(joint),
-            *_intervals(joint),
+            *(_intervals(joint) if trusted else ()),
             *_prediction_errors(held_out),
         ),
     )
 
 
-def _correlations(joint: JointEstimate) -> Iterator[str]:
+def _correlations(joint: JointEstimate, trusted: bool) -> Iterator[str]:
     for a, b, r in joint.correlated_pairs()[:_MAX_PAIRS]:
+        first, second = labels.parameter(a), labels.parameter(b)
+        tied = f"{first} and {second} are strongly correlated ({r:.3f})"
+        if not trusted:
+            yield f"{_capital(tied)}."
+            continue
         power, error = joint.best_known_product(a, b)
         single = [100 * e.standard_error / abs(e.value) for e in (joint.estimate(a), joint.estimate(b))]
+        shares = [labels.number(share, 2) for share in (100 * error, *single)]
         yield (
-            f"{a} and {b} are strongly correlated ({r:.3f}): {a} times {b} to the power {power:.2g} is known to "
-            f"{100 * error:.2g} %, each alone to {single[0]:.2g} and {single[1]:.2g} %."
+            f"{_capital(tied)}: {first} times {second} to the power {labels.number(power, 2)} is known to "
+            f"{shares[0]} %, each alone to {shares[1]} and {shares[2]} %."
         )
 
 
-def _derived_quantity(quantity: DerivedQuantity) -> str:
+def _capital(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def _derived_quantity(quantity: DerivedQuantity, trusted: bool) -> str:
     label = quantity.label
     if not quantity.estimate.informative:
         return f"The joint estimate does not determine {label}."
     comma = "," if "," in label else ""
-    return f"The joint estimate gives {label}{comma} of {format_estimate(quantity.estimate, quantity.unit)}."
+    value = (
+        f"{labels.number(quantity.estimate.value, labels.PAGE_DIGITS)} {labels.unit(quantity.unit)}".rstrip()
+    )
+    shown = format_estimate(quantity.estimate, quantity.unit) if trusted else value
+    return f"The joint estimate gives {label}{comma} of {shown}."
 
 
 def _bounds(joint: JointEstimate) -> Iterator[str]:
     for name in joint.at_bounds():
-        yield f"{name} is at a bound of its range: the declaration is wrong, or the model lacks something."
+        subject = _capital(labels.parameter(name))
+        yield f"{subject} is at a bound of its range: the declaration is wrong, or the model lacks something."
 
 
 def _contradictions(joint: JointEstimate) -> Iterator[str]:
     for recording, name, distance in joint.contradictions[:_MAX_CONTRADICTIONS]:
         yield (
-            f"Without {recording} {name} moves by {distance:.3g} standard errors of the move: the recordings "
-            "contradict each other, which the model does not explain."
+            f"Without {recording} the {labels.parameter(name)} moves by {labels.ratio(distance)} standard errors: the "
+            "recordings contradict each other, which the model does not explain."
         )
     if len(joint.recordings) == 1:
         yield "There is no other recording that it could be checked against."
@@ -80,15 +100,16 @@ def _contradictions(joint: JointEstimate) -> Iterator[str]:
 
 
 def _intervals(joint: JointEstimate) -> Iterator[str]:
-    for name, (low, high) in joint.intervals.items():
+    for name in joint.intervals:
         yield (
-            f"The log-likelihood is not quadratic in {name}: the 95 % interval by profile likelihood is "
-            f"{low:.5g} to {high:.5g}{_truncation(joint.truncated_sides(name))}."
+            f"The log-likelihood is not quadratic in {labels.parameter(name)}: the 95 % interval by profile "
+            f"likelihood is {format_interval(joint.estimate(name))}{_truncation(joint.truncated_sides(name))}."
         )
     rest = [name for name in joint.non_quadratic() if name not in joint.intervals]
     if rest:
+        names = ", ".join(map(labels.parameter, rest))
         yield (
-            f"The log-likelihood is not quadratic in {', '.join(rest)}, but where recordings contradict each other "
+            f"The log-likelihood is not quadratic in {names}, but where recordings contradict each other "
             "its profile gives no interval: theirs are those of the covariance."
         )
     elif not joint.intervals:
@@ -114,12 +135,15 @@ def _prediction_errors(errors: Sequence[HeldOutError]) -> Iterator[str]:
     link = max(steps, key=lambda pair: pair[0], default=None)
     parts = []
     if hub is not None:
-        parts.append(f"{hub.windowed / hub.noise:.2g} noise levels of hub_angle in windows ({hub.recording})")
+        over = labels.ratio(hub.windowed / hub.noise)
+        parts.append(f"{over} noise levels of the hub angle in windows ({hub.recording})")
     if link is not None:
-        parts.append(f"{link[0]:.2g} of {link[1].channel} by steps ({link[1].recording})")
+        parts.append(
+            f"{labels.ratio(link[0])} of {labels.with_the(link[1].channel)} by steps ({link[1].recording})"
+        )
     if parts:
         yield (
             f"Held-out recordings are predicted to {' and '.join(parts)} at worst. Noise alone is 1, by steps less: "
             "well above it, sticking begins or ends at another instant, or the model lacks something that "
-            "`twin diagnose` looks for."
+            "twin diagnose looks for."
         )

@@ -6,19 +6,18 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from twin import labels
-from twin.identification import pictures
-from twin.identification.estimates import Estimate, Identified
+from twin.identification import conclusion, pictures
 from twin.identification.held_out import HeldOutError
 from twin.identification.procedures import Procedures
 from twin.identification.result import Identification
+from twin.identification.text import with_half_interval
 from twin.report import pages
 from twin.report.display import NOISE_LIKE
 from twin.report.pages import Cell, Row, Table
+from twin.report.prose import prose
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-_FAR = 2.0  # declared standard deviations from which a parameter is far from its declared value
 
 
 def render(result: Identification) -> str:
@@ -27,8 +26,8 @@ def render(result: Identification) -> str:
     return pages.render(
         "identification/page.html.j2",
         d=result,
-        headline=_headline(result),
-        caveat=_caveat(result),
+        headline=conclusion.headline(result),
+        caveat=conclusion.caveat(result),
         moves=None
         if moves is None
         else pages.figure(moves, {"margin": {"l": 118, "r": 8, "t": 40, "b": 46}}),
@@ -40,88 +39,35 @@ def render(result: Identification) -> str:
     )
 
 
-def _headline(result: Identification) -> str:
-    count, known = len(result.all_parameters), len(result.all_parameters) - len(result.not_determined)
-    return f"The recordings determine {known if known < count else 'all'} of {count} declared parameters."
-
-
-def _caveat(result: Identification) -> str:
-    far = [name for name, p in result.all_parameters.items() if abs(_change(p) or 0.0) > _FAR]
-    if far:
-        moved = labels.join_with_and([_name(name) for name in far])
-        return (
-            f"{moved[:1].upper()}{moved[1:]} moved by more than two declared standard deviations: doubt the "
-            "declaration, or the model."
-        )
-    unseen = _missed(result)
-    if unseen:
-        return unseen
-    if result.not_determined:
-        return (
-            f"They do not determine {labels.join_with_and([_name(name) for name in result.not_determined])}."
-        )
-    return "All are within two of their declared standard deviations."
-
-
-def _missed(result: Identification) -> str:
-    """Where the identified rig fails most on held-out recordings, in a sentence; "" where it does not."""
-    off = [(labels.over_noise(e.identified, e.noise), e) for e in result.held_out]
-    off = [(over, e) for over, e in off if over > NOISE_LIKE]
-    if not off:
-        return ""
-    _, worst = max(off, key=lambda pair: pair[0])
-    return (
-        f"But the identified rig does not predict what it has not seen: {labels.with_the(worst.channel)} of "
-        f"{worst.recording} is off by {labels.amount(worst.channel, worst.identified)}, and its sensor's noise is "
-        f"{labels.amount(worst.channel, worst.noise)}. If that is more than a stick or slip, twin diagnose says what "
-        "the model lacks."
-    )
-
-
-def _name(name: str) -> str:
-    return labels.words(name).replace(".", ": ")
-
-
-def _change(p: Identified) -> float | None:
-    """From the declared value [declared standard deviations]; None where none is declared."""
-    return (p.value - p.declared) / p.declared_error if p.declared_error else None
-
-
-def _with_interval(estimate: Estimate) -> str:
-    """The value with half of its 95 % interval."""
-    low, high = estimate.interval
-    return labels.with_error(estimate.value, (high - low) / 2, labels.PAGE_DIGITS)
-
-
 def _parameters(result: Identification) -> Table:
     rows: list[Row] = []
     for name, p in result.all_parameters.items():
-        change, reason = _change(p), result.not_determined.get(name)
-        moved = "–" if change is None else f"{change:+.1f}".replace("-", "−")
-        note = f"not determined: {reason}" if reason else ""
+        change, reason = conclusion.change(p), result.not_determined.get(name)
+        moved = "–" if change is None else labels.signed(change, 1)
+        note = prose(f"not determined: {reason}") if reason else ""
         rows.append(
             (
-                Cell(_name(name), note=note),
+                Cell(labels.parameter(name), note=note),
                 labels.number(p.declared, labels.PAGE_DIGITS),
-                Cell(_with_interval(p.estimate), strong=True),
+                Cell(with_half_interval(p.estimate), strong=True),
                 labels.unit(p.unit),
-                Cell(moved, warns=abs(change or 0.0) > _FAR),
+                Cell(moved, warns=abs(change or 0.0) > conclusion.FAR),
             )
         )
-    return Table(
-        ("parameter", ">declared", ">identified, ± half its 95 % interval", "unit", ">in declared σ"), rows
-    )
+    found = ">best fit" if not result.trust.trusted else ">identified, ± half its 95 % interval"
+    return Table(("parameter", ">declared", found, "unit", ">in declared σ"), rows)
 
 
 def _methods(result: Identification) -> Table:
     """What each procedure finds by itself."""
     rows = [
-        (_name(name), labels.words(method), _with_interval(e), labels.unit(p.unit))
+        (labels.parameter(name), labels.words(method), with_half_interval(e), labels.unit(p.unit))
         for name, p in result.all_parameters.items()
         for method, e in p.methods.items()
         if method != "joint"
     ]
-    return Table(("parameter", "procedure", ">by itself, ± half its 95 % interval", "unit"), rows)
+    found = ">by itself" if not result.trust.trusted else ">by itself, ± half its 95 % interval"
+    return Table(("parameter", "procedure", found, "unit"), rows)
 
 
 def _held_out(result: Identification) -> Table:

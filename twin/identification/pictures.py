@@ -28,7 +28,7 @@ MEASURED, FITTED, OTHER, SOFT = pages.INK, pages.BLUE, pages.VERMILION, pages.GR
 """Colours of measurements, of what is fitted to them, of a second series, and of secondary lines."""
 _POINTS = 2000  # of a line
 _DASHES = ("solid", "dash", "dot")
-_LARGEST_CIRCLE = 22  # of a correlation of 1 [px]
+_LARGEST_CIRCLE = 16  # of a correlation of 1 [px]; plotly draws none larger than that in a legend
 
 
 def load_line(line: LoadLine, column: str) -> Figure:
@@ -116,7 +116,7 @@ def friction(hub: Balance) -> Figure:
             x=x, y=[level, level], mode="lines", name="Coulomb level", line=line, showlegend=direction > 0
         )
     figure.update_xaxes(title_text="rate of the hub [rad/s]")
-    figure.update_yaxes(title_text="friction torque [mN m]")
+    figure.update_yaxes(title_text="friction torque [mN·m]")
     return figure
 
 
@@ -130,7 +130,7 @@ def friction_map(release: FrictionMap) -> Figure:
         bars = {"type": "data", "array": [1e3 * TWO_SIDED_95 * release.level.standard_error]}
         point = {"x": [1e3 * release.level.value], "y": [100 * release.measured.value], "error_x": bars}
         figure.add_scatter(mode="markers", name="measured", marker=_dot(MEASURED), **point)
-    figure.update_xaxes(title_text="Coulomb friction [mN m]")
+    figure.update_xaxes(title_text="Coulomb friction [mN·m]")
     figure.update_yaxes(title_text="equivalent damping ratio [%]")
     return figure
 
@@ -196,21 +196,34 @@ def backbone(curve: Backbone) -> Figure:
 def correlation(joint: JointEstimate) -> Figure:
     """Returns the correlations of the joint estimate: their size as that of circles, negative ones hollow."""
     figure = _figure(90 + 30 * len(joint.names))
-    names = [labels.words(name) for name in joint.names]
+    names = [labels.parameter(name) for name in joint.names]
     rows, columns = np.nonzero(np.tril(np.ones_like(joint.correlation), -1))
     r = joint.correlation[rows, columns]
     for sign, colour, symbol in ((1, FITTED, "circle"), (-1, OTHER, "circle-open")):
         mine = sign * r > 0
         x, y = ([names[i] for i in index[mine]] for index in (columns, rows))
-        marker = {"color": colour, "symbol": symbol, "size": _LARGEST_CIRCLE * np.sqrt(np.abs(r[mine]))}
+        marker = {"color": colour, "symbol": symbol, "size": _circle(np.abs(r[mine]))}
         name = "positive" if sign > 0 else "negative"
         hover = "%{y}, %{x}: %{text}<extra></extra>"
-        text = [f"{value:+.2f}" for value in r[mine]]
-        points = {"mode": "markers", "name": name, "text": text, "hovertemplate": hover}
+        text = [labels.signed(value, 2) for value in r[mine]]
+        points = {"mode": "markers", "text": text, "hovertemplate": hover, "showlegend": False}
         figure.add_scatter(x=x, y=y, marker=marker, **points)
+        _legend_circle(figure, name, _dot(colour, symbol) | {"size": _circle(0.5)})
+    for size in (1.0, 0.5, 0.1):
+        _legend_circle(figure, f"{size:g}", {"color": SOFT, "size": _circle(size)})
     figure.update_xaxes(categoryorder="array", categoryarray=names[:-1])
     figure.update_yaxes(categoryorder="array", categoryarray=names[:0:-1])
-    return figure.update_layout(margin={"l": 118, "b": 100}, legend={"itemsizing": "constant"})
+    return figure.update_layout(margin={"l": 118, "b": 100})
+
+
+def _circle(size: float | np.ndarray) -> float | np.ndarray:
+    """Diameter of the circle of a correlation [px]; its area is proportional to the size."""
+    return _LARGEST_CIRCLE * np.sqrt(size)
+
+
+def _legend_circle(figure: Figure, name: str, marker: dict) -> None:
+    """Adds a circle to the legend alone."""
+    figure.add_scatter(x=[None], y=[None], mode="markers", name=name, marker=marker, hoverinfo="skip")
 
 
 def moves(parameters: Mapping[str, Identified]) -> Figure | None:
@@ -219,24 +232,20 @@ def moves(parameters: Mapping[str, Identified]) -> Figure | None:
     if len(known) < 2:
         return None
     figure = _figure(90 + 26 * len(known))
-    names = [labels.words(name).replace(".", ": ") for name in known]
-    x = [(p.value - p.declared) / p.declared_error for p in known.values() if p.declared_error]
-    ends = [p.estimate.interval for p in known.values()]
-    scales = [p.declared_error for p in known.values() if p.declared_error]
-    bars = {
-        "type": "data",
-        "array": [(high - p.value) / s for (_, high), p, s in zip(ends, known.values(), scales, strict=True)],
-        "arrayminus": [
-            (p.value - low) / s for (low, _), p, s in zip(ends, known.values(), scales, strict=True)
-        ],
-    }
+    names = [labels.parameter(name) for name in known]
+    scales = np.array([p.declared_error for p in known.values() if p.declared_error])
+    values = np.array([p.value for p in known.values()])
+    x = (values - [p.declared for p in known.values()]) / scales
+    below, above = np.abs(np.array([p.estimate.interval for p in known.values()]).T - values) / scales
+    bars = {"type": "data", "array": above, "arrayminus": below}
     hover = "%{y}: %{x:+.2f} declared standard deviations<extra></extra>"
     points = {"marker": _dot(FITTED), "error_x": bars, "hovertemplate": hover, "showlegend": False}
     figure.add_scatter(x=x, y=names, mode="markers", **points)
     figure.add_vrect(x0=-2, x1=2, fillcolor="#e3efe6", line_width=0, layer="below")
     figure.add_vline(x=0, line={"color": SOFT, "width": 1})
-    # The shaded range has an end on both sides.
-    reach = max(2.6, 1.1 * max(abs(value) for value in x))
+    # The shaded range has an end on both sides, and so has every interval that is not withheld (NaN).
+    ends = np.abs(x) + np.nan_to_num(np.maximum(below, above))
+    reach = max(2.6, 1.1 * float(ends.max()))
     figure.update_xaxes(title_text="declared standard deviations", range=[-reach, reach])
     figure.update_yaxes(autorange="reversed")
     return figure.update_layout(margin={"l": 140})

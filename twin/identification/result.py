@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from twin.files.provenance import Provenance
 from twin.identification import as_json
 from twin.identification.derived import DerivedQuantities
 from twin.identification.estimates import Finding, Identified, Mode, mode_json, parameter_json
 from twin.identification.held_out import HeldOutError
 from twin.identification.procedures import Procedures
+from twin.identification.trust import Trust
 from twin.parameters import Rig
 
 
@@ -28,8 +30,10 @@ class Identification:
       derived: quantities of the whole rig by the joint estimate.
       findings: result of each procedure in sentences, or which data it lacks.
       held_out: prediction errors on held-out recordings, which are simulated once, at the end.
+      trust: whether the recordings contradict the model; if they do, all intervals are withheld.
       notes: defects of the recordings, and assumptions about them.
       wall_s: computation time [s].
+      provenance: what it was computed with and from, or None if that was not recorded.
     """
 
     campaign: str
@@ -41,8 +45,10 @@ class Identification:
     derived: DerivedQuantities
     findings: tuple[Finding, ...]
     held_out: tuple[HeldOutError, ...]
+    trust: Trust
     notes: tuple[str, ...]
     wall_s: float
+    provenance: Provenance | None = None
 
     @property
     def parameters(self) -> dict[str, Identified]:
@@ -65,6 +71,8 @@ class Identification:
         total_inertia = self.derived.total_inertia.estimate
         return {
             "campaign": self.campaign,
+            "trusted": self.trust.trusted,
+            "reason": self.trust.reason,
             "parameters": {name: parameter_json(p) for name, p in self.parameters.items()},
             "effects": {name: parameter_json(p) for name, p in self.effects.items()},
             "modes": [mode_json(mode) for mode in self.modes],
@@ -79,8 +87,9 @@ class Identification:
             "friction_map": None if r.friction_map is None else as_json.friction_map(r.friction_map),
             "loss_laws": [as_json.loss_law(d) for d in r.decays],
             "levels": as_json.levels(r.static_friction, r.hub_balance),
-            "correlations": as_json.correlations(r.joint),
+            "correlations": as_json.correlations(r.joint, self.trust.trusted),
             "held_out": [asdict(error) for error in self.held_out],
             "notes": list(self.notes),
             "wall_s": self.wall_s,
+            "provenance": None if self.provenance is None else self.provenance.to_json(),
         }

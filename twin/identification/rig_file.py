@@ -12,12 +12,18 @@ from twin.parameters import Parameter
 from twin.rigs.rig_file import effect_lines, header_lines, parameter_lines
 
 FILE = "identified-rig.toml"
+_WHAT = {
+    True: "as it was identified",
+    False: "as it fits recordings that contradict its model: uncertainties are the declared ones, and `twin diagnose` "
+    "says what the model lacks",
+}
+"""Whether the identification is trusted -> what the file holds."""
 
 
 def to_toml(result: Identification) -> str:
     """Returns the identified rig as TOML, with standard errors that are its uncertainty when it is read."""
     joint = result.procedures.joint
-    lines = header_lines(result.campaign, "as it was identified")
+    lines = header_lines(result.campaign, _WHAT[result.trust.trusted])
     for parameter in result.rig.parameters.values():
         lines += _parameter_lines(result, parameter)
     for effect, values in joint.fit.model.effects.items():
@@ -26,7 +32,8 @@ def to_toml(result: Identification) -> str:
         lines += effect_lines(
             effect, values, errors, REGISTRY[effect].units(values), "known, and identified with the rig"
         )
-    lines += from_covariance(joint.names, joint.covariance).lines()
+    if result.trust.trusted:
+        lines += from_covariance(joint.names, joint.covariance).lines()
     return "\n".join(lines) + "\n"
 
 
@@ -34,6 +41,11 @@ def _parameter_lines(result: Identification, parameter: Parameter) -> Iterator[s
     identified = result.parameters.get(parameter.name)
     if identified is None:
         return parameter_lines(parameter)
+    if not result.trust.trusted:
+        source = (
+            f"best fit to {result.campaign}, which contradicts the model; declared {identified.declared:.6g}"
+        )
+        return parameter_lines(replace(parameter, value=identified.value, source=source))
     reason = result.not_determined.get(parameter.name)
     how = "identified from" if reason is None else "not determined by"
     source = f"{how} the recordings of {result.campaign}; declared {identified.declared:.6g}"

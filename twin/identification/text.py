@@ -16,8 +16,21 @@ DISAGREEMENT = 3.0
 def format_estimate(estimate: Estimate, unit: str = "") -> str:
     """The value, its 95 % interval and unit: `0.2482 (0.2470 to 0.2494) N·m²`."""
     low, high = estimate.interval
+    value = labels.number(estimate.value, _digits(estimate.value, low, high))
+    return f"{value} ({format_interval(estimate)}) {labels.unit(unit)}".rstrip()
+
+
+def format_interval(estimate: Estimate) -> str:
+    """The 95 % interval: `0.2470 to 0.2494`."""
+    low, high = estimate.interval
     digits = _digits(estimate.value, low, high)
-    return f"{estimate.value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g}) {labels.unit(unit)}".rstrip()
+    return f"{labels.number(low, digits)} to {labels.number(high, digits)}"
+
+
+def with_half_interval(estimate: Estimate) -> str:
+    """The value with half of its 95 % interval, `0.2482 ± 0.0012`; the value alone where that is withheld."""
+    low, high = estimate.interval
+    return labels.with_error(estimate.value, (high - low) / 2, labels.PAGE_DIGITS)
 
 
 def _digits(value: float, low: float, high: float) -> int:

@@ -148,5 +148,5 @@ def styled(drawn: go.Figure, height: int, margin: Mapping[str, int]) -> go.Figur
         height=height,
         margin=dict(margin),
         legend=legend,
-        font={"family": FONT, "size": 13},
+        font={"family": FONT, "size": 13, "color": INK},
     )

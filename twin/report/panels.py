@@ -90,7 +90,7 @@ class Panels:
     def caption(self, column: int, text: str) -> None:
         """Adds a caption above a column of panels."""
         place = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom", "yshift": 6}
-        font = {"size": 12.5, "color": "#444"}
+        font = {"size": 12.5, "color": pages.INK}
         at = {"x": self._left(column), "y": 1.0, "showarrow": False, "font": font}
         self.layout["annotations"].append({**place, **at, "text": text})
 
@@ -108,7 +108,7 @@ class Panels:
         layout = {
             **self.layout,
             "template": go.layout.Template(),
-            "font": {"family": pages.FONT, "size": 12, "color": "#333"},
+            "font": {"family": pages.FONT, "size": 12, "color": pages.INK},
             "margin": {"l": 66, "r": 12, "t": _TOP, "b": _BOTTOM},
             "height": self.inner + _TOP + _BOTTOM,
             "paper_bgcolor": "white",

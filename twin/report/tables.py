@@ -207,18 +207,14 @@ def _calibrated(name: str, diagnosis: Diagnosis) -> Row:
     moved = diagnosis.calibrated[name]
     sigma, uncertainty = _declared_deviation(name, diagnosis)
     change = moved.fitted - moved.declared
-    far = (
-        Cell(f"{change / sigma:+.1f}".replace("-", "−"), warns=abs(change) > _FAR * sigma)
-        if sigma > 0
-        else "–"
-    )
+    far = Cell(labels.signed(change / sigma, 1), warns=abs(change) > _FAR * sigma) if sigma > 0 else "–"
     return (
-        labels.words(name).replace(".", ": "),
+        labels.parameter(name),
         labels.number(moved.declared, 4),
         uncertainty,
         labels.with_error(moved.fitted, moved.standard_error, labels.PAGE_DIGITS),
         labels.unit(moved.unit),
-        f"{100 * change / moved.declared:+.1f} %".replace("-", "−") if moved.declared else "–",
+        f"{labels.signed(100 * change / moved.declared, 1)} %" if moved.declared else "–",
         far,
     )
 
