@@ -71,6 +71,12 @@ def described(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
+def reason(error: BaseException) -> str:
+    """Returns the text of an error in one line; with its kind where the text is a single word, or missing."""
+    text = _text(str, error)
+    return text if " " in text else described(error)
+
+
 def shown(value: Any) -> str:
     """Returns a value of foreign code as Python writes it, in one line of bounded length."""
     return _text(repr, value) or f"an object of {type(value).__name__}"

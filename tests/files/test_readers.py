@@ -161,6 +161,16 @@ def test_every_reader_is_written_of(reader):
     assert any(name.endswith(reader.suffixes) for name in WRITERS)
 
 
+def test_a_truncated_matlab_file_is_told_without_the_name_of_a_class(tmp_path):
+    path = tmp_path / "a.mat"
+    savemat(path, {"time": TIME, "torque": TORQUE})
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError) as told:
+        read(path)
+    assert str(told.value).startswith("a.mat cannot be read as a MATLAB file: ")
+    assert "Error" not in str(told.value)
+
+
 @pytest.mark.parametrize("name", [n for n in WRITERS if n != "a.mat"])
 def test_an_absent_library_is_named_with_its_extra(tmp_path, name, monkeypatch):
     path = tmp_path / name

@@ -65,6 +65,15 @@ def test_a_rig_that_fails_does_not_stop_the_others(rigs, tmp_path):
     assert [type(r) for r in fleet.rigs] == [RigFailure, RigFailure, RigAnswer]
     assert "push.csv, line 2" in fleet.failures[0].error
     assert "there is no such folder" in fleet.failures[1].error
+    expected = "Of 3 rigs, 1 has a model that lacks something, and bad and none could not be diagnosed."
+    assert text.headline(fleet) == expected
+    assert expected in page.render(fleet)
+
+
+def test_of_many_rigs_that_fail_a_few_are_named(rigs, tmp_path):
+    nowhere = [tmp_path / "RIGS" / f"none-{k}" for k in range(5)]
+    fleet, _ = diagnose([*rigs("good"), *nowhere], tmp_path / "out")
+    assert "and none-0, none-1, none-2 and 2 more could not be diagnosed" in text.headline(fleet)
 
 
 @pytest.mark.parametrize(

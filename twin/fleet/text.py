@@ -8,6 +8,8 @@ from twin.fleet.stored import StoredEffect, known
 
 COLUMNS = ("rig", "verdict", "lacks", "how sure", "since its last campaign")
 _NOTHING = "–"
+_MOST_NAMED = 3
+"""Rigs that could not be diagnosed, by name."""
 
 
 def line(result: RigResult) -> str:
@@ -63,13 +65,21 @@ def row(result: RigResult) -> tuple[str, str, str, str, str]:
 
 
 def headline(fleet: Fleet) -> str:
-    """Returns how many rigs lack something, in a sentence."""
-    count = len(fleet.answers)
-    if not count:
+    """Returns how many rigs lack something, and which could not be diagnosed, in a sentence."""
+    if not fleet.answers:
         return "No rig was diagnosed."
-    missing = sum(r.answer.verdict != "no-missing-effect" for r in fleet.answers)
-    rigs = "rig" if count == 1 else "rigs"
-    return f"Of {count} {rigs}, {missing or 'none'} {'has' if missing == 1 else 'have'} a model that lacks something."
+    count, missing = len(fleet.rigs), sum(r.answer.verdict != "no-missing-effect" for r in fleet.answers)
+    rigs, have = "rig" if count == 1 else "rigs", "has" if missing == 1 else "have"
+    return f"Of {count} {rigs}, {missing or 'none'} {have} a model that lacks something{_failed(fleet)}."
+
+
+def _failed(fleet: Fleet) -> str:
+    """A clause on the rigs that could not be diagnosed; "" without any."""
+    names = [f.rig for f in fleet.failures]
+    if not names:
+        return ""
+    more = [f"{len(names) - _MOST_NAMED} more"] if len(names) > _MOST_NAMED else []
+    return f", and {labels.join_with_and([*names[:_MOST_NAMED], *more])} could not be diagnosed"
 
 
 def remarks(fleet: Fleet) -> list[str]:
@@ -77,11 +87,9 @@ def remarks(fleet: Fleet) -> list[str]:
     changed = sum(bool(r.changes) for r in fleet.answers)
     compared = sum(r.previous is not None for r in fleet.answers)
     reused = sum(r.reused for r in fleet.answers)
-    failed = len(fleet.failures)
     said = [
         (compared, f"{changed} of {compared} differ from the last campaign of the same rig."),
         (reused, f"{reused} had an answer of the same files already."),
-        (failed, f"{failed} could not be diagnosed."),
     ]
     return [sentence for number, sentence in said if number]
 

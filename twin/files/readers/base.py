@@ -17,7 +17,7 @@ from twin.files.extras import imported
 from twin.files.layout import MOST_COLUMNS
 from twin.files.table import LARGEST_FILE, Table
 from twin.files.text import check_size
-from twin.foreign import described, from_outside
+from twin.foreign import from_outside, reason
 
 _MOST_NUMBERS = LARGEST_FILE // 8
 """Numbers in a file, which may be compressed, at most: they take as much memory as the largest file."""
@@ -83,7 +83,7 @@ def read_arrays(
     except BaseException as error:
         if from_outside(error):
             raise
-        raise InputError(f"{name} cannot be read as {reader.kind}: {described(error)}") from None
+        raise InputError(f"{name} cannot be read as {reader.kind}: {reason(error)}") from None
 
 
 def check_count(numbers: int) -> None:
