@@ -6,6 +6,7 @@ import re
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -21,6 +22,7 @@ from twin.export import EXPORTERS, RigToExport, exporter_of
 from twin.export.linear import linear_model
 from twin.export.stepped_rig import SteppedRig
 from twin.parameters import Rig
+from twin.recording import CHANNEL_UNITS
 from twin.rigs import preset
 
 RIG = preset("bossi2009")
@@ -195,6 +197,21 @@ def test_an_fmu_holds_what_it_needs(fmu):
     names = zipfile.ZipFile(fmu).namelist()
     assert {"modelDescription.xml", "resources/rig.toml", "resources/twin_rig.py"} <= set(names)
     assert b"needs Python with the package flexlink-twin" in zipfile.ZipFile(fmu).read("modelDescription.xml")
+
+
+def test_variables_of_an_fmu_have_units_and_the_model_the_name_of_its_rig(fmu):
+    root = ElementTree.fromstring(zipfile.ZipFile(fmu).read("modelDescription.xml"))
+    assert root.get("modelName") == "bench"
+    units = {
+        v.get("name"): real.get("unit")
+        for v in root.iter("ScalarVariable")
+        if (real := v.find("Real")) is not None
+    }
+    inputs = {"torque_command": "N*m", "hub_angle_start": "rad"}
+    readings = {name: None if CHANNEL_UNITS[name] == "1" else CHANNEL_UNITS[name] for name in READINGS}
+    assert units == inputs | readings
+    assert [child.tag for child in root][:2] == ["CoSimulation", "UnitDefinitions"]
+    assert {u for u in units.values() if u} == {u.get("name") for u in root.iter("Unit")}
 
 
 def test_an_fmu_moves_as_the_compiled_chain(fmu):

@@ -32,7 +32,7 @@ def test_round_trip_is_exact(diagnosis, tmp_path):
     rig, effects = read_rig_file(path)
     assert path.name == "augmented-rig.toml"
     assert dict(rig) == dict(diagnosis.fitted)
-    assert rig.name == diagnosis.fitted.name
+    assert rig.name == diagnosis.campaign
     assert effects == {"cable-torsion": synthetic.CABLE}
 
 

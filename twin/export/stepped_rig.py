@@ -21,11 +21,13 @@ class SteppedRig:
     """The compiled chain with its drive and sensors, from rest at a hub angle.
 
     Attributes:
+      name: of the rig.
       readings: channel -> what its sensor reports now, SI.
     """
 
     def __init__(self, model: Model, hub_angle: float = 0.0) -> None:
         """Takes the model with its effects, and the hub angle from which it starts [rad]."""
+        self.name = model.declared.name
         self._plant = CompiledPlant(model, SHORTEST_STEP)
         self._sensors = SensorEffects(model, self._plant)
         self.reset(hub_angle)

@@ -47,7 +47,7 @@ def to_toml(diagnosis: Diagnosis) -> str:
         "no-missing-effect": "calibrated; nothing was missing",
         "outside-library": "with what could be explained; something that no known effect explains is left",
     }[diagnosis.verdict]
-    lines = header_lines(diagnosis.fitted.name, what)
+    lines = header_lines(diagnosis.campaign, what)
     for parameter in diagnosis.fitted.parameters.values():
         lines += _parameter_lines(diagnosis, parameter)
     for known in diagnosis.known:
