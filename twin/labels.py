@@ -49,6 +49,18 @@ VARIABLES: Mapping[str, Display] = {
 }
 
 
+METRICS: Mapping[str, Display] = {
+    "hub_final_deg": Display("hub angle at the end", "°", 1.0),
+    "hub_min_deg": Display("smallest hub angle", "°", 1.0),
+    "hub_max_deg": Display("largest hub angle", "°", 1.0),
+    "peak_deflection_mm": Display("largest tip deflection", "mm", 1.0),
+    "peak_torque_nm": Display("largest motor torque", "N·m", 1.0),
+    "saturated_fraction": Display("time at the torque limit", "%", 100.0),
+    "stuck_fraction": Display("time in which the hub sticks", "%", 100.0),
+}
+"""Metric of a run -> its display; the factor is that of the metric."""
+
+
 def channel(name: str) -> Display:
     """Returns the display of a channel; one unknown to the format keeps its name and SI unit."""
     return CHANNELS.get(name, Display(words(name), "SI", 1.0))
@@ -91,7 +103,7 @@ def parameter(name: str) -> str:
 
 def unit(si: str) -> str:
     """Returns a typeset unit: "N*m^2" becomes "N·m²"; "" for a dimensionless number."""
-    shown = {"1": "", "-": ""}.get(si, si)
+    shown = {"1": "", "-": "", "deg": "°"}.get(si, si)
     for plain, typeset in (("*", "·"), ("^2", "²"), ("^3", "³"), ("^4", "⁴")):
         shown = shown.replace(plain, typeset)
     return shown

@@ -64,6 +64,7 @@ def test_the_page_says_the_same():
     ):
         assert text in page
     assert page.count('<table class="cards') == 2
+    assert "Provenance" not in page
 
 
 def test_the_command_writes_text_page_and_json(twin, tmp_path):
@@ -76,6 +77,9 @@ def test_the_command_writes_text_page_and_json(twin, tmp_path):
     assert "small does not pass: a fit would be misled (rest)." in output
     answer = json.loads(Path("a.json").read_text())
     assert answer["passed"] is False
+    assert set(answer["provenance"]["inputs"]) == {"campaign.toml", "push.csv", "pull.csv"}
+    shown = Path("a.html").read_text(encoding="utf-8")
+    assert all(hash in shown for hash in answer["provenance"]["inputs"].values())
     assert {"what": "rest", "fails": True}.items() <= next(
         f for f in answer["findings"] if f["fails"]
     ).items()

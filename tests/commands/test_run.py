@@ -421,7 +421,13 @@ def test_command_prints_and_writes_what_others_rely_on(twin, tmp_path):
         "saturated_fraction",
         "stuck_fraction",
     }
-    assert f"{answer['metrics']['hub_final_deg']:.4g}" in out
+    rows = [re.split(r"  +", line.strip()) for line in out.splitlines()]
+    end, stuck = answer["metrics"]["hub_final_deg"], answer["metrics"]["stuck_fraction"]
+    assert ["hub angle at the end", f"{end:.1f}", "°"] in rows
+    assert ["time in which the hub sticks", f"{100 * stuck:.2f}", "%"] in rows
+    assert "_" not in out.replace("a.json", "")
+    assert ["run", "a.csv"] in rows
+    assert ["JSON", "a.json"] in rows
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,20 @@ def test_every_experiment_is_within_the_amplifier_and_ends_in_a_rest_or_a_sweep(
         assert len(torque) == pytest.approx(experiment.recording.duration / 2e-3, abs=2)
 
 
+def test_a_rig_without_payload_is_asked_for_none():
+    bare = RIG.replace("bare", tip_mass=0.0, tip_inertia=0.0)
+    assert {e.name for e in experiments.possible_experiments(RIG)} - {
+        e.name for e in experiments.possible_experiments(bare)
+    } == {"slews-payload"}
+
+
+def test_a_plan_is_shown_in_words():
+    experiment = experiments.possible_experiments(RIG)[0]
+    plans = [experiments.Plan(experiment, 12.83, "strain_base", ("tip_acceleration", 62.4))]
+    [(_, _, apart, channel, sensor)] = experiments.rows(plans)
+    assert (apart, channel, sensor) == ("12.8", "base strain", "tip acceleration: 62.4")
+
+
 def test_declared_rig_can_do_every_experiment():
     with ResidualPool(1) as pool:
         plans = experiments.rank(Explanation(MODEL), Explanation(MODEL), NOISE, pool)

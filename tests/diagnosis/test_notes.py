@@ -94,7 +94,7 @@ def test_what_is_outside_the_library_says_itself_that_it_is_missed(monkeypatch):
 def test_viscous_friction_under_a_voltage_looks_like_back_emf():
     found = {"viscous-friction": {"viscous": 0.06}}
     [said] = notes.back_emf(SimpleNamespace(torque_per_volt=0.12), found)
-    assert "0.5 V s/rad" in said
+    assert "0.5 V·s/rad" in said
     assert notes.back_emf(SimpleNamespace(torque_per_volt=None), found) == []
     assert notes.back_emf(SimpleNamespace(torque_per_volt=0.12), {}) == []
 

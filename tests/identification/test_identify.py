@@ -67,7 +67,7 @@ def table_one():
 
 def test_table_one_reads_as_in_the_paper_and_says_what_does_not_add_up(table_one):
     said = findings.static(table_one, Estimate(0.24957, 0.005)).sentences
-    assert any(s.startswith("Row 1 lies -1 mm off the line through the others") for s in said)
+    assert any(s.startswith("Row 1 lies −1 mm off the line through the others") for s in said)
     [without] = [s for s in said if s.startswith("Without it")]
     # Rows 2 to 5 are a line to the last digit, 0.2423 N m^2 with g = 9.81 m/s^2; its tare is the plate's 0.019 kg.
     assert "EI = 0.2422 " in without

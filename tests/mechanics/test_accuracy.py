@@ -1,13 +1,15 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from twin.errors import InputError
+from twin.mechanics import accuracy
 from twin.mechanics.accuracy import check, to_json
-from twin.mechanics.chain_modes import fit_ring_down
+from twin.mechanics.chain_modes import ModeComparison, fit_ring_down
 from twin.rigs import preset
 from twin.rigs.bossi2009 import FREQUENCIES_HZ
 
@@ -60,6 +62,11 @@ def test_ring_down_fit_recovers_the_truth():
     time = np.linspace(0, 2, 400)
     swing = 0.3 + 2 * np.exp(-0.04 * 30 * time) * np.cos(30 * np.sqrt(1 - 0.04**2) * time + 0.5)
     assert fit_ring_down(time, swing, 28.0) == pytest.approx((30, 0.04), rel=1e-9)
+
+
+def test_the_table_has_no_exponents():
+    shapes = ModeComparison(*([np.ones(1)] * 6), mac=np.array([1 - 1.7e-4]))
+    assert accuracy.text_rows(SimpleNamespace(free=shapes, clamped=shapes))[0][-1] == "0.00017"
 
 
 def test_rig_without_friction_is_checked_for_the_rest():

@@ -440,6 +440,12 @@ def test_lqi_passes_and_the_page_needs_no_network(twin, tmp_path):
     page = (tmp_path / "v.html").read_text()
     assert "lqi" in page
     assert "<script src" not in page
+    for text in ("100 % of rigs keep every limit; 95 % were asked for.", "Provenance", "drawn rigs: 1"):
+        assert text in page
+    assert not re.search(
+        r"\bfailed\b|[0-9]e-[0-9]| deg\b", page.partition("<footer>")[0].partition("<script")[0]
+    )
+    assert answer["provenance"]["seeds"] == {"drawn_rigs": 1}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["v.html", "v.json"]
     if browser.CHROMIUM:
         browser.assert_readable({"validation": page}, tmp_path, figures=2)
@@ -484,6 +490,8 @@ def test_stricter_requirements_fail(twin, tmp_path):
     (tmp_path / "strict.toml").write_text("".join(f"{name} = {limit}\n" for name, limit in limits.items()))
     code, out, _ = twin("validate", "lqi", "--rigs", 2, "--requirements", "strict.toml")
     assert code == 1
+    assert not re.search(r"[a-z]_[a-z]| deg\b|e-0", out)
+    assert re.search(r"phase margin +≥ 30°", out)
     # Each figure in its unit; each rig on one line, with all figures in which it is the worst.
     assert re.search(r"peak torque +≤ 0.1 N·m +0.214 N·m +0.214 N·m +0.214 N·m +2", out)
     assert re.search(r"disk margin +≥ 0.4( +0.7\d*){3} +none", out)

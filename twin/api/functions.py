@@ -223,9 +223,12 @@ def validate(
     errors, correlations = read_uncertainty(rig) if from_file else ({}, INDEPENDENT)  # type: ignore[arg-type]
     limits: Requirements = defaults() if requirements is None else read_requirements(Path(requirements))
     job = validation.Job(controller, known.rig, scenario)
-    return validation.validate(
+    result = validation.validate(
         job, known.effects, errors, limits, rigs, seed, progress, correlations, executor
     )
+    files = [Path(given) for given in (rig, requirements) if isinstance(given, str | PathLike)]
+    record = recorded((f for f in files if f.is_file()), None, None, {"drawn_rigs": seed})
+    return replace(result, provenance=record)
 
 
 def load(

@@ -50,8 +50,9 @@ def _print_check(result: Check) -> None:
     from twin.mechanics.accuracy import text_rows
 
     screen = console()
-    head = ("mode", "f exact", "chain", "simulated", "zeta", "chain", "simulated", "1 - MAC")
-    title = f"{result.rig}, {result.segments} segments: frequencies [Hz] and damping ratios [1]"
+    head = ("mode", "frequency", "chain", "simulated", "damping", "chain", "simulated", "1 − MAC")
+    what = "frequencies [Hz] and damping ratios of the exact beam, the chain and a simulation"
+    title = f"{result.rig}, {result.segments} segments: {what}"
     modes = Table(*head, title=title, box=None, title_justify="left", title_style="")
     for row in text_rows(result):
         modes.add_row(*row)
@@ -59,8 +60,8 @@ def _print_check(result: Check) -> None:
     for r in result.rows:
         verdicts.add_row(
             r.quantity,
-            f"{r.error:.2g}",
-            f"{r.bound:.2g}",
+            labels.number(r.error, 2),
+            labels.number(r.bound, 2),
             labels.unit(r.unit),
             "ok" if r.passed else "FAILED",
         )

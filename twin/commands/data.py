@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import typer
@@ -9,6 +10,7 @@ import typer
 from twin.commands.shared import COMPILING, CampaignFolder, JsonFile, ReportFile, console, progress
 from twin.files.json import write_json
 from twin.files.outputs import check_writable
+from twin.files.provenance import command_line, recorded
 
 if TYPE_CHECKING:
     from twin.report.data_check import DataCheck
@@ -25,13 +27,15 @@ def data(
     """
     from twin.campaigns.campaign import campaign_files, read_campaign
 
-    check_writable(report_file, json_file, read=campaign_files(campaign))
+    read = campaign_files(campaign)
+    check_writable(report_file, json_file, read=read)
     given = read_campaign(campaign)
     with progress() as report:
         report(COMPILING)
         from twin.report import data_check
 
-        found = data_check.check_data(given, report)
+        record = recorded(read, campaign, command_line(), {})
+        found = replace(data_check.check_data(given, report), provenance=record)
     if json_file is not None:
         write_json(json_file, found.to_json())
     if report_file is not None:

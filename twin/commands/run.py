@@ -139,6 +139,9 @@ def run(
     _print(answer)
     for line in remarks:
         console().print(line)
+    for what, path in (("run", out), ("rerun", rrd_file), ("JSON", json_file)):
+        if path is not None:
+            console().print(f"{what:<6}  {path}", soft_wrap=True)
 
 
 def _answer(experiment: Experiment, result: Run) -> dict[str, Any]:
@@ -178,7 +181,9 @@ def _ghost_files(ghost: str) -> tuple[Path, ...]:
 def _print(answer: dict[str, Any]) -> None:
     from rich.table import Table
 
+    from twin import labels
     from twin.control.plants import KINDS
+    from twin.report.prose import prose
 
     screen = console()
     speed = answer["duration_s"] / answer["wall_s"]
@@ -188,9 +193,10 @@ def _print(answer: dict[str, Any]) -> None:
         highlight=False,
     )
     if "patch" in answer:
-        screen.print(f"With a patch, which is no physics: {answer['patch']}")
-    table = Table("figure", "value", box=None)
+        screen.print(f"With a patch, which is no physics: {prose(answer['patch'])}")
+    table = Table("figure", "value", "unit", box=None)
     table.columns[1].justify = "right"
     for name, value in answer["metrics"].items():
-        table.add_row(name, f"{value:.4g}")
+        shown = labels.METRICS[name]
+        table.add_row(shown.label, labels.number(shown.factor * value, labels.PAGE_DIGITS), shown.unit)
     screen.print(table)

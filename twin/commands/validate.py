@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,7 @@ from twin.commands.shared import (
 from twin.errors import InputError
 from twin.files.json import write_json
 from twin.files.outputs import check_writable
+from twin.files.provenance import command_line, recorded
 
 if TYPE_CHECKING:
     from twin.validation.rigs import NominalRig
@@ -66,7 +68,8 @@ def validate(
     scheduler: SchedulerAddress = None,
 ) -> None:
     """Check requirements on a controller on randomly drawn rigs; exit code 1 where it fails them."""
-    check_writable(json_file, report_file, read=_read(controller, rig, campaign, requirements))
+    read = tuple(_read(controller, rig, campaign, requirements))
+    check_writable(json_file, report_file, read=read)
     nominal = _of_rig(rig or DEFAULT_RIG) if campaign is None else _of_campaign(campaign)
     from twin.validation.requirements import defaults, read_requirements
 
@@ -79,6 +82,8 @@ def validate(
         result = validation.validate(
             job, nominal.effects, nominal.errors, limits, rigs, seed, report, nominal.correlations, elsewhere
         )
+        record = recorded(read, campaign, command_line(), {"drawn_rigs": seed})
+        result = replace(result, provenance=record)
     if json_file is not None:
         write_json(json_file, validation.to_json(result))
     if report_file is not None:

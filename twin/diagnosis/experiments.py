@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import chirp
 
+from twin import labels
 from twin.diagnosis.separation import Explanation, difference
 from twin.recording import ON_HUB, Recording
 
@@ -60,6 +61,8 @@ class Plan:
 def possible_experiments(declared: Mapping[str, float], period: float = 2e-3) -> list[Experiment]:
     """Experiments that a rig can do: slews, sweeps, steps, ramps, decays with the hub locked, slews with more payload.
 
+    A rig without payload gets none.
+
     Args:
       declared: parameters of the rig, SI.
       period: sample period [s].
@@ -70,6 +73,9 @@ def possible_experiments(declared: Mapping[str, float], period: float = 2e-3) ->
     ramp = 1.1 * max(declared["static_friction"], 0.02 * limit)
     mass = _ADDED_PAYLOAD * declared["tip_mass"]
     slew = _slews(strong, (0.25, 0.4), period)
+    loaded = Experiment(
+        "slews-payload", f"the strong slews with {labels.number(1e3 * mass, 2)} g more payload", slew, mass
+    )
     return [
         Experiment("slews", "strong bang-bang slews of two lengths, there and back", slew),
         Experiment(
@@ -89,7 +95,7 @@ def possible_experiments(declared: Mapping[str, float], period: float = 2e-3) ->
         Experiment("ramp-back", "a slow torque ramp past break-away, backwards", _ramp(-ramp, 4.0, period)),
         Experiment("small-decay", "hub locked, tip released from 10 mm", _decay(0.01, 10.0, period)),
         Experiment("large-decay", "hub locked, tip released from 60 mm", _decay(0.06, 10.0, period)),
-        Experiment("slews-payload", f"the strong slews with {1e3 * mass:.0f} g more payload", slew, mass),
+        *([loaded] if mass > 0 else []),
     ]
 
 
@@ -191,23 +197,20 @@ def _samples(duration: float, period: float) -> int:
 def recommendation(plans: Sequence[Plan], names: Sequence[str]) -> str:
     """The best experiment with its separation, as a sentence or two."""
     best = plans[0]
-    pair = " and ".join(names)
+    pair, apart = " and ".join(names), labels.ratio(best.separation)
     if best.separation < 3:
-        text = (
-            f"No experiment of the planner separates {pair} by more than {best.separation:.1f} noise levels."
-        )
+        text = f"No experiment of the planner separates {pair} by more than {apart} noise levels."
     else:
         text = (
             f"To tell {pair} apart, record {best.experiment.name} ({best.experiment.how}): "
-            f"{best.channel} differs by {best.separation:.3g} noise levels"
+            f"{best.channel} differs by {apart} noise levels"
             f"{_runner_up(plans)}."
         )
     sensors = [(p.sensor[1], p.sensor[0], p.experiment.name) for p in plans if p.sensor]
     if sensors and max(sensors)[0] > 1.5 * best.separation:
         separation, channel, name = max(sensors)
-        text += (
-            f" With a sensor of {channel} added, {name} would separate them by {separation:.3g} noise levels."
-        )
+        more = labels.ratio(separation)
+        text += f" With a sensor of {channel} added, {name} would separate them by {more} noise levels."
     return text
 
 
@@ -215,11 +218,12 @@ def _runner_up(plans: Sequence[Plan]) -> str:
     if len(plans) < 2:
         return ""
     second = plans[1]
-    return f" (next best: {second.experiment.name}, {second.separation:.3g})"
+    return f" (next best: {second.experiment.name}, {labels.ratio(second.separation)})"
 
 
 def rows(plans: Sequence[Plan]) -> Iterator[tuple[str, str, str, str, str]]:
-    """Name, what to do, separation, channel and a sensor to add of each plan, as text."""
+    """Name, what to do, separation, channel and a sensor to add of each plan, in words."""
     for p in plans:
-        sensor = f"{p.sensor[0]}: {p.sensor[1]:.3g}" if p.sensor else ""
-        yield p.experiment.name, p.experiment.how, f"{p.separation:.3g}", p.channel, sensor
+        sensor = f"{labels.channel(p.sensor[0]).label}: {labels.ratio(p.sensor[1])}" if p.sensor else ""
+        channel = labels.channel(p.channel).label
+        yield p.experiment.name, p.experiment.how, labels.ratio(p.separation), channel, sensor

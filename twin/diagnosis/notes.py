@@ -158,7 +158,7 @@ def back_emf(campaign: Campaign, effects: Mapping[str, Mapping[str, float]]) -> 
         return []
     return [
         f"The command is a voltage, and the viscous friction of {viscous:.3g} N·m·s/rad looks like the back-EMF of its "
-        f"drive: {viscous / abs(gain):.3g} V s/rad at the hub (gear ratio times back-EMF constant). Compare it with "
+        f"drive: {viscous / abs(gain):.3g} V·s/rad at the hub (gear ratio times back-EMF constant). Compare it with "
         'the data sheet of the motor, and declare the drive in [drive] with kind = "voltage".'
     ]
 

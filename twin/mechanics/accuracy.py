@@ -9,6 +9,7 @@ from typing import Any, get_args
 import mujoco
 import numpy as np
 
+from twin import labels
 from twin.errors import InputError
 from twin.mechanics import beam, mjcf
 from twin.mechanics.beam import Boundary
@@ -219,7 +220,7 @@ def _bounded_errors(
                 error = _percent(ratios[0], table.analytical_damping[0])
                 rows.append(Row(f"damping of mode 1 {name}{source}", error, 3.0, "%"))
     shape = float(1 - min(free.mac.min(), clamped.mac.min()))
-    rows.append(Row("mode shapes, 1 - MAC", shape, 0.01, "1"))
+    rows.append(Row("mode shapes, 1 − MAC", shape, 0.01, "1"))
     rows.append(Row("static tip compliance", _percent(compliance[1], compliance[0]), 0.2, "%"))
     if creep is not None and break_away is not None and step_change is not None:
         rows.append(Row("creep in 60 s below break-away", creep, 1e-6, "rad"))
@@ -234,7 +235,7 @@ def _percent(value: float, reference: float) -> float:
 
 
 def text_rows(result: Check) -> list[tuple[str, ...]]:
-    """Returns the rows of the printed table: mode, analytical, chain, simulated [Hz], damping of each, 1 - MAC."""
+    """Returns the rows of the printed table: mode, analytical, chain, simulated [Hz], damping of each, 1 − MAC."""
     rows = []
     tables: Mapping[str, ModeComparison] = {"free": result.free, "clamped": result.clamped}
     for name, t in tables.items():
@@ -242,5 +243,5 @@ def text_rows(result: Check) -> list[tuple[str, ...]]:
             frequencies = (t.analytical[i], t.chain[i], t.simulated[i])
             ratios = (t.analytical_damping[i], t.chain_damping[i], t.simulated_damping[i])
             cells = [f"{f:.5f}" for f in frequencies] + [f"{z:.5f}" for z in ratios]
-            rows.append((f"{i + 1} {name}", *cells, f"{1 - t.mac[i]:.1e}"))
+            rows.append((f"{i + 1} {name}", *cells, labels.number(1 - t.mac[i], 2)))
     return rows

@@ -13,6 +13,7 @@ from twin import labels
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis.detectable import Detectable, detectable
 from twin.estimation.residual_pool import ResidualPool
+from twin.files.provenance import Provenance
 from twin.files.whole import write_file
 from twin.progress import Progress, silent
 from twin.proposal import gate
@@ -35,12 +36,14 @@ class DataCheck:
       findings: what was looked at.
       visible: what the fit recordings can show of each effect.
       seconds: least and most time that a diagnosis is expected to take on this machine [s].
+      provenance: what it was computed with and from, or None if that was not recorded.
     """
 
     campaign: str
     findings: tuple[Finding, ...]
     visible: tuple[Detectable, ...]
     seconds: tuple[float, float]
+    provenance: Provenance | None = None
 
     @property
     def failures(self) -> tuple[Finding, ...]:
@@ -60,6 +63,7 @@ class DataCheck:
             "findings": [f.to_json() for f in self.findings],
             "visible": [d.to_json() for d in self.visible],
             "diagnosis_seconds": list(self.seconds),
+            "provenance": None if self.provenance is None else self.provenance.to_json(),
         }
 
 
@@ -144,6 +148,7 @@ def render(check: DataCheck) -> str:
         expected=expected(check),
         findings=_findings(check),
         visible=_visible(check),
+        provenance=check.provenance,
     )
 
 

@@ -9,10 +9,9 @@ from twin import labels
 from twin.files.whole import write_file
 from twin.report import pages
 from twin.report.pages import Cell, Row, Table
-from twin.report.prose import prose
 from twin.validation import pictures, text
 from twin.validation.fleet import Outcome
-from twin.validation.validation import CONFIDENCE, Validation
+from twin.validation.validation import Validation
 
 _MAX_LISTED = 30  # rigs that miss a limit, in the table of the page
 
@@ -50,14 +49,7 @@ def _headline(result: Validation) -> str:
 
 
 def _caveat(result: Validation) -> str:
-    low, high = result.interval
-    share = 100 * result.kept / len(result.outcomes)
-    asked = f"{share:.3g} % of the rigs keep every limit; {100 * result.required:g} % were asked for: "
-    nominal = "keeps" if result.keeps(result.nominal) else "does not keep"
-    return (
-        f"{asked}{'passed' if result.passed else 'failed'}. Of all such rigs {100 * low:.1f} to {100 * high:.1f} % do "
-        f"({100 * CONFIDENCE:g} % confidence). The nominal rig {nominal} them."
-    )
+    return f"{text.conclusion(result)} {text.all_rigs(result)}"
 
 
 def _requirements(result: Validation) -> Table:
@@ -67,7 +59,7 @@ def _requirements(result: Validation) -> Table:
     ):
         label = Cell(name, note=v.requirement.description)
         missed = Cell(failed, warns=v.failed > 0)
-        rows.append((label, limit, nominal, median, worst, missed, prose(drivers)))
+        rows.append((label, limit, nominal, median, worst, missed, drivers))
     columns = (
         "requirement",
         ">limit",
@@ -85,14 +77,14 @@ def _missing(result: Validation, outcomes: Sequence[Outcome]) -> Table:
     for o in outcomes:
         missed = [f"{labels.words(name)} {text.number(o.metrics[name])}" for name in result.missed(o)]
         away = ", ".join(text.farthest(result, o))
-        rows.append((f"rig {o.drawn.number}", ", ".join(missed), prose(away)))
+        rows.append((f"rig {o.drawn.number}", ", ".join(missed), away))
     return Table(("rig", "misses", "farthest from nominal"), rows)
 
 
 def _drawn(result: Validation) -> Table:
     rows: list[Row] = [
         (
-            labels.words(u.name).replace(".", ": "),
+            labels.parameter(u.name),
             labels.number(u.value, labels.PAGE_DIGITS),
             labels.number(u.deviation, 2),
             labels.unit(u.unit),

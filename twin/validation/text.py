@@ -14,12 +14,17 @@ from twin.validation.validation import CONFIDENCE, Driver, Validation, Verdict
 
 def headline(result: Validation) -> str:
     """Returns controller, rig, and how many rigs keep every limit."""
-    count = len(result.outcomes)
+    return (
+        f"{result.job.controller} on {result.job.rig.name}, {result.job.scenario}: {result.kept} of "
+        f"{len(result.outcomes)} rigs keep every limit, {100 * result.required:g} % have to.\n{all_rigs(result)}"
+    )
+
+
+def all_rigs(result: Validation) -> str:
+    """Returns the share of all such rigs that keep every limit, and whether the nominal rig does."""
     low, high = result.interval
     nominal = "keeps" if result.keeps(result.nominal) else "does not keep"
     return (
-        f"{result.job.controller} on {result.job.rig.name}, {result.job.scenario}: {result.kept} of {count} rigs "
-        f"keep every limit, {100 * result.required:g} % have to.\n"
         f"Of all such rigs {100 * low:.1f} to {100 * high:.1f} % do ({100 * CONFIDENCE:g} % confidence). "
         f"The nominal rig {nominal} them."
     )
@@ -62,7 +67,7 @@ def _reason(result: Validation, verdicts: list[Verdict]) -> str:
     worst = verdicts[0].worst
     names = dict.fromkeys(d.name for v in verdicts for d in v.drivers)
     if names:
-        return ", ".join(f"{name} {value(result, worst, name)}" for name in names)
+        return ", ".join(f"{labels.parameter(name)} {value(result, worst, name)}" for name in names)
     return f"no parameter stands out over the fleet; farthest off: {', '.join(farthest(result, worst))}"
 
 
@@ -70,7 +75,7 @@ def farthest(result: Validation, outcome: Outcome, count: int = 3) -> list[str]:
     """Returns the parameters of a rig that are farthest from nominal, in standard deviations."""
     away = outcome.drawn.deviations
     names = sorted(away, key=lambda name: -abs(away[name]))[:count]
-    return [f"{name} {value(result, outcome, name)}" for name in names]
+    return [f"{labels.parameter(name)} {value(result, outcome, name)}" for name in names]
 
 
 def value(result: Validation, outcome: Outcome, name: str) -> str:
@@ -78,7 +83,8 @@ def value(result: Validation, outcome: Outcome, name: str) -> str:
     unknown = next(u for u in result.uncertain if u.name == name)
     away = outcome.drawn.deviations[name]
     unit = "" if unknown.unit == "1" else f" {labels.unit(unknown.unit)}"
-    return f"{unknown.value + away * unknown.deviation:.4g}{unit} ({away:+.1f} σ)"
+    drawn = labels.number(unknown.value + away * unknown.deviation, labels.PAGE_DIGITS)
+    return f"{drawn}{unit} ({labels.signed(away, 1)} σ)"
 
 
 def remarks(result: Validation) -> Iterator[str]:
@@ -90,17 +96,17 @@ def remarks(result: Validation) -> Iterator[str]:
     disks = (f"{number(m.disk)} with {modes}" for modes, m in result.by_modes.items())
     yield f"Disk margin of the nominal rig by bending modes of the modal model: {', '.join(disks)}."
     if result.left_out:
-        yield f"Effects without linear form are left out: {', '.join(result.left_out)}."
+        yield f"Effects without linear form are left out: {', '.join(map(labels.words, result.left_out))}."
 
 
 def driver(dependence: Driver) -> str:
     """Returns a parameter and its rank correlation."""
-    return f"{dependence.name} {dependence.correlation:+.2f}"
+    return f"{labels.parameter(dependence.name)} {labels.signed(dependence.correlation, 2)}"
 
 
 def number(metric: float) -> str:
     """Returns a metric with three digits; an infinite one, a settling time or margin, is "never"."""
-    return "never" if math.isinf(metric) else f"{metric:.3g}"
+    return "never" if math.isinf(metric) else labels.number(metric)
 
 
 def with_unit(verdict: Verdict, metric: float) -> str:
@@ -109,8 +115,8 @@ def with_unit(verdict: Verdict, metric: float) -> str:
 
 
 def _unit(verdict: Verdict) -> str:
-    unit = verdict.requirement.unit
-    return "" if unit == "1" else f" {labels.unit(unit)}"
+    unit = labels.unit(verdict.requirement.unit)
+    return unit if unit in ("", "°") else f" {unit}"
 
 
 def _name(verdict: Verdict) -> str:

@@ -13,6 +13,7 @@ from twin.control import scenarios
 from twin.control.experiment import LARGEST_SEED
 from twin.correlations import Correlations
 from twin.errors import InputError, checked_count
+from twin.files.provenance import Provenance
 from twin.validation.fleet import Evaluator, Job, Outcome, run_fleet
 from twin.validation.margins import Margins
 from twin.validation.requirements import LINEAR_METRICS, Requirement, Requirements
@@ -85,6 +86,7 @@ class Validation:
       outcomes: of the drawn rigs.
       no_margins: why the controller has no linear form; "" where it has one.
       by_modes: number of bending modes -> margins of the nominal rig; empty without a linear form.
+      provenance: what it was computed with and from, or None if that was not recorded.
     """
 
     job: Job
@@ -97,6 +99,7 @@ class Validation:
     outcomes: tuple[Outcome, ...]
     no_margins: str
     by_modes: Mapping[int, Margins]
+    provenance: Provenance | None = None
 
     def keeps(self, outcome: Outcome) -> bool:
         """Whether a rig keeps every limit."""
@@ -251,6 +254,7 @@ def to_json(validation: Validation) -> dict[str, Any]:
             for o in validation.outcomes
             if not validation.keeps(o)
         ],
+        "provenance": None if validation.provenance is None else validation.provenance.to_json(),
     }
 
 
