@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from twin.diagnosis import predict
+from twin.diagnosis.answer import MODELS, Prediction
 from twin.diagnosis.budget_text import main_budget, pooled, sentences
 from twin.diagnosis.error_budget import ChannelBudget, ModelError, channel_budgets, model_errors
 from twin.diagnosis.windows import Windowed
@@ -61,6 +63,20 @@ def test_the_unknown_zero_of_a_gauge_is_no_error_but_that_of_a_hub_is():
     errors = model_errors(prepared(), MODEL, shifted(0.1, 5e-5), None)
     assert errors["strain_base"].rms == pytest.approx(0.0, abs=1e-12)
     assert errors["hub_angle"].rms == pytest.approx(0.1)
+
+
+def test_residuals_of_a_prediction_are_about_the_zero_that_its_errors_take_out():
+    of = prepared()
+    runs = [shifted(0.1 * k, 5e-5 * k + 1e-6 * k * np.sin(9 * TIME)) for k in (3, 2, 1)]
+    zeros = {m: predict.unknown_zeros(of, run, ["strain_base"]) for m, run in zip(MODELS, runs, strict=True)}
+    shown = Prediction("holdout", of.recording, *runs, errors={}, zeros=zeros)
+    for channel in ("strain_base", "hub_angle"):
+        error = predict.channel_error(of, channel, runs, runs, channel == "strain_base")
+        for model in MODELS:
+            left = shown.residual(model, channel)
+            assert np.sqrt(np.mean(left**2)) == pytest.approx(getattr(error, model))
+    assert max(error.before, error.calibrated) > 0.1
+    assert np.abs(shown.residual("before", "strain_base")).max() < 1e-5
 
 
 def test_a_reading_that_never_changes_has_no_fit():

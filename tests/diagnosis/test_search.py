@@ -217,6 +217,8 @@ def test_the_whole_loop_sees_held_out_recordings_once_and_at_the_end(rig_campaig
         error = prediction.errors[channel]
         assert error.after < levels * error.noise
         assert error.after < error.before / 10
+        left = prediction.residual("after", channel)
+        assert np.sqrt(np.nanmean(left**2)) == pytest.approx(error.after, rel=1e-6)
     assert json.loads(json.dumps(result.to_json(), allow_nan=False))["verdict"] == "explained"
 
 

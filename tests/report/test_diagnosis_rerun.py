@@ -57,6 +57,24 @@ def test_scalars_are_degrees_and_microstrain(diagnosis, written):
         assert series["sim_time"] == pytest.approx(after.time, abs=1e-9)
 
 
+def test_an_unknown_zero_is_in_no_residual(diagnosis, tmp_path):
+    file = "bang-bang-90.csv"
+    zeros = {"before": {"strain_base": 1e-5}, "after": {"strain_base": 3e-5}}
+    changed = replace(diagnosis.predictions[file], zeros=zeros)
+    off = replace(diagnosis, predictions={file: changed})
+    write_rrd(off, tmp_path / "zero.rrd")
+    sent = read(tmp_path / "zero.rrd")
+    for model, zero in (("before", 10), ("after", 30)):
+        bare = 1e6 * getattr(changed, model)["strain_base"]
+        left, shown = (
+            np.array([v[0] for v in sent[f"/holdout/01_bang-bang-90/{place}"]["scalars"]])
+            for place in (f"residuals/strain_base/{model}", f"strain_base/simulated/{model}")
+        )
+        assert shown == pytest.approx(bare + zero)
+        assert left == pytest.approx(1e6 * changed.measured["strain_base"] - bare - zero)
+    assert "The zero of the base strain is unknown" in _summary(off)
+
+
 def test_unmodelled_torque_is_that_of_each_recording(diagnosis, written):
     trace = diagnosis.traces[0]
     second = trace.recording == 1

@@ -13,7 +13,7 @@ import synthetic_diagnosis as synthetic
 from rich.console import Console
 
 from twin import labels
-from twin.diagnosis.answer import Calibrated, ChannelError, Contradiction, Patched, Trace
+from twin.diagnosis.answer import MODELS, Calibrated, ChannelError, Contradiction, Patched, Trace
 from twin.diagnosis.rules import ADOPTION, REVISION, SCREENING
 from twin.report import certainty, display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
@@ -142,6 +142,45 @@ def test_lines_differ_in_dash_as_in_colour(diagnosis):
         lines = [trace["line"] for trace in drawn(diagnosis, figure)["data"] if trace["mode"] == "lines"]
         styles = {(line["color"], line["dash"]) for line in lines[: 3 if figure == "headline" else 4]}
         assert len({dash for _, dash in styles}) == len({colour for colour, _ in styles}) == len(styles)
+
+
+def with_zero(diagnosis, zero: float):
+    """The diagnosis with a base strain that reads too much by a zero that is unknown."""
+    file = "bang-bang-90.csv"
+    right = diagnosis.predictions[file]
+    strain = right.measured["strain_base"] + zero
+    measured = right.measured.replace(channels={**right.measured.channels, "strain_base": strain})
+    zeros = {model: {"strain_base": zero} for model in MODELS}
+    changed = replace(right, measured=measured, zeros=zeros)
+    return replace(diagnosis, predictions={**diagnosis.predictions, file: changed})
+
+
+def values(line) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(line["y"]["bdata"]), line["y"]["dtype"])
+
+
+def test_an_unknown_zero_is_in_no_figure_and_told(diagnosis):
+    """A zero of 34 µε, 17 noise levels."""
+    off = with_zero(diagnosis, 34e-6)
+    here, there = (
+        {(t["name"], t["yaxis"]): t for t in drawn(d, "held-out-1")["data"]} for d in (diagnosis, off)
+    )
+    assert values(there["after", "y4"]) == pytest.approx(values(here["after", "y4"]), abs=1e-4)
+    assert values(there["after", "y3"]) == pytest.approx(values(here["after", "y3"]) + 34, abs=1e-3)
+    told = "The zero of the base strain is unknown and was taken out."
+    assert (told in seen(page(off)), told in seen(page(diagnosis))) == (True, False)
+    telling = Contradiction("bang-bang-90.csv", "strain_base", 14.0, 2.1, "fit")
+    [line] = [
+        t
+        for t in drawn(replace(off, contradicted=(telling,)), "headline")["data"]
+        if t["name"][:5] == "after"
+    ]
+    [bare] = [
+        t
+        for t in drawn(replace(diagnosis, contradicted=(telling,)), "headline")["data"]
+        if t["name"][:5] == "after"
+    ]
+    assert values(line) == pytest.approx(values(bare) + 34, abs=1e-3)
 
 
 def test_panels_stand_below_one_another_on_a_narrow_screen(diagnosis):

@@ -19,6 +19,9 @@ from twin.rigs.patch import Patch
 
 Verdict = Literal["explained", "no-missing-effect", "outside-library"]
 
+MODELS = ("before", "calibrated", "after")
+"""The declared, the calibrated and the final model, in the order of a diagnosis."""
+
 LONGEST_GAP = 0.02
 """Longest time between two samples of a trace that a plot connects [s]."""
 
@@ -103,6 +106,7 @@ class Prediction:
       windows: channel -> error of the final model, with that in windows; empty where the verdict does not ask for it.
       torque: torque on the hub that a model lacks in a held-out recording, estimated as in `Diagnosis.traces`; None
         where that is not possible, and for recordings that were fitted.
+      zeros: model -> channel whose sensor has an unknown zero -> that zero, as the errors take it out [SI].
     """
 
     role: Literal["fit", "holdout"]
@@ -115,6 +119,25 @@ class Prediction:
     budget: Mapping[str, ChannelBudget] = field(default_factory=dict)
     windows: Mapping[str, ModelError] = field(default_factory=dict)
     torque: Trace | None = None
+    zeros: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def reading(self, model: str, channel: str) -> np.ndarray:
+        """Readings (m) of a channel [SI].
+
+        Args:
+          model: "before", "calibrated" or "after", for simulated readings with the zero of the sensor; or "measured".
+          channel: of these readings.
+        """
+        return getattr(self, model)[channel] + self.zeros.get(model, {}).get(channel, 0.0)
+
+    def residual(self, model: str, channel: str) -> np.ndarray:
+        """Measured minus simulated readings (m) of a channel; arguments as `reading`."""
+        return self.measured[channel] - self.reading(model, channel)
+
+    @property
+    def unknown_zeros(self) -> tuple[str, ...]:
+        """Channels whose sensor has an unknown zero."""
+        return tuple(self.zeros.get("after", {}))
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,12 @@ def rms_error(off: np.ndarray, has_zero: bool) -> float:
 
 
 def _about_zero(off: np.ndarray, has_zero: bool) -> np.ndarray:
-    return off - np.nanmean(off) if has_zero else off
+    return off - zero_of(off) if has_zero else off
+
+
+def zero_of(off: np.ndarray) -> float:
+    """Zero of a sensor from measured minus simulated (m): the mean, NaN left out; 0 without samples."""
+    return float(np.nanmean(off)) if np.isfinite(off).any() else 0.0
 
 
 def _error(

@@ -10,8 +10,15 @@ import numpy as np
 
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis import remainder
-from twin.diagnosis.answer import ChannelError, Prediction
-from twin.diagnosis.error_budget import ChannelBudget, ModelError, channel_budgets, model_errors, rms_error
+from twin.diagnosis.answer import MODELS, ChannelError, Prediction
+from twin.diagnosis.error_budget import (
+    ChannelBudget,
+    ModelError,
+    channel_budgets,
+    model_errors,
+    rms_error,
+    zero_of,
+)
 from twin.diagnosis.state import SearchState
 from twin.diagnosis.traces import held_out_torque
 from twin.diagnosis.windows import simulate_windows
@@ -53,9 +60,12 @@ def predict(
             starts = first_states(models, prepared, pool)
             runs = free_runs(models, starts, prepared, pool)
             before, calibrated, after, *nearby = runs
+            with_zero = [c for c in prepared.channels if has_unknown_zero(models[-1], prepared, c)]
             errors = {
-                c: _error(prepared, c, runs[:3], nearby, has_unknown_zero(models[-1], prepared, c))
-                for c in prepared.channels
+                c: channel_error(prepared, c, runs[:3], nearby, c in with_zero) for c in prepared.channels
+            }
+            zeros = {
+                m: unknown_zeros(prepared, run, with_zero) for m, run in zip(MODELS, runs[:3], strict=True)
             }
             simulated = list(zip(models, starts, runs[:3], strict=True))
             budget = error_budget(state.names, simulated, between, prepared, pool) if evaluated else {}
@@ -64,7 +74,7 @@ def predict(
             if can_contradict and not evaluated:
                 compared[recording.name] = (prepared, *simulated[-1])
             predictions[recording.name] = Prediction(
-                role, recording, before, calibrated, after, errors, left_out, budget, windows, torque
+                role, recording, before, calibrated, after, errors, left_out, budget, windows, torque, zeros
             )
     final = pool.map(lambda run: _errors(*run), compared.values())
     changed = {name: replace(predictions[name], windows=w) for name, w in zip(compared, final, strict=True)}
@@ -123,9 +133,23 @@ def free_runs(
     return list(pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), pairs))
 
 
-def _error(
+def unknown_zeros(prepared: Prepared, run: Recording, channels: Sequence[str]) -> dict[str, float]:
+    """Channel -> zero of its sensor beside a free run [SI]."""
+    return {c: zero_of(prepared.recording[c] - run[c]) for c in channels}
+
+
+def channel_error(
     prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording], has_zero: bool
 ) -> ChannelError:
+    """Errors of a channel.
+
+    Args:
+      prepared: the recording.
+      channel: measured and simulated.
+      runs: free runs of the declared, the calibrated and the final model.
+      nearby: free runs of the final model with other break-away torques.
+      has_zero: whether the zero of its sensor is unknown.
+    """
     measured = prepared.recording[channel]
     known = np.isfinite(measured)
 

@@ -150,11 +150,11 @@ def _send_recording(stream: rr.RecordingStream, entry: _RecordingView) -> None:
         parts.send_arm(stream, place, frames, whole, COLOURS[model], thick)
         for name in entry.channels():
             if name in recording:
-                values = labels.channel(name).factor * recording[name]
+                values = labels.channel(name).factor * entry.prediction.reading(model, name)
                 entity = f"{entry.root}/{name}/{_ENTITY_NAMES[model]}"
                 _send_scalars(stream, entity, recording.time, values, model)
                 if model != "measured":
-                    left = labels.channel(name).factor * (measured[name] - recording[name])
+                    left = labels.channel(name).factor * entry.prediction.residual(model, name)
                     _send_scalars(
                         stream, f"{entry.root}/residuals/{name}/{model}", recording.time, left, model
                     )
@@ -290,6 +290,7 @@ def _summary(diagnosis: Diagnosis) -> str:
     lines = [
         f"## {display.headline(diagnosis)}",
         f"**Grey** measured, **orange** the declared model, **blue** the final one.{arrow}",
+        display.unknown_zeros(diagnosis),
         display.caveat(diagnosis),
         prose(diagnosis.summary),
         display.improvement(diagnosis),

@@ -12,9 +12,6 @@ from twin.diagnosis.answer import AdoptedEffect, ChannelError, Diagnosis, Patche
 from twin.diagnosis.error_budget import ChannelBudget
 from twin.labels import angle_in_degrees, join_with_and, over_noise, ratio, unit, with_error, with_the, words
 
-MODELS = ("before", "calibrated", "after")
-"""The declared, the calibrated and the final model, in the order of a diagnosis."""
-
 NOISE_LIKE = 2.0
 """RMS residual over sensor noise up to which it counts as noise in tables and sentences [1]."""
 
@@ -213,6 +210,15 @@ def counted(diagnosis: Diagnosis) -> str:
     """Returns how many recordings were fitted and held out, as words."""
     held_out, fit = (len(by_role(diagnosis, role)) for role in ("holdout", "fit"))
     return f"{fit} fitted recording{'s' * (fit != 1)} and {held_out} that {'were' if held_out != 1 else 'was'} held out"
+
+
+def unknown_zeros(diagnosis: Diagnosis) -> str:
+    """Returns a sentence on the channels whose unknown zero is in no error and no figure; "" for none."""
+    names = [name for p in diagnosis.predictions.values() for name in p.unknown_zeros]
+    if not names:
+        return ""
+    shown = join_with_and([with_the(name) for name in dict.fromkeys(names)])
+    return f"The zero of {shown} is unknown and was taken out."
 
 
 def telling_channel(diagnosis: Diagnosis) -> tuple[str, str] | None:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from twin.diagnosis.answer import LONGEST_GAP, Patched, Prediction, Trace
+from twin.diagnosis.answer import LONGEST_GAP, MODELS, Patched, Prediction, Trace
 from twin.labels import channel, over_noise, unmodelled, variable
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report import pages
 from twin.report.decimate import decimate, thin
-from twin.report.display import MODELS, NOISE_LIKE
+from twin.report.display import NOISE_LIKE
 from twin.report.pages import Figure
 from twin.report.panels import Panels, title
 
@@ -33,7 +33,7 @@ def recording_figure(prediction: Prediction, points: int = 2000) -> Figure | Non
 
     Left are the channels, right measured minus simulated in noise levels, on a scale that is linear up to two and
     logarithmic beyond, so that errors of the noise and of hundreds of noise levels are both visible; below is the
-    command. All panels share the time axis.
+    command. All panels share the time axis. The unknown zero of a sensor is added to the simulated readings.
 
     Args:
       prediction: one recording with its simulations.
@@ -94,7 +94,7 @@ def headline_figure(
         recording = getattr(prediction, model)
         if name not in recording:
             continue
-        line = _decimated_line(recording.time, shown.factor * recording[name], points)
+        line = _decimated_line(recording.time, shown.factor * prediction.reading(model, name), points)
         style = _style(model, wider=2.0 if model == "measured" else 0.7)
         page.add(0, 0, **line, **style | {"name": label}, hovertemplate=_hover(label, shown.unit))
     page.set(page.axes(0, 0)[1], title=title(shown.label, shown.unit))
@@ -165,11 +165,11 @@ def _decimated_line(time: np.ndarray, values: np.ndarray, points: int) -> dict[s
 
 def _signal_panel(page: Panels, row: int, prediction: Prediction, name: str, points: int) -> None:
     shown = channel(name)
-    series = {"measured": prediction.measured, **{model: getattr(prediction, model) for model in MODELS}}
-    for model, recording in series.items():
+    for model in ("measured", *MODELS):
+        recording = getattr(prediction, model)
         if name not in recording:
             continue
-        line = _decimated_line(recording.time, shown.factor * recording[name], points)
+        line = _decimated_line(recording.time, shown.factor * prediction.reading(model, name), points)
         page.add(
             row, 0, **line, **_style(model), showlegend=row == 0, hovertemplate=_hover(model, shown.unit)
         )
@@ -215,7 +215,7 @@ def _residual_panel(page: Panels, row: int, prediction: Prediction, name: str, p
         recording = getattr(prediction, model)
         if name not in recording:
             continue
-        residual = prediction.measured[name] - recording[name]
+        residual = prediction.residual(model, name)
         drawn = symmetric_log(residual / sigma) if sigma else shown.factor * residual
         kept = decimate(drawn, points)
         real = (shown.factor * residual[kept]).astype("f4")

@@ -69,6 +69,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "window": f"{WINDOW:g}",
         "budget": tables.budget(diagnosis),
         "held_out_errors": tables.errors(held_out),
+        "zeros": display.unknown_zeros(diagnosis),
         "worse": display.degradations(held_out),
         "unknown_noise": ", ".join(_unknown_noise(diagnosis)),
         "fit_errors": tables.errors(fit),
@@ -93,13 +94,16 @@ def _picture(diagnosis: Diagnosis) -> dict[str, Any] | None:
     error, shown = prediction.errors[name], labels.channel(name)
     unseen = ", which nothing was fitted to" if prediction.role == "holdout" else ", which was fitted"
     noise = f"; the sensor's own noise is {labels.amount(name, error.noise)}" if error.noise > 0 else ""
+    zero = f" The zero of {labels.with_the(name)} is unknown and was taken out." * (
+        name in prediction.unknown_zeros
+    )
     known = math.isfinite(error.before) and math.isfinite(error.after)
     return {
         "channel": f"{shown.label[:1].upper()}{shown.label[1:]}",
         "before": labels.amount(name, error.before) if known else "",
         "after": labels.amount(name, error.after) if known else "",
         "caption": f"{file}{unseen}, simulated from its first sample and its command alone. "
-        f"Root mean square over the whole recording{noise}.",
+        f"Root mean square over the whole recording{noise}.{zero}",
         "figure": figures.headline_figure(prediction, name, display.line_names(diagnosis)),
     }
 
