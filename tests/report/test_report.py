@@ -13,7 +13,16 @@ import synthetic_diagnosis as synthetic
 from rich.console import Console
 
 from twin import labels
-from twin.diagnosis.answer import MODELS, Calibrated, ChannelError, Contradiction, Patched, Trace
+from twin.diagnosis.answer import (
+    MODELS,
+    Calibrated,
+    ChannelError,
+    Contradiction,
+    Patched,
+    RoundJudgement,
+    Trace,
+)
+from twin.diagnosis.judgement import Judgement
 from twin.diagnosis.rules import ADOPTION, REVISION, SCREENING
 from twin.report import certainty, display, print_summary, summary, write_report
 from twin.report.decimate import decimate, thin
@@ -255,10 +264,64 @@ def test_false_alarm_rate_is_told_with_what_it_came_to(diagnosis):
 def test_what_was_not_fitted_has_no_score(diagnosis):
     html = page(diagnosis)
     assert "Not fitted, because a quick test promised less of them: payload mass, air drag." in seen(html)
-    assert "viscous friction 3.2" in seen(html)
+    assert "viscous friction 1 3.2" in seen(html)
     assert "payload mass 0.4" not in seen(html)
     assert ("payload-mass", 0.4) in [(r["name"], r["score"]) for r in diagnosis.to_json()["ranking"]]
     assert diagnosis.to_json()["not_fitted"] == ["payload-mass", "air-drag"]
+
+
+def judged(number, *values, fitted=True):
+    """Judgements of a candidate in a round that required a score of 263, or 30 in the second one."""
+    rules = ("best-of-round", "exceeds-chance") if fitted else ("large-score-test",)
+    limits = (1.0, 263.0 if number == 1 else 30.0) if fitted else (-4.6,)
+    passed = [
+        v <= limit if r == "best-of-round" else v >= limit
+        for r, v, limit in zip(rules, values, limits, strict=True)
+    ]
+    return tuple(
+        RoundJudgement(number, Judgement(*of)) for of in zip(rules, values, limits, passed, strict=True)
+    )
+
+
+def test_score_and_reason_of_a_candidate_are_of_the_round_in_which_it_came_nearest(diagnosis):
+    judgements = {
+        "cable-torsion": judged(1, 1, 812.4),
+        "gravity-tilt": (*judged(1, 2, 640.2), *judged(2, -13.5, fitted=False)),
+        "cogging": (*judged(1, 3, 122.0), *judged(2, 1, -2.0)),
+        "torque-bias": (*judged(1, 4, 40.1), *judged(2, 2, 25.0)),
+        "viscous-friction": (*judged(1, 5, 3.2), *judged(2, -13.5, fitted=False)),
+        "payload-mass": (*judged(1, 0.4, fitted=False), *judged(2, 3, 2.5)),
+        "air-drag": (*judged(1, 0.0, fitted=False), *judged(2, -7.0, fitted=False)),
+    }
+    told = replace(diagnosis, judgements=judgements, indistinguishable=())
+    rounds = {n: told.nearest_round(n) for n in judgements}
+    assert rounds == {
+        "cable-torsion": 1, "gravity-tilt": 1, "cogging": 1, "torque-bias": 2, "viscous-friction": 1,
+        "payload-mass": 2, "air-drag": 1,
+    }  # fmt: skip
+    assert told.never_fitted == ("air-drag",)
+    text = seen(page(told))
+    asks = "Is the score larger than by chance at the false-alarm rate?"
+    best = "Is it the best candidate of the round, the simpler one of equals?"
+    for row in (
+        "cable torsion 1 812 adopted",
+        f"gravity tilt 1 640 {best} No: 2; at most 1 is required.",
+        f"cogging 1 122 {asks} No: 122; at least 263 is required.",
+        f"torque bias 2 25.0 {asks} No: 25; at least 30 is required.",
+        f"viscous friction 1 3.2 {asks} No: 3.2; at least 263 is required.",
+        f"payload mass 2 2.5 {asks} No: 2.5; at least 30 is required.",
+    ):
+        assert row in text
+    assert text.count("It gains no more than chance gives.") == 4
+    assert "A quick test promised less of it" not in text
+
+
+def test_a_withdrawn_candidate_has_the_rule_that_withdrew_it(diagnosis):
+    withdrawn = RoundJudgement(None, Judgement("size-is-determined", 1.7, 3.0, False))
+    judgements = {"cogging": (*judged(1, 1, 400.0), withdrawn, *judged(2, -5.0, fitted=False))}
+    text = seen(page(replace(diagnosis, judgements=judgements)))
+    asks = "Is its size determined, and within its range?"
+    assert f"cogging 1 400 Withdrawn after it was adopted. {asks} No: 1.7; at least 3 is required." in text
 
 
 def test_bars_are_as_long_as_the_scores(diagnosis):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -306,16 +306,46 @@ class Diagnosis:
     correlations: Correlations = field(default_factory=Correlations)
     provenance: Provenance | None = None
 
+    @property
+    def never_fitted(self) -> tuple[str, ...]:
+        """Candidates that were fitted in no round."""
+        return tuple(name for name in self.not_fitted if not self._is_fitted(name))
+
+    def _is_fitted(self, name: str) -> bool:
+        return any(j.judgement.rule == _SCORE_RULES[0] for j in self.judgements.get(name, ()))
+
+    def nearest_round(self, name: str) -> int | None:
+        """The round in which a candidate came nearest to adoption, or was adopted; None if it was judged in none.
+
+        It is the one with the largest score over the score that the round required, of those in which it was fitted.
+        """
+        rounds: dict[int, list[Judgement]] = {}
+        for judged in self.judgements.get(name, ()):
+            if judged.round is not None:
+                rounds.setdefault(judged.round, []).append(judged.judgement)
+        return max(rounds, key=lambda number: _nearness(rounds[number]), default=None)
+
+    def score(self, name: str) -> float:
+        """Score of a candidate in its nearest round; in the first one where it was not fitted; NaN without any."""
+        nearest = self.nearest_round(name)
+        values = [
+            j.judgement.value
+            for j in self.judgements.get(name, ())
+            if j.round == nearest and j.judgement.rule == _SCORE_RULES[0]
+        ]
+        return values[0] if values else dict(self.ranking).get(name, math.nan)
+
     def failed_rule(self, name: str) -> RoundJudgement | None:
-        """The rule that excluded a candidate in its last round; None for an adopted one.
+        """The rule that withdrew a candidate, or else excluded it in its nearest round; None for an adopted one.
 
         Where it failed several, it is the first one other than "best-of-round".
         """
         if name in {effect.name for effect in self.effects}:
             return None
         judged = self.judgements.get(name, ())
-        last = max((j.round or math.inf for j in judged), default=None)
-        failed = [j for j in judged if (j.round or math.inf) == last and not j.judgement.passed]
+        withdrawn = any(j.round is None for j in judged)
+        decisive = None if withdrawn else self.nearest_round(name)
+        failed = [j for j in judged if j.round == decisive and not j.judgement.passed]
         return next((j for j in failed if j.judgement.rule != "best-of-round"), failed[0] if failed else None)
 
     def to_json(self) -> dict[str, Any]:
@@ -358,6 +388,18 @@ class Diagnosis:
             "wall_s": self.wall_s,
             "provenance": self.provenance.to_json() if self.provenance is not None else None,
         }
+
+
+_SCORE_RULES = ("exceeds-chance", "exceeds-model-error")
+"""Rules on the score of a fitted candidate."""
+
+
+def _nearness(judgements: Sequence[Judgement]) -> tuple[bool, bool, float]:
+    """Whether a candidate was fitted in a round, passed its rules, and its score over that required; to be compared."""
+    scores = [j for j in judgements if j.rule in _SCORE_RULES]
+    required = max((j.limit for j in scores), default=0.0)
+    share = scores[0].value / required if required > 0 else 0.0
+    return bool(scores), all(j.passed for j in judgements), share
 
 
 def _judgement_json(judgement: Judgement) -> dict[str, Any]:

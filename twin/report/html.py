@@ -76,7 +76,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "held_out": list(_recordings(held_out, points)),
         "not_drawn": sum(max(len(shown) - _MOST_FIGURES, 0) for shown in (held_out, fit)),
         "fit": list(_recordings(fit, max(int(_FIT_SHARE * points), _FEWEST_POINTS))),
-        "not_fitted": [labels.words(name) for name in diagnosis.not_fitted],
+        "not_fitted": [labels.words(name) for name in diagnosis.never_fitted],
         "alternatives": tables.alternatives(diagnosis),
         "scores": tables.scores(diagnosis),
         "calibrated": tables.calibrated(diagnosis),

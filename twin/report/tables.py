@@ -151,42 +151,55 @@ def _score_means(name: str) -> str:
 
 
 def alternatives(diagnosis: Diagnosis) -> Table:
-    """Returns each candidate that was fitted and not adopted, and why."""
-    adopted, idle = {effect.name for effect in diagnosis.effects}, set(diagnosis.not_fitted)
-    rows = [
-        (Cell(labels.words(name), note=effects.meaning(name)), certainty.why_not(diagnosis, name))
+    """Returns each candidate that was fitted and not adopted, its nearest round, and why."""
+    adopted, idle = {effect.name for effect in diagnosis.effects}, set(diagnosis.never_fitted)
+    rows: list[Row] = [
+        (
+            Cell(labels.words(name), note=effects.meaning(name)),
+            _round(diagnosis, name),
+            certainty.why_not(diagnosis, name),
+        )
         for name, _ in diagnosis.ranking
         if name not in adopted | idle
     ]
-    return Table(("candidate", "why it was turned down"), rows)
+    return Table(("candidate", ">round", "why it was turned down"), rows)
+
+
+def _round(diagnosis: Diagnosis, name: str) -> str:
+    return str(diagnosis.nearest_round(name) or 1)
 
 
 def scores(diagnosis: Diagnosis) -> Table:
-    """Returns the score of each fitted candidate, as a bar too, and the rule by which it was turned down."""
-    idle = set(diagnosis.not_fitted)
-    fitted = [(n, score) for n, score in diagnosis.ranking if math.isfinite(score) and n not in idle]
+    """Returns the score of each fitted candidate in its nearest round, as a bar too, and the rule that it failed."""
+    idle = set(diagnosis.never_fitted)
+    fitted = [(n, diagnosis.score(n)) for n, _ in diagnosis.ranking if n not in idle]
+    fitted = [(name, score) for name, score in fitted if math.isfinite(score)]
     top = max([diagnosis.threshold or 0.0, *(score for _, score in fitted)])
     adopted = {effect.name for effect in diagnosis.effects}
-    rows = [
+    rows: list[Row] = [
         (
             Cell(labels.words(name), strong=name in adopted),
+            _round(diagnosis, name),
             Cell(_score(score), strong=name in adopted),
             Cell("", width=100 * max(score, 0.0) / top if top > 0 else 0.0),
             "adopted" if name in adopted else _rule(diagnosis, name),
         )
         for name, score in fitted
     ]
-    return Table(("candidate", ">score", "", "rule that it failed: statistic and limit"), rows)
+    return Table(("candidate", ">round", ">score", "", "rule that it failed"), rows)
 
 
 def _rule(diagnosis: Diagnosis, name: str) -> str:
-    rejected = diagnosis.failed_rule(name)
-    if rejected is None:
+    failed = diagnosis.failed_rule(name)
+    if failed is None:
         return ""
-    rule = RULES[rejected.judgement.rule]
-    sign = "<" if rule.at_least else ">"
-    value, limit = (labels.number(v) for v in (rejected.judgement.value, rejected.judgement.limit))
-    return f"{rule.asks} {value} {sign} {limit}"
+    rule = RULES[failed.judgement.rule]
+    needed = "more than" if rule.above else "at least" if rule.at_least else "at most"
+    value, limit = (
+        f"{v:.0f}" if v == round(v) else _score(v) for v in (failed.judgement.value, failed.judgement.limit)
+    )
+    withdrawn = "Withdrawn after it was adopted. " if failed.round is None else ""
+    return f"{withdrawn}{rule.asks} No: {value}; {needed} {limit} is required."
 
 
 def _score(score: float) -> str:
