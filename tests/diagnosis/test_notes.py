@@ -147,6 +147,18 @@ def test_a_dead_zone_is_told_in_units_of_the_command():
     assert notes.drive_notes(SimpleNamespace(raw_command=None), found) == []
 
 
+def test_what_a_servo_bench_has_to_settle_stands_with_the_verdict():
+    campaign, viscous = drive_campaign({}), fitted(**{"viscous-friction": {"viscous": 0.067}})
+    campaign.torque_per_volt = 0.12
+    friction, scale = notes.verdict_caveats(campaign, viscous, True)
+    assert friction.endswith("may be the back-EMF of a drive that is not declared: declare it in [drive].")
+    assert scale == "All values hold only if 0.12 N·m/V is right."
+    assert notes.verdict_caveats(campaign, viscous, False) == (scale,)
+    for settled in (drive_campaign({}, uncertain=0.1), drive_campaign({"torque-gain": {"gain": 1.0}})):
+        settled.torque_per_volt = None
+        assert notes.verdict_caveats(settled, viscous, True) == ()
+
+
 def test_a_declared_drive_is_told_as_declared_and_as_fitted():
     declared = {"torque-gain": {"gain": 1.0}, "viscous-friction": {"viscous": 0.07}}
     effects = fitted(**{"torque-gain": {"gain": 0.8}, "viscous-friction": {"viscous": 0.066}})

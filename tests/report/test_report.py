@@ -212,6 +212,19 @@ def test_caveat_says_what_stands_against_the_verdict(diagnosis):
     assert "may still be there" in display.caveat(synthetic.nothing_missing(duration=0.5))
 
 
+def test_what_has_to_be_settled_stands_with_the_verdict(diagnosis):
+    first = "All values hold only if 0.144 N·m/V is right."
+    servo = replace(diagnosis, caveats=(first,), indistinguishable=(), next_experiment=None)
+    assert display.caveat(servo) == first
+    text = seen(page(servo))
+    assert text.index(first) < text.index("What is missing")
+    assert f"No experiment is proposed. Settle this first: {first}" in text
+    assert "These recordings suffice" not in text
+    assert "But gravity tilt" in display.caveat(replace(diagnosis, caveats=(first,)))
+    assert servo.to_json()["caveats"] == [first]
+    assert "These recordings suffice" in seen(page(replace(servo, caveats=())))
+
+
 def test_contradiction_is_told_in_the_unit_and_pictured():
     found = Contradiction("release.csv", "strain_mid", 14.0, 2.1, "fit")
     odd = synthetic.outside(duration=0.5, contradicted=(found,))

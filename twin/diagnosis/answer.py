@@ -260,6 +260,7 @@ class Diagnosis:
       predictions: file -> recording and simulations; held-out recordings were simulated once, at the end.
       traces: residuals of the calibrated model; outside the library, those of the final model.
       notes: assumptions, and defects of the data.
+      caveats: what has to be settled before the verdict is used, as short sentences.
       declared, fitted: the rig before and after calibration.
       wall_s: duration of the diagnosis [s].
       threshold: score that an effect of the first round had to exceed: the larger of `by_chance` and `least_score`.
@@ -304,6 +305,7 @@ class Diagnosis:
     contradicted: tuple[Contradiction, ...] = ()
     known: tuple[KnownEffect, ...] = ()
     correlations: Correlations = field(default_factory=Correlations)
+    caveats: tuple[str, ...] = ()
     provenance: Provenance | None = None
 
     @property
@@ -385,6 +387,7 @@ class Diagnosis:
             "patch": self.patched.to_json() if self.patched is not None else None,
             "no_patch": self.no_patch,
             "notes": list(self.notes),
+            "caveats": list(self.caveats),
             "wall_s": self.wall_s,
             "provenance": self.provenance.to_json() if self.provenance is not None else None,
         }

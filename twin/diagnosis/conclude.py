@@ -107,6 +107,7 @@ def conclude(
         if unexplained
         else traces.explained_traces(state, residuals),
         notes=notes.all_notes(campaign, state, residuals, polished, predictions, depends),
+        caveats=notes.verdict_caveats(campaign, polished.augmented, bool(state.adopted)),
         contradicted=contradicted,
         declared=campaign.rig,
         fitted=polished.augmented.model.declared,

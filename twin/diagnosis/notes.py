@@ -119,6 +119,33 @@ def _known_effects(state: SearchState) -> list[str]:
     ]
 
 
+def verdict_caveats(campaign: Campaign, fit: Fit, adopted: bool) -> tuple[str, ...]:
+    """What has to be settled before the verdict is used; in full in `all_notes`.
+
+    Args:
+      campaign: the recordings.
+      fit: of the final model.
+      adopted: whether it has an effect that the model lacked.
+    """
+    caveats = []
+    if adopted and back_emf(campaign, fit.model.effects):
+        caveats.append(
+            "The viscous friction may be the back-EMF of a drive that is not declared: declare it in [drive]."
+        )
+    if scale := unsure_scale(campaign):
+        caveats.append(f"All values hold only if {scale} is right.")
+    return tuple(caveats)
+
+
+def unsure_scale(campaign: Campaign) -> str:
+    """Torque per volt or ampere that was taken as certain and of no declared drive; "" without any."""
+    command = campaign.sensors.get("torque_command")
+    if campaign.raw_command is None or (command is not None and command.gain_uncertainty):
+        return ""
+    torque, unit, is_of_drive = campaign.raw_command
+    return "" if is_of_drive else f"{torque:.3g} N·m/{unit}"
+
+
 def drive_notes(campaign: Campaign, fit: Fit) -> list[str]:
     """What was fitted of a drive of which the torque per volt or ampere was declared, in terms of its command."""
     if campaign.raw_command is None:
@@ -136,9 +163,9 @@ def drive_notes(campaign: Campaign, fit: Fit) -> list[str]:
             )
         scaled = "The scale of torques, inertias and stiffnesses is known as well as these, ratios are known better."
         notes.append(f"{said} {scaled}")
-    elif (command := campaign.sensors.get("torque_command")) is None or not command.gain_uncertainty:
+    elif scale := unsure_scale(campaign):
         notes.append(
-            f"Parameters and standard errors hold if {torque:.3g} N·m/{unit} is right: inertias, stiffnesses and "
+            f"Parameters and standard errors hold if {scale} is right: inertias, stiffnesses and "
             "frictions are proportional to it. Declare gain_uncertainty, or the motor in [drive], if it is not sure."
         )
     if width := effects.get("dead-zone", {}).get("half_width", 0.0):

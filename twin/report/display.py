@@ -154,7 +154,12 @@ def _share_by_effects(diagnosis: Diagnosis) -> float:
 
 
 def caveat(diagnosis: Diagnosis) -> str:
-    """Returns what stands against the verdict, or what it does not say, in one sentence."""
+    """Returns what has to be settled first, and what stands against the verdict or what it does not say."""
+    return " ".join(s for s in (*diagnosis.caveats, _caveat(diagnosis)) if s)
+
+
+def _caveat(diagnosis: Diagnosis) -> str:
+    """What stands against the verdict, or what it does not say, in one sentence; "" beside caveats if nothing does."""
     if diagnosis.contradicted:
         return _contradiction(diagnosis)
     if diagnosis.verdict == "no-missing-effect":
@@ -175,7 +180,7 @@ def caveat(diagnosis: Diagnosis) -> str:
         return f"But {what} would explain these recordings nearly as well."
     if not by_role(diagnosis, "holdout"):
         return "No recording was held out, so nothing tests this on data that it has not seen."
-    return "No other effect of the library explains these recordings as well."
+    return "" if diagnosis.caveats else "No other effect of the library explains these recordings as well."
 
 
 def _contradiction(diagnosis: Diagnosis) -> str:
