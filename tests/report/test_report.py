@@ -355,6 +355,27 @@ def test_a_model_that_is_worse_than_the_declared_one_is_told_with_what_decides_i
         assert ("off by 0.1 % changes these by up to 40.0 times the noise" in text) == told
 
 
+def test_a_large_error_of_a_fitted_recording_is_explained(diagnosis):
+    fit = diagnosis.predictions["bang-bang-45.csv"]
+    general = "A large error need not contradict the fit"
+    shaken = "off by 140 times the noise, and a break-away torque that is off by 0.1 % alone changes it by 139 times."
+    for after, reach, told in (
+        (1.0, 1.0, (False, False)),
+        (140.0, 139.0, (True, True)),
+        (140.0, 0.1, (True, False)),
+    ):
+        noise = fit.errors["hub_angle"].noise
+        error = replace(fit.errors["hub_angle"], after=after * noise, reach=reach * noise)
+        predictions = {"x.csv": replace(fit, errors={"hub_angle": error})}
+        text = seen(page(replace(diagnosis, predictions=predictions)))
+        assert (general in text, f"In x.csv, the hub angle is {shaken}" in text) == told
+
+
+def test_errors_of_fitted_recordings_are_printed_below_their_heading(diagnosis):
+    [table] = re.findall(r"<details([^>]*)>\s*<summary>Errors on the fitted recordings", page(diagnosis))
+    assert "data-prints" in table
+
+
 def test_moved_parameter_is_told_in_declared_sigmas(diagnosis):
     # hub inertia: 7 % at a declared uncertainty of 3 %
     assert "+7.0 % +2.3" in seen(page(diagnosis))

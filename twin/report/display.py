@@ -289,6 +289,30 @@ def _clearly_worse(error: ChannelError, model: str) -> bool:
     return over_noise(value, error.noise) > NOISE_LIKE and value > _WORSE_FACTOR * error.before
 
 
+def large_fitted_errors(fit: Mapping[str, Prediction]) -> str:
+    """Returns sentences on what large errors of the final model on fitted recordings mean; "" without such errors."""
+    large = [
+        (over_noise(e.after, e.noise), file, name, over_noise(e.reach, e.noise))
+        for file, p in fit.items()
+        for name, e in p.errors.items()
+        if over_noise(e.after, e.noise) > NOISE_LIKE
+    ]
+    if not large:
+        return ""
+    size, file, name, reach = max(large)
+    sensitive = (
+        f" In {file}, {with_the(name)} is off by {ratio(size)} times the noise, and a break-away torque that is off "
+        f"by 0.1 % alone changes it by {ratio(reach)} times."
+        if reach > NOISE_LIKE
+        else ""
+    )
+    return (
+        "A large error need not contradict the fit: here a recording is simulated to its end from its first sample "
+        "and its command alone, sticks and slips add up, and one more of them shifts everything after it."
+        f"{sensitive}"
+    )
+
+
 def improvement(diagnosis: Diagnosis) -> str:
     """Returns a sentence on the largest error over noise before and after; "" where nothing was simulated."""
     shown = evaluated_predictions(diagnosis)

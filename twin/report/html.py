@@ -73,6 +73,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "worse": display.degradations(held_out),
         "unknown_noise": ", ".join(_unknown_noise(diagnosis)),
         "fit_errors": tables.errors(fit),
+        "fit_large": display.large_fitted_errors(fit),
         "held_out": list(_recordings(held_out, points)),
         "not_drawn": sum(max(len(shown) - _MOST_FIGURES, 0) for shown in (held_out, fit)),
         "fit": list(_recordings(fit, max(int(_FIT_SHARE * points), _FEWEST_POINTS))),
