@@ -91,9 +91,24 @@ def unmodelled(name: str) -> Display:
     return replace(shown, label=f"unmodelled {shown.label}")
 
 
+_SPELLING = {
+    "stribeck": "Stribeck",
+    "coulomb": "Coulomb",
+    "air pad": "air-pad",
+    "position dependent": "position-dependent",
+}
+_MISSPELT = re.compile(rf"\b({'|'.join(_SPELLING)})\b")
+
+
 def words(name: str) -> str:
     """Returns an identifier as words: "cable-torsion" becomes "cable torsion"."""
-    return name.replace("-", " ").replace("_", " ")
+    plain = name.replace("-", " ").replace("_", " ")
+    return _MISSPELT.sub(lambda found: _SPELLING[found.group()], plain)
+
+
+def sentence(text: str) -> str:
+    """Returns a text with a capital at its beginning; the others stay: "Stribeck friction and Coulomb friction"."""
+    return text[:1].upper() + text[1:]
 
 
 def parameter(name: str) -> str:
@@ -110,16 +125,23 @@ def unit(si: str) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Returns a value with so many significant digits, with a power of ten only where it is very large or small."""
+    """Returns a value with so many significant digits, with a power of ten only where it is very large or small.
+
+    A whole number keeps three digits at least.
+    """
     if value is None or not math.isfinite(value):
         return "∞" if value == math.inf else "−∞" if value == -math.inf else "–"
     if value == 0.0:
         return "0"
-    exponent = math.floor(math.log10(abs(value)))
+    sign, size = "−" * (value < 0), abs(value)
+    # Of the rounded value: 0.000997 is 0.0010 with two digits.
+    exponent = int(f"{size:.{digits - 1}e}".partition("e")[2])
     if not -5 <= exponent < 6:
-        mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
-        return typeset(f"{mantissa}{_power_of_ten(int(power))}")
-    return typeset(f"{value:.{max(digits - 1 - exponent, 0)}f}")
+        mantissa, _, power = f"{size:.{digits - 1}e}".partition("e")
+        return f"{sign}{mantissa}{_power_of_ten(int(power))}"
+    if exponent >= digits:
+        size = float(f"{size:.{max(digits, 3) - 1}e}")
+    return f"{sign}{size:.{max(digits - 1 - exponent, 0)}f}"
 
 
 def typeset(formatted: str) -> str:
@@ -128,8 +150,9 @@ def typeset(formatted: str) -> str:
 
 
 def signed(value: float, decimals: int) -> str:
-    """Returns a value with its sign and so many decimals: "+0.69"."""
-    return typeset(f"{value:+.{decimals}f}")
+    """Returns a value with its sign and so many decimals, "+0.69"; what is rounded to zero has none."""
+    text = f"{value:+.{decimals}f}"
+    return typeset(text if float(text) else text[1:])
 
 
 def _power_of_ten(exponent: int) -> str:
@@ -186,7 +209,11 @@ def duration(seconds: float) -> str:
 def angle_in_degrees(value: float, si: str) -> str:
     """Returns an angle [rad] in degrees, or "" where the unit `si` is not "rad"."""
     degrees = value * _DEGREE
-    return f"{degrees:.{1 if abs(degrees) >= 1 else 2}f}°" if si == "rad" and math.isfinite(degrees) else ""
+    return (
+        typeset(f"{degrees:.{1 if abs(degrees) >= 1 else 2}f}°")
+        if si == "rad" and math.isfinite(degrees)
+        else ""
+    )
 
 
 def probability(value: float) -> str:

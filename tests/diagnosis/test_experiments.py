@@ -1,6 +1,7 @@
 """Experiments that tell two explanations apart: which, by how much, and as a file that a card can play."""
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -54,6 +55,13 @@ def test_nothing_separates_a_model_from_itself():
     plans = planned({}, {}, ["slews", "ramp", "large-decay"])
     assert [p.separation for p in plans] == [0.0, 0.0, 0.0]
     assert "No experiment" in experiments.recommendation(plans, ("one", "other"))
+
+
+def test_a_recommendation_says_what_to_do_before_the_name_of_the_experiment():
+    far = SimpleNamespace(name="far-slew", how="a long bang-bang slew, and back")
+    plan = SimpleNamespace(experiment=far, separation=12.8, channel="hub_angle", sensor=None)
+    said = experiments.recommendation([plan], ("one", "other"))
+    assert "record a long bang-bang slew, and back (far-slew): hub_angle differs by 12.8" in said
 
 
 def test_what_acts_on_the_link_alone_is_seen_with_the_hub_locked():

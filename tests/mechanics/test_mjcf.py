@@ -120,7 +120,7 @@ def test_file_carries_the_break_away_level():
 def test_what_mjcf_cannot_say_is_listed():
     torques = (torque_of("viscous-friction", viscous=0.01), HubTorque("brake", _brake, (0.1,)))
     augmented = changed(PLANT, {"softening": 0.2}, {"stribeck_velocity": 0.1}, torques=torques)
-    expected = ("break-away friction above Coulomb", "stribeck friction", "softening stiffness", "brake")
+    expected = ("break-away friction above Coulomb", "Stribeck friction", "softening stiffness", "brake")
     assert mjcf.unsupported_mechanisms(augmented, torques) == expected
 
 

@@ -615,6 +615,67 @@ def test_number_keeps_significant_digits():
     ]
 
 
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (0.000997, 2, "0.0010"),
+        (9.97, 2, "10"),
+        (94812.0, 2, "94800"),
+        (667.0, 2, "667"),
+        (-13.51, 3, "−13.5"),
+        (-np.inf, 3, "−∞"),
+    ],
+)
+def test_number_is_rounded_before_its_digits_are_counted(value, digits, text):
+    assert labels.number(value, digits) == text
+
+
+def test_every_minus_sign_is_typographic(diagnosis):
+    assert labels.with_error(-0.0101, 0.00031) == "−0.0101 ± 0.0003"
+    assert labels.with_error(-1.5e-12, 2.3e-13) == "(−1.50 ± 0.23)e-12"
+    assert labels.angle_in_degrees(-0.24, "rad") == "−13.8°"
+    assert (
+        prose("(-1.5 N m), from -2 to 3; half-width, 2026-01-02")
+        == "(−1.5 N m), from −2 to 3; half-width, 2026-01-02"
+    )
+
+
+def test_what_is_rounded_to_zero_has_no_sign(diagnosis):
+    assert [labels.signed(x, 1) for x in (0.04, -0.04, 7.0, -2.34)] == ["0.0", "0.0", "+7.0", "−2.3"]
+    moved = {"bending_stiffness": Calibrated(0.25, 0.24999, 0.0009, "N*m^2")}
+    text = seen(page(replace(diagnosis, calibrated=moved)))
+    assert "N·m² 0.0 % 0.0" in text
+
+
+def test_names_of_people_and_compounds_are_spelt_right(diagnosis):
+    names = (
+        "stribeck-friction",
+        "air-pad-drag",
+        "position-dependent-friction",
+        "coulomb_positive",
+        "cable-torsion",
+    )
+    assert [labels.words(name) for name in names] == [
+        "Stribeck friction",
+        "air-pad drag",
+        "position-dependent friction",
+        "Coulomb positive",
+        "cable torsion",
+    ]
+    [effect] = diagnosis.effects
+    both = (effect, replace(effect, name="stribeck-friction"))
+    odd = replace(diagnosis, verdict="outside-library", effects=both)
+    assert display.headline(odd).startswith("Cable torsion and Stribeck friction explain")
+
+
+def test_ticks_of_an_axis_are_whole_numbers(diagnosis):
+    layout = drawn(diagnosis, "headline")["layout"]
+    assert (layout["template"]["layout"]["yaxis"]["exponentformat"], layout["separators"]) == (
+        "none",
+        ".\u202f",
+    )
+
+
 def test_probability_is_never_certain():
     assert labels.probability(1.0) == "> 99.9 %"
     assert labels.probability(0.0) == "< 0.1 %"

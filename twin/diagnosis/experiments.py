@@ -202,7 +202,7 @@ def recommendation(plans: Sequence[Plan], names: Sequence[str]) -> str:
         text = f"No experiment of the planner separates {pair} by more than {apart} noise levels."
     else:
         text = (
-            f"To tell {pair} apart, record {best.experiment.name} ({best.experiment.how}): "
+            f"To tell {pair} apart, record {best.experiment.how} ({best.experiment.name}): "
             f"{best.channel} differs by {apart} noise levels"
             f"{_runner_up(plans)}."
         )

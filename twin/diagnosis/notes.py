@@ -15,7 +15,7 @@ from twin.estimation.calibrate import SIGNIFICANT, late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
 from twin.estimation.unknowns import Unknown
-from twin.labels import with_error, with_the
+from twin.labels import sentence, with_error, with_the
 from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.recording import HUB_TORQUE
 from twin.residuals import static_levels
@@ -206,7 +206,7 @@ def _overstated_noise(state: SearchState) -> list[str]:
         ("hub_angle" if c == HUB_TORQUE else c): size for c, size in remainder.overstated_noise(state).items()
     }
     return [
-        f"{with_the(channel).capitalize()} scatters {1 / size:.2g} times less than its declared noise: smaller effects "
+        f"{sentence(with_the(channel))} scatters {1 / size:.2g} times less than its declared noise: smaller effects "
         "were not sought. Declare the noise that the sensor has, or none: it is estimated then."
         for channel, size in sizes.items()
     ]

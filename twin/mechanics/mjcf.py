@@ -83,7 +83,7 @@ def unsupported_mechanisms(plant: Plant, torques: Sequence[HubTorque] = ()) -> t
     hub = plant.friction
     present = {
         "break-away friction above Coulomb": hub[:2] != hub[2:4],
-        "stribeck friction": hub.stribeck_velocity != 0,
+        "Stribeck friction": hub.stribeck_velocity != 0,
         "position-dependent friction": hub.amplitude != 0,
         "periodic disturbance of the base": plant.link.is_shaken,
         "softening stiffness": plant.link.softening != 0,

@@ -110,7 +110,7 @@ def _cause(d: Diagnosis) -> list[Answer]:
         given = "" if not math.isfinite(effect.probability) else f"{labels.probability(effect.probability)}"
         why = f"Probability among all candidates tried: {given}." if given else ""
         if rivals:
-            why += f" {labels.join_with_and([labels.words(n) for n in rivals]).capitalize()} would explain these "
+            why += f" {labels.sentence(labels.join_with_and([labels.words(n) for n in rivals]))} would explain these "
             why += "recordings nearly as well."
         if d.verdict == "outside-library":
             why += (

@@ -84,7 +84,7 @@ def fit(percent: float) -> str:
     """Returns a fit with one decimal above 90 %, where it tells; "–" where it does not exist."""
     if not math.isfinite(percent):
         return "–"
-    return f"{percent:.{1 if percent > 90 else 0}f}".replace("-", "−")
+    return labels.signed(percent, 1 if percent > 90 else 0).removeprefix("+")
 
 
 def budget_columns(diagnosis: Diagnosis) -> list[str]:
@@ -142,7 +142,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if names:
         explain = "explains" if len(names) == 1 else "explain"
         part = "most" if _share_by_effects(diagnosis) > _MOST else "part"
-        return f"{join_with_and(names).capitalize()} {explain} {part} of it; the rest is outside the library."
+        return f"{labels.sentence(join_with_and(names))} {explain} {part} of it; the rest is outside the library."
     return "Something is missing that no effect in the library explains."
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from twin.diagnosis.answer import LONGEST_GAP, MODELS, Patched, Prediction, Trace
-from twin.labels import channel, over_noise, unmodelled, variable
+from twin.labels import channel, over_noise, signed, unmodelled, variable
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report import pages
 from twin.report.decimate import decimate, thin
@@ -251,7 +251,7 @@ def _symmetric_log_ticks(largest: float) -> dict[str, Any]:
         decades = [2, *decades]
     ticks = [-d for d in reversed(decades)] + [0] + decades
     reach = max(1.08 * largest, float(symmetric_log(3.5)))
-    labels = [f"{t:+d}".replace("-", "−") if t else "0" for t in ticks]
+    labels = [signed(t, 0) for t in ticks]
     return {
         "tickvals": [float(symmetric_log(t)) for t in ticks],
         "ticktext": labels,

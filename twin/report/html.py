@@ -100,7 +100,7 @@ def _picture(diagnosis: Diagnosis) -> dict[str, Any] | None:
     )
     known = math.isfinite(error.before) and math.isfinite(error.after)
     return {
-        "channel": f"{shown.label[:1].upper()}{shown.label[1:]}",
+        "channel": labels.sentence(shown.label),
         "before": labels.amount(name, error.before) if known else "",
         "after": labels.amount(name, error.after) if known else "",
         "caption": f"{file}{unseen}, simulated from its first sample and its command alone. "
@@ -111,18 +111,13 @@ def _picture(diagnosis: Diagnosis) -> dict[str, Any] | None:
 
 def _effect(effect: AdoptedEffect) -> dict[str, Any]:
     return {
-        "name": _sentence(labels.words(effect.name)),
+        "name": labels.sentence(labels.words(effect.name)),
         "meaning": meaning(effect.name),
         "parameters": [
             (labels.words(name), value, unit, degrees)
             for name, value, unit, degrees in display.parameter_rows(effect)
         ],
     }
-
-
-def _sentence(text: str) -> str:
-    """The text with a capital."""
-    return text[:1].upper() + text[1:]
 
 
 # Unmodelled quantities
@@ -136,7 +131,7 @@ def _traces(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
 
 def _trace(diagnosis: Diagnosis, trace: Trace, axis: figures.JoinedTime) -> dict[str, Any]:
     against = _explaining_variable(diagnosis, trace)
-    label = _sentence(labels.unmodelled(trace.channel).label)
+    label = labels.sentence(labels.unmodelled(trace.channel).label)
     beside = labels.variable(against).label if against else None
     model = "final" if diagnosis.effects and trace.fitted is None else "calibrated"
     most = f"; it depends most on {beside}" if beside and trace.explained_by == against else ""

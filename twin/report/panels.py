@@ -8,6 +8,7 @@ from typing import Any
 from twin.report import pages
 from twin.report.pages import Figure
 
+_NUMBERS = {"exponentformat": "none", "separatethousands": True}  # 400 000 in the place of 400k
 _GRID, _AXIS = "#e9ecef", pages.GREY
 _TOP, _BOTTOM = 58, 44  # margins with legend and with the label of the time axis [px]
 _LEGEND_LINE = 26  # of a legend with two lines, on a narrow screen [px]
@@ -107,7 +108,8 @@ class Panels:
         }
         layout = {
             **self.layout,
-            "template": go.layout.Template(),
+            "template": go.layout.Template(layout={"xaxis": _NUMBERS, "yaxis": _NUMBERS}),
+            "separators": ".\u202f",
             "font": {"family": pages.FONT, "size": 12, "color": pages.INK},
             "margin": {"l": 66, "r": 12, "t": _TOP, "b": _BOTTOM},
             "height": self.inner + _TOP + _BOTTOM,

@@ -203,8 +203,7 @@ def _rule(diagnosis: Diagnosis, name: str) -> str:
 
 
 def _score(score: float) -> str:
-    text = f"{score:.0f}" if abs(score) >= 100 else f"{score:.1f}"
-    return text.replace("-", "−")
+    return labels.signed(score, 0 if abs(score) >= 100 else 1).removeprefix("+")
 
 
 # Parameters
