@@ -203,6 +203,27 @@ def test_panels_stand_below_one_another_on_a_narrow_screen(diagnosis):
     assert narrow["height"] > 1.5 * wide["height"]
 
 
+def test_a_figure_without_a_legend_has_no_room_for_one(diagnosis):
+    bare, legend = (drawn(diagnosis, name)["layout"]["margin"]["t"] for name in ("others-1", "held-out-1"))
+    assert bare < 20 < legend
+
+
+def test_labels_of_ticks_are_not_turned_into_the_title_of_the_axis(diagnosis):
+    layout = drawn(diagnosis, "others-1")["layout"]
+    assert {layout[name]["tickangle"] for name in layout if name.startswith("xaxis")} == {0}
+
+
+def test_long_labels_of_ticks_have_room_beside_the_title_of_the_axis(diagnosis):
+    """Strains of 400 000 in place of 400 µε."""
+    file = "bang-bang-90.csv"
+    before = diagnosis.predictions[file].before
+    large = before.replace(channels={**before.channels, "strain_base": 1e3 * before["strain_base"]})
+    changed = {**diagnosis.predictions, file: replace(diagnosis.predictions[file], before=large)}
+    of = {"long": replace(diagnosis, predictions=changed), "short": diagnosis}
+    left = {name: drawn(d, "held-out-1")["layout"]["margin"]["l"] for name, d in of.items()}
+    assert left["long"] == left["short"] + 14
+
+
 def test_caveat_says_what_stands_against_the_verdict(diagnosis):
     assert display.caveat(replace(diagnosis, indistinguishable=())).startswith("No other effect")
     fit = {file: p for file, p in diagnosis.predictions.items() if p.role == "fit"}

@@ -5,12 +5,16 @@ from __future__ import annotations
 import html
 from typing import Any
 
+import numpy as np
+
 from twin.report import pages
 from twin.report.pages import Figure
 
 _NUMBERS = {"exponentformat": "none", "separatethousands": True}  # 400 000 in the place of 400k
 _GRID, _AXIS = "#e9ecef", pages.GREY
 _TOP, _BOTTOM = 58, 44  # margins with legend and with the label of the time axis [px]
+_BARE_TOP = 14  # margin without legend and captions [px]
+_LEFT, _DIGIT = 66, 7  # margin with labels of four digits, and what each further digit takes [px]
 _LEGEND_LINE = 26  # of a legend with two lines, on a narrow screen [px]
 _BETWEEN = 22  # between panels with a common time axis [px]
 _BELOW = 66  # below a panel with a labelled axis, and above the caption of the next one [px]
@@ -62,7 +66,13 @@ class Panels:
         top = 1.0 - sum(self.rows[:row]) * unit - self.space * row
         style = {"gridcolor": _GRID, "linecolor": _AXIS, "zeroline": False, "ticks": "outside", "ticklen": 3}
         style |= {"tickcolor": _AXIS, "showline": True}
-        x = {**style, "domain": [left, min(left + self.columns[column], 1.0)], "anchor": f"y{suffix}"}
+        # Plotly turns labels that are close, and they cover the title of the axis.
+        x = {
+            **style,
+            "tickangle": 0,
+            "domain": [left, min(left + self.columns[column], 1.0)],
+            "anchor": f"y{suffix}",
+        }
         if self.linked and suffix:
             x["matches"] = "x"
         y = {**style, "domain": [max(top - self.rows[row] * unit, 0.0), top], "anchor": f"x{suffix}"}
@@ -111,14 +121,28 @@ class Panels:
             "template": go.layout.Template(layout={"xaxis": _NUMBERS, "yaxis": _NUMBERS}),
             "separators": ".\u202f",
             "font": {"family": pages.FONT, "size": 12, "color": pages.INK},
-            "margin": {"l": 66, "r": 12, "t": _TOP, "b": _BOTTOM},
-            "height": self.inner + _TOP + _BOTTOM,
+            "margin": {"l": self._left_margin(), "r": 12, "t": self._top_margin(), "b": _BOTTOM},
+            "height": self.inner + self._top_margin() + _BOTTOM,
             "paper_bgcolor": "white",
             "plot_bgcolor": "white",
             "hovermode": "closest",
             "legend": legend,
         }
         return pages.figure(go.Figure(self.data, layout), self._narrow())
+
+    def _top_margin(self) -> int:
+        """Room for the legend, which plotly draws for two traces or more, and for the captions [px]."""
+        has_legend = len(self.data) > 1 and any(trace.get("showlegend", True) for trace in self.data)
+        return _TOP if has_legend or self.layout["annotations"] else _BARE_TOP
+
+    def _left_margin(self) -> int:
+        """Room for the labels and titles of the first column [px]."""
+        first = {self.axes(row, 0)[1] for row in range(len(self.rows))}
+        shown = [
+            np.abs(np.asarray(trace["y"], dtype=float)) for trace in self.data if trace["yaxis"] in first
+        ]
+        largest = max((y[np.isfinite(y)].max(initial=0.0) for y in shown), default=0.0)
+        return _LEFT + _DIGIT * max(len(f"{largest:.0f}") - 4, 0)
 
     def _narrow(self) -> dict[str, Any]:
         """The layout on a narrow screen: all panels of the first column, then those of the next."""
@@ -133,7 +157,7 @@ class Panels:
         gaps = [_BETWEEN if same else _BELOW for same in follows]
         inner = sum(heights) + sum(gaps)
         tops = [inner - sum(heights[:i]) - sum(gaps[:i]) for i in range(len(places))]
-        top_margin = _TOP + _LEGEND_LINE
+        top_margin = self._top_margin() + (_LEGEND_LINE if self._top_margin() == _TOP else 0)
         changes: dict[str, Any] = {"height": int(inner + top_margin + _BOTTOM), "annotations": []}
         for (row, column), height, top in zip(places, heights, tops, strict=True):
             suffix = self._suffix(row, column)
@@ -145,7 +169,7 @@ class Panels:
         first = dict(reversed([(column, top / inner) for (_, column), top in zip(places, tops, strict=True)]))
         for column, caption in enumerate(self.layout["annotations"]):
             changes["annotations"].append(caption | {"x": 0.0, "y": first.get(column, 1.0)})
-        return changes | {"margin": {"l": 64, "r": 8, "t": top_margin, "b": _BOTTOM}}
+        return changes | {"margin": {"l": self._left_margin() - 2, "r": 8, "t": top_margin, "b": _BOTTOM}}
 
 
 def title(label: str, unit: str) -> dict[str, Any]:
