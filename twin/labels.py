@@ -133,7 +133,7 @@ def number(value: float | None, digits: int = 3) -> str:
         return "∞" if value == math.inf else "−∞" if value == -math.inf else "–"
     if value == 0.0:
         return "0"
-    sign, size = "−" * (value < 0), abs(value)
+    sign, size = "−" if value < 0 else "", abs(value)
     # Of the rounded value: 0.000997 is 0.0010 with two digits.
     exponent = int(f"{size:.{digits - 1}e}".partition("e")[2])
     if not -5 <= exponent < 6:

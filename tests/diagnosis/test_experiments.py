@@ -213,5 +213,5 @@ def test_names_that_are_no_effects_are_refused():
 def test_a_plan_says_whether_the_recordings_speak_for_either_effect(score, speaks):
     plans = planned({"air-drag": {"coefficient": 0.1}}, {"air-pad-drag": {"viscous": 0.02}}, ["slews"])
     said = ExperimentPlan(("air-drag", "air-pad-drag"), plans, score).recommendation()
-    assert "record slews" in said
+    assert "record strong bang-bang slews of two lengths, there and back (slews)" in said
     assert ("support neither air-drag nor air-pad-drag" in said) != speaks

@@ -653,7 +653,7 @@ def test_number_is_rounded_before_its_digits_are_counted(value, digits, text):
 
 def test_every_minus_sign_is_typographic(diagnosis):
     assert labels.with_error(-0.0101, 0.00031) == "−0.0101 ± 0.0003"
-    assert labels.with_error(-1.5e-12, 2.3e-13) == "(−1.50 ± 0.23)e-12"
+    assert labels.with_error(-1.5e-12, 2.3e-13) == "(−1.50 ± 0.23) × 10⁻¹²"
     assert labels.angle_in_degrees(-0.24, "rad") == "−13.8°"
     assert (
         prose("(-1.5 N m), from -2 to 3; half-width, 2026-01-02")
