@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from campaign_folder import CHANNELS, FIT, GAUGE, HUB, motion, toml_text, write
+from campaign_folder import CHANNELS, FIT, GAUGE, HELD_OUT, HUB, INERTIA, RIG, motion, toml_text, write
 from paths import ROOT
 
 from twin.campaigns.campaign import read_campaign
@@ -76,3 +76,68 @@ def test_what_a_campaign_lacks_is_told_at_once(twin, tmp_path):
     assert "missing: bending_stiffness, linear_density, length, hub_inertia" in error
     assert "channels.hub_angle.gain is missing" in error
     assert "channels.strain_base.position is missing" in error
+
+
+# Signs and sizes that no slow part of a recording shows
+
+
+def driven_fast(sign: float = 1.0):
+    """A command of 3 Hz that turns a hub at a rate, as a voltage does, and a link that rings at 5.8 Hz and turns it."""
+    rng = np.random.default_rng(2)
+    time, ringing = 0.002 * np.arange(4000), 2 * np.pi * 5.8
+    turn = -sign * np.cos(2 * np.pi * 3 * time) / (2 * np.pi * 3)
+    strain = 2e-4 * np.sin(ringing * time)
+    bending_torque = 0.25 * strain / 0.001
+    noise = rng.standard_normal((2, len(time)))
+    return {
+        "time": time,
+        "torque_command": sign * 0.1 * np.sin(2 * np.pi * 3 * time),
+        "hub_angle": turn - bending_torque / 0.02 / ringing**2 + 1e-4 * noise[0],
+        "strain_base": strain + 1e-6 * noise[1],
+    }
+
+
+def fast_campaign(folder, rig: str = "", **lines: str):
+    """The campaign with lines added to its channels."""
+    channels = {name: f"{text}\n{lines.get(name, '')}" for name, text in CHANNELS.items()}
+    toml = toml_text(channels, (f'{FIT}\nstart = "unknown"', f'{HELD_OUT}\nstart = "unknown"'), RIG + rig)
+    return read_campaign(write(folder, toml, push=driven_fast(), pull=driven_fast(-1.0)))
+
+
+def test_right_signs_are_seen(tmp_path):
+    found = {f.what: f for f in gate.look(fast_campaign(tmp_path, "\nstatic_friction = 0.05"))}
+    assert not any(f.fails for f in found.values())
+    assert found["hub, command"].text.startswith("the sign of the command is right, as it drives the hub")
+    assert found["hub, link"].text == "strain_base: its sign is right in 2 of 2 recordings that show it"
+
+
+@pytest.mark.parametrize(
+    ("channel", "what"),
+    [("torque_command", "hub, command"), ("hub_angle", "hub, command"), ("strain_base", "hub, link")],
+)
+def test_a_turned_channel_fails(tmp_path, channel, what):
+    campaign = fast_campaign(tmp_path, **{channel: "gain = -1"})
+    [found] = [f for f in gate.look(campaign) if f.fails]
+    assert found.what == what
+    assert found.text.startswith(f"{channel} counts the wrong way round")
+
+
+@pytest.mark.parametrize(("gain", "fails"), [(0.3, False), (0.001, True)])
+def test_a_command_that_friction_would_hold_is_named(tmp_path, gain, fails):
+    campaign = fast_campaign(tmp_path, "\nstatic_friction = 0.05", torque_command=f"gain = {gain}")
+    [found] = [f for f in gate.look(campaign) if f.what == "friction"]
+    assert (found.ok, found.fails) == (False, fails)
+    assert found.text.startswith(
+        f"the largest command is {0.1 * gain:.2g} N·m, less than the declared static_friction"
+    )
+    assert "of 0.05 N·m, and yet the hub travels 0.11 rad" in found.text
+
+
+def test_a_hub_that_gives_its_energy_to_the_drive_passes(tmp_path):
+    columns = motion()
+    time = columns["time"]
+    columns["torque_command"] = np.full(len(time), -0.02)
+    columns["hub_angle"] = 3 * time - 0.5 * 0.02 / INERTIA * time**2
+    assert 0.02 / INERTIA * time[-1] < 3  # it turns to the end
+    toml = toml_text(recordings=(f'{FIT}\nstart = "unknown"',))
+    assert not any(f.fails for f in gate.look(read_campaign(write(tmp_path, toml, push=columns))))

@@ -167,19 +167,26 @@ class LowPassed:
       acceleration: (m) of the hub [rad/s^2]: the second difference of the angle over `span`, which has the same mean.
       rate: (m) of the hub [rad/s].
       direction: (m) mean sign of the rate [1].
+      step: between two values [s].
     """
 
     def __init__(self, recording: Recording, span: float):
         """Takes the recording and half the width of the mean [s]."""
-        self._recording, self._step = recording, span / _SAMPLES
-        self._instants = np.arange(recording.time[0], recording.time[-1], self._step)
+        self._recording, self.step = recording, span / _SAMPLES
+        self._instants = np.arange(recording.time[0], recording.time[-1], self.step)
         angle = self._on_grid("hub_angle")
         n, near = _SAMPLES, _SAMPLES // 8
         self.acceleration = (angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n]) / span**2
         rate = np.full_like(angle, np.nan)
-        rate[near:-near] = (angle[2 * near :] - angle[: -2 * near]) / (2 * near * self._step)
+        rate[near:-near] = (angle[2 * near :] - angle[: -2 * near]) / (2 * near * self.step)
         self.rate = _triangular_mean(rate)
         self.direction = _triangular_mean(np.sign(rate))
+
+    @property
+    def first_rate(self) -> float:
+        """The first known rate of the hub [rad/s]; 0 where none is known."""
+        known = self.rate[np.isfinite(self.rate)]
+        return float(known[0]) if known.size else 0.0
 
     def mean(self, channel: str) -> np.ndarray:
         """Returns the triangular mean of a channel (m); NaN near a gap."""
@@ -214,7 +221,7 @@ class LowPassed:
         if not known.any():
             return np.full_like(self._instants, np.nan)
         gridded = np.interp(self._instants, time[known], values[known])
-        far = check_rig.distance_to_nearest(self._instants, time[known]) > self._step * _SAMPLES / 8
+        far = check_rig.distance_to_nearest(self._instants, time[known]) > self.step * _SAMPLES / 8
         return np.where(far, np.nan, gridded)
 
 

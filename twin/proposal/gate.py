@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
 
 from twin.campaigns import check_channels, check_rig, defects
 from twin.campaigns.campaign import Campaign
+from twin.campaigns.check_channels import LowPassed
 from twin.campaigns.readings import estimate_noise, sample_clock
 from twin.errors import listed
+from twin.mechanics import beam
 from twin.parameters import DEFAULTS
-from twin.proposal import measure, motions
+from twin.proposal import measure, motions, signs
 from twin.recording import ON_LINK, Recording
 
 _FEWEST_PER_PERIOD = 10.0
@@ -22,6 +24,9 @@ _LEAST_PER_PERIOD = 2.5
 _NOISE_FACTOR = 3.0  # of the declared noise, by which that of the readings may differ
 _INERTIA_FACTOR = 2.0
 """Factor by which torque per acceleration may differ from the declared inertia: friction and springs take a part."""
+_FRICTION_FACTOR = 3.0
+"""Factor by which the declared static friction may exceed the largest command that moves the hub: friction is known
+badly before it is fitted."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,12 @@ def look(campaign: Campaign) -> list[Finding]:
     recordings = (*campaign.fit, *campaign.holdout())
     notes = [*campaign.warnings, *defects.without_defects(recordings, campaign.sensors)[1]]
     return [
-        Finding("signs, units", True, "no channel clearly counts the wrong way round or in another unit"),
-        _follows(campaign, recordings),
+        Finding(
+            "signs, units",
+            True,
+            "no slow part of a recording shows a channel that counts the wrong way round or in another unit",
+        ),
+        *_command(campaign, recordings),
         _rate(campaign, recordings),
         _clock(recordings),
         *_noise(campaign),
@@ -63,18 +72,68 @@ def look(campaign: Campaign) -> list[Finding]:
     ]
 
 
-def _follows(campaign: Campaign, recordings: tuple[Recording, ...]) -> Finding:
-    free = [recording for recording in recordings if not recording.clamped]
+def _command(campaign: Campaign, recordings: tuple[Recording, ...]) -> Iterator[Finding]:
+    """What the hub shows of signs and sizes."""
+    free = [recording for recording in recordings if not recording.clamped and "hub_angle" in recording]
+    driven = [(r, motion) for r in free if (motion := _fast(campaign, r)) is not None]
+    share = _share_of_work(campaign, driven)
+    found = {c: [signs.bending(m, c, "torque_command") for r, m in driven if c in r] for c in signs.BENDING}
+    bent = {c: clear for c, values in found.items() if (clear := [value for value in values if value])}
+    turned = {c for c, values in bent.items() if float(np.median(values)) < 0}
+    if share < -signs.CLEAR_WORK:
+        yield _against(share, bent.keys(), turned)
+    else:
+        yield _follows(campaign, free, share > signs.CLEAR_WORK)
+        yield from (_link(c, values) for c, values in bent.items())
+    yield from _too_weak(campaign, free)
+
+
+def _fast(campaign: Campaign, recording: Recording) -> LowPassed | None:
+    """The recording with its first mode; None where it is too short, or where a released link drives the hub."""
+    if recording.initial_tip_deflection is not None:
+        return None
+    return signs.fast(recording, check_rig.vibration_period(recording, campaign.rig))
+
+
+def _share_of_work(campaign: Campaign, driven: Sequence[tuple[Recording, LowPassed]]) -> float:
+    """Net over gross work of the command on the hub in all recordings [1]; 0 where there is none."""
+    net = gross = 0.0
+    for recording, motion in driven:
+        done = signs.work(motion, "torque_command")
+        # A hub that moves at first may give its energy to the drive.
+        moving = 0.0 if recording.start == "rest" else motion.first_rate
+        net += done.net + 0.5 * beam.rigid_inertia(campaign.rig) * moving**2
+        gross += done.gross
+    return net / gross if gross > 0 else 0.0
+
+
+def _against(share: float, bent: Set[str], turned: Set[str]) -> Finding:
+    """A command that turns the hub the wrong way; `bent`: channels whose sign is seen, `turned`: those of them against
+    the hub."""
+    channel = (
+        "torque_command or hub_angle" if not bent else "hub_angle" if turned == bent else "torque_command"
+    )
+    text = (
+        f"{channel} counts the wrong way round: the command takes energy out of the rig, {-100 * share:.0f} % of what "
+        "it exchanges with the hub, and a rig has none to give; turn the sign of its gain (no gain is a gain of 1)"
+    )
+    return Finding("hub, command", False, text, fails=True)
+
+
+def _follows(campaign: Campaign, free: Sequence[Recording], drives: bool) -> Finding:
+    """What slow parts show of the size of the command; `drives`: whether its work shows its sign."""
     ratios = [
         check_channels.clear_ratios(r, campaign.sensors, campaign.rig).get("torque_command") for r in free
     ]
     clear = [ratio for ratio in ratios if ratio is not None]
     if not clear:
-        text = (
-            "sign and size of the command are not checked: no recording has a slow part in which the hub follows it, "
-            "such as a slow ramp of the command"
+        unchecked = (
+            "the sign of the command is right, as it drives the hub; its size is not checked"
+            if drives
+            else "sign and size of the command are not checked"
         )
-        return Finding("hub, command", False, text)
+        why = "no recording has a slow part in which the hub follows it, such as a slow ramp of the command"
+        return Finding("hub, command", False, f"{unchecked}: {why}")
     middle = float(np.median(clear))
     text = (
         f"in {len(clear)} of {len(free)} recordings the torque per acceleration is {min(clear):.2g} to "
@@ -82,6 +141,37 @@ def _follows(campaign: Campaign, recordings: tuple[Recording, ...]) -> Finding:
     )
     ok = 1 / _INERTIA_FACTOR < middle < _INERTIA_FACTOR
     return Finding("hub, command", ok, text, fails=not ok)
+
+
+def _link(channel: str, clear: Sequence[float]) -> Finding:
+    """Whether the link bends as the hub accelerates; `clear`: correlations of the recordings that show it."""
+    wrong = sum(correlation < 0 for correlation in clear)
+    if float(np.median(clear)) > 0:
+        text = f"{channel}: its sign is right in {len(clear) - wrong} of {len(clear)} recordings that show it"
+        return Finding("hub, link", True, text)
+    text = (
+        f"{channel} counts the wrong way round in {wrong} of {len(clear)} recordings that show it: at the first mode a "
+        "link that is bent towards positive angles turns the hub to them; turn the sign of its gain (no gain is a gain "
+        "of 1)"
+    )
+    return Finding("hub, link", False, text, fails=True)
+
+
+def _too_weak(campaign: Campaign, free: Sequence[Recording]) -> Iterator[Finding]:
+    """A command that never overcomes the declared friction, although the hub moves."""
+    moved = [r for r in free if r.initial_tip_deflection is None and measure.moves(r["hub_angle"])]
+    if not moved:
+        return
+    largest = max(float(np.nanmax(np.abs(r["torque_command"]))) for r in moved)
+    friction = campaign.rig["static_friction"]
+    if largest >= friction:
+        return
+    travel = max(float(np.nanmax(r["hub_angle"]) - np.nanmin(r["hub_angle"])) for r in moved)
+    text = (
+        f"the largest command is {largest:.2g} N·m, less than the declared static_friction of {friction:.2g} N·m, and "
+        f"yet the hub travels {travel:.2g} rad; check unit and gain of torque_command, and static_friction"
+    )
+    yield Finding("friction", False, text, fails=_FRICTION_FACTOR * largest < friction)
 
 
 def _rate(campaign: Campaign, recordings: tuple[Recording, ...]) -> Finding:
