@@ -123,6 +123,21 @@ def test_gauge_position_and_half_thickness(tmp_path):
     assert (sensor.position, sensor.half_thickness, sensor.noise) == (0.02, 0.001, 1e-6)
 
 
+def test_a_gauge_in_curvature_needs_no_half_thickness(tmp_path):
+    gauge = 'unit = "1/m"\nnoise = 1e-3\nposition = 0.02'
+    columns = motion()
+    curvature = columns["strain_base"] / 1e-3
+    write(
+        tmp_path,
+        toml_text(CHANNELS | {"strain_base": gauge}, (FIT,)),
+        push=columns | {"strain_base": curvature},
+    )
+    campaign = read_campaign(tmp_path)
+    thickness = campaign.sensors["strain_base"].half_thickness
+    assert campaign.sensors["strain_base"].noise == pytest.approx(1e-3 * thickness)
+    np.testing.assert_allclose(campaign.fit[0]["strain_base"] / thickness, curvature, atol=1e-8)
+
+
 def test_noise_left_unsaid(tmp_path):
     assert _read(tmp_path).sensors["torque_command"].noise is None
 

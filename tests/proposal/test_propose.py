@@ -235,5 +235,83 @@ def test_a_gauge_may_be_known_as_a_curvature_per_volt(nameless):
         return next((text for key, text in answers.items() if key in question), "")
 
     found = replace(found, channels={**found.channels, "strain_base": unknown})
-    channel = ask.complete(found, answer).channels["strain_base"]
+    asked: list[str] = []
+    channel = ask.complete(found, lambda question: asked.append(question) or answer(question)).channels[
+        "strain_base"
+    ]
     assert (channel.unit, channel.gain) == ("1/m", 0.576)
+    assert "strain_base: position, " in "".join(asked)
+    assert "strain_base: half thickness, " not in "".join(asked)
+    proposal = replace(found, channels={**found.channels, "strain_base": channel})
+    assert "channels.strain_base.position" in needed(proposal)
+    assert "channels.strain_base.half_thickness" not in needed(proposal)
+    assert "half_thickness" not in tomllib.loads(campaign_text(proposal))["channels"]["strain_base"]
+    assert "m from the neutral axis" not in campaign_text(
+        replace(proposal, channels={"strain_base": channel})
+    )
+
+
+def test_an_implausible_half_thickness_is_asked_again(nameless):
+    asked = []
+    given = iter(["1", "0.8 mm"])
+
+    def answer(question):
+        asked.append(question)
+        return next(given, "") if "strain_base: half thickness" in question else ""
+
+    channel = ask.complete(propose(nameless, "x"), answer).channels["strain_base"]
+    assert channel.gauge == {"half_thickness": 0.0008}
+    assert any(question.startswith("half_thickness is 1 m; expected") for question in asked)
+
+
+def test_the_question_for_a_channel_lists_the_channels(nameless):
+    asked: list[str] = []
+    ask.complete(propose(nameless, "x"), lambda question: asked.append(question) or "")
+    [question] = [question for question in asked if question.startswith("column rec.c4:")]
+    assert "Which channel is it: strain_mid, none, hub_reference, hub_rate, tip_deflection, " in question
+    assert question.endswith(" [strain_mid]? ")
+
+
+def test_the_uncertainty_is_said_to_be_a_standard_deviation():
+    text = campaign_text(propose(FILES[:1], "x"))
+    assert "# one standard deviation of each value above, as a share of it: in two of three cases" in text
+
+
+# Signs
+
+
+def bench(folder, **signs: float):
+    """A bench as that of the gate: a command of 3 Hz that turns the hub at a rate, and a link that rings."""
+    time, ringing = 0.002 * np.arange(6000), 2 * np.pi * 5.8
+    noise = 1e-4 * np.random.default_rng(2).standard_normal(len(time))
+    strain = np.sin(ringing * time) * np.exp(-0.1 * time)
+    columns = {
+        "u": np.sin(2 * np.pi * 3 * time),
+        "pot": -np.cos(2 * np.pi * 3 * time) / 3 - 2e-3 * strain + noise,
+        "gauge": 3 * strain + 30 * noise,
+    }
+    lines = [f"time,{','.join(columns)}"]
+    rows = zip(time, *(signs.get(name, 1.0) * values for name, values in columns.items()), strict=True)
+    (folder / "a.csv").write_text("\n".join([*lines, *(",".join(f"{x:.9g}" for x in row) for row in rows)]))
+    return propose([folder / "a.csv"], "x").channels
+
+
+def test_the_sign_of_a_command_is_seen_whatever_its_unit(tmp_path):
+    command = bench(tmp_path)["torque_command"]
+    assert (command.found.column, command.unit, command.gain) == ("u", "", None)
+    assert command.sign_reason == "its sign is right in 1 of 1 recordings"
+
+
+@pytest.mark.parametrize(("column", "channel"), [("u", "torque_command"), ("gauge", "strain_base")])
+def test_a_column_that_counts_the_wrong_way_round_is_turned(tmp_path, column, channel):
+    channels = bench(tmp_path, **{column: -1.0})
+    assert {name for name, c in channels.items() if c.gain == -1.0} == {channel}
+    assert "it counts the wrong way round in 1 of 1" in channels[channel].sign_reason
+
+
+def test_the_sign_of_a_channel_that_was_named_otherwise_is_not_said_to_be_seen(nameless):
+    def answer(question):
+        return {"column rec.c3": "tip_deflection"}.get(question[:13], "")
+
+    channel = ask.complete(propose(nameless, "x"), answer).channels["tip_deflection"]
+    assert (channel.gain, channel.sign_reason) == (None, "its sign was not looked at: check it")

@@ -30,6 +30,9 @@ from twin.rigs.check import check_parameters
 STATIC_FILE = "static.csv"
 """File name of the static load test."""
 _COMMAND = "torque_command"
+_OF_A_CURVATURE = 1e-3
+"""Half thickness of a gauge that is calibrated in curvature [m], where none is declared: it is a factor of the measured
+and of the simulated strain alike, so that any value will do."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +274,7 @@ def _check_time(where: str, channel: schema.Channel) -> None:
 
 def _check_unit(where: str, name: str, channel: schema.Channel) -> None:
     try:
-        units.scale(name, channel.unit, channel.half_thickness or 0.0)
+        units.scale(name, channel.unit, _half_thickness(channel))
     except InputError as error:
         raise InputError(f"{where}.unit: {error}") from None
 
@@ -296,7 +299,7 @@ def _sensor(name: str, channel: schema.Channel) -> Sensor:
         name,
         noise,
         channel.position or 0.0,
-        channel.half_thickness or 0.0,
+        _half_thickness(channel),
         zero_is_certain=channel.offset_uncertainty == 0,
         sees_gain=channel.sees_gain,
         gain_uncertainty=channel.gain_uncertainty or 0.0,
@@ -304,8 +307,15 @@ def _sensor(name: str, channel: schema.Channel) -> Sensor:
     )
 
 
+def _half_thickness(channel: schema.Channel) -> float:
+    """Distance of a gauge from the neutral axis [m]; 0 where a channel has none."""
+    if channel.half_thickness is not None:
+        return channel.half_thickness
+    return _OF_A_CURVATURE if units.is_curvature(channel.unit) else 0.0
+
+
 def _factor(name: str, channel: schema.Channel) -> float:
-    return units.scale(name, channel.unit, channel.half_thickness or 0.0)
+    return units.scale(name, channel.unit, _half_thickness(channel))
 
 
 # Recordings

@@ -147,6 +147,11 @@ def is_strain(channel: str) -> bool:
     return channel.startswith("strain_")
 
 
+def is_curvature(unit: str) -> bool:
+    """Whether a unit is that of a curvature, such as 1/m."""
+    return convertible(unit, "1/m")
+
+
 def scale(channel: str, unit: str, half_thickness: float = 0.0) -> float:
     """Returns the factor from `unit` to the SI unit of the channel.
 
@@ -167,7 +172,7 @@ def scale(channel: str, unit: str, half_thickness: float = 0.0) -> float:
         return 1.0
     if channel != TIME and (raw := raw_unit(unit)):
         return factor(unit, raw)
-    if is_strain(channel) and convertible(unit, "1/m"):
+    if is_strain(channel) and is_curvature(unit):
         return half_thickness * factor(unit, "1/m")
     if not convertible(unit, si):
         raise InputError(_refusal(channel, unit))

@@ -10,14 +10,16 @@ from twin.campaigns import units
 from twin.campaigns.units import DERIVED_UNITS, TIME
 from twin.errors import InputError, checked_number, shown
 from twin.parameters import DEFAULTS, PARAMETERS, rig_parameter
-from twin.proposal.campaign_text import DRIVE, GAUGE, MEANINGS, drive_keys, motor_unit
-from twin.proposal.propose import ChannelProposal, Proposal
+from twin.proposal.campaign_text import DRIVE, GAUGE, MEANINGS, drive_keys, gauge_keys, motor_unit
+from twin.proposal.propose import SIGNS, ChannelProposal, Proposal
 from twin.proposal.quantity import Quantity, quantity
 from twin.recording import CHANNEL_UNITS
 
 Ask = Callable[[str], str]
 """Shows a question and returns the answer; "" where there is none."""
 _Answer = TypeVar("_Answer")
+_PLAUSIBLE = {"position": (0.0, 100.0), "half_thickness": (1e-5, 0.1)}
+"""Key of a strain gauge -> least and largest value of any bending link [m]: foils of 0.02 mm, booms of 0.2 m."""
 _OPEN = "(Enter: leave it open)"
 
 
@@ -54,19 +56,18 @@ def _channels(proposal: Proposal, ask: Ask) -> Iterator[tuple[str, ChannelPropos
         if given is None:
             continue
         taken.add(given)
+        if given != name:
+            unseen = "its sign was not looked at: check it" if given in SIGNS else ""
+            channel = replace(channel, gain=None, sign_reason=unseen)
         if not channel.unit or given != name:
             channel = replace(channel, unit=_unit(given, channel, ask), unit_reason="")
         if channel.unit and given != TIME and units.raw_unit(channel.unit):
             channel = _with_gain(given, channel, ask)
-        if units.is_strain(given):
-            asked = {
-                key: _quantity(f"{given}: {key.replace('_', ' ')}, {what} {_OPEN}? ", _length, ask)
-                for key, what in GAUGE.items()
-            }
-            channel = replace(
-                channel, gauge={key: value for key, value in asked.items() if value is not None}
-            )
-        yield given, channel
+        asked = {key: _gauge(given, key, ask) for key in gauge_keys(given, channel)}
+        yield (
+            given,
+            replace(channel, gauge={key: value for key, value in asked.items() if value is not None}),
+        )
 
 
 def _renamed(name: str, channel: ChannelProposal, taken: set[str], ask: Ask) -> str | None:
@@ -74,9 +75,10 @@ def _renamed(name: str, channel: ChannelProposal, taken: set[str], ask: Ask) -> 
     column, reason = shown(channel.found.column), channel.found.reason
     known = (TIME, *CHANNEL_UNITS, *DERIVED_UNITS)
     free = [other for other in known if other not in taken]
-    what = ": torque, current or voltage" if name == "torque_command" else ""
-    question = f"column {column} {reason}. Which channel is it, or none [{name}{what}]? "
-    answer = _choice(question, (name, "none", *free), ask)
+    what = " (torque, current or voltage)" if name == "torque_command" else ""
+    choices = (name, "none", *free)
+    question = f"column {column}: {reason}. Which channel is it: {', '.join(choices)} [{name}{what}]? "
+    answer = _choice(question, choices, ask)
     return None if answer == "none" else answer
 
 
@@ -84,7 +86,7 @@ def _choice(question: str, choices: tuple[str, ...], ask: Ask) -> str:
     """One of some words; the first where the answer is empty."""
     answer = ask(question).strip()
     while answer and answer not in choices:
-        answer = ask(f"'{shown(answer)}' is none of: {', '.join(choices)}. {question}").strip()
+        answer = ask(f"'{shown(answer)}' is none of these. {question}").strip()
     return answer or choices[0]
 
 
@@ -112,7 +114,7 @@ def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal
     question = f"{name}: {what} {of}per {channel.unit}{other}{turned} {empty}? "
 
     def checked(answer: Quantity) -> tuple[float, str]:
-        if units.is_strain(name) and answer.unit and units.convertible(answer.unit, "1/m"):
+        if units.is_strain(name) and answer.unit and units.is_curvature(answer.unit):
             return answer.to("1/m"), "1/m"
         return answer.to(units.allowed(name)[0]), channel.unit
 
@@ -124,8 +126,14 @@ def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal
     return replace(channel, gain=gain, is_gain_known=True, unit=unit, unit_reason=reason)
 
 
-def _length(answer: Quantity) -> float:
-    return checked_number("it", answer.to("m"), 0.0, 100.0, "m")
+def _gauge(name: str, key: str, ask: Ask) -> float | None:
+    """Place or half thickness of a strain gauge [m]; None where it stays open."""
+
+    def checked(answer: Quantity) -> float:
+        low, high = _PLAUSIBLE[key]
+        return checked_number(key, answer.to("m"), low, high, "m")
+
+    return _quantity(f"{name}: {key.replace('_', ' ')}, {GAUGE[key]} {_OPEN}? ", checked, ask)
 
 
 # Drive and parameters

@@ -48,6 +48,14 @@ def motor_unit(channels: Mapping[str, ChannelProposal]) -> str | None:
     return units.raw_unit(command.unit) if command and command.unit and not command.is_gain_known else None
 
 
+def gauge_keys(name: str, channel: ChannelProposal) -> tuple[str, ...]:
+    """Returns the keys that a strain gauge needs; none of another channel."""
+    if not units.is_strain(name):
+        return ()
+    # A curvature is that of the neutral axis.
+    return ("position",) if units.is_curvature(channel.unit) else tuple(GAUGE)
+
+
 def drive_keys(raw: str) -> tuple[str, ...]:
     """Returns the keys of the `[drive]` of a command in V or A."""
     return tuple(key for key in DRIVE if raw == "V" or key != "resistance")
@@ -77,7 +85,8 @@ def _head(proposal: Proposal) -> Iterator[str]:
         yield _parameter(name, unit, proposal.parameters.get(name))
     yield ""
     yield "[uncertainty]"
-    yield "# standard deviation of each value above, as a share of it: two of three true values lie within"
+    yield "# one standard deviation of each value above, as a share of it: in two of three cases the true value lies"
+    yield "# within it"
     for name, assumed in ASSUMED_UNCERTAINTY.items():
         if name in proposal.uncertainty:
             yield f"{name} = {proposal.uncertainty[name]:.6g}"
@@ -107,14 +116,14 @@ def _channel(name: str, channel: ChannelProposal) -> Iterator[str]:
     yield from _gain(name, channel)
     if name in ON_LINK:
         yield "# its zero is fitted in each recording; offset_uncertainty = 0 if it is certain"
-    if units.is_strain(name):
-        for key, what in GAUGE.items():
-            value = channel.gauge.get(key)
-            yield (
-                f"# {key} = ...{_behind(f'needed: {what}')}"
-                if value is None
-                else f"{key} = {value!r}{_behind(what)}"
-            )
+    for key in gauge_keys(name, channel):
+        value = channel.gauge.get(key)
+        what = GAUGE[key]
+        yield (
+            f"# {key} = ...{_behind(f'needed: {what}')}"
+            if value is None
+            else f"{key} = {value!r}{_behind(what)}"
+        )
 
 
 def _gain(name: str, channel: ChannelProposal) -> Iterator[str]:
@@ -146,8 +155,7 @@ def needed(proposal: Proposal) -> list[str]:
             if name == "torque_command" and proposal.drive:
                 continue
             keys.append(f"channels.{name}.gain{' or [drive]' * (name == 'torque_command')}")
-        if units.is_strain(name):
-            keys += [f"channels.{name}.{key}" for key in GAUGE if key not in channel.gauge]
+        keys += [f"channels.{name}.{key}" for key in gauge_keys(name, channel) if key not in channel.gauge]
     return keys
 
 

@@ -15,15 +15,16 @@ from twin.campaigns.units import TIME
 from twin.errors import InputError, listed
 from twin.files.readers import read_recording
 from twin.files.table import Table
-from twin.proposal import measure, names
+from twin.proposal import measure, names, signs
 from twin.proposal.assign import Found, by_data, by_name, repeats, time_column
 from twin.recording import CHANNEL_UNITS, ON_LINK, Recording
 
 _SPAN = 4.0  # periods of vibration over which signs are looked at, as in `campaigns.check_channels`
 _SLIGHT = 0.1  # of the usual swing of the link, below which it says nothing of a locked hub
 _TURNS = 7.0  # rad: a hub that turns farther is taken to be read in degrees
-_SIGNS = {"torque_command": 1, "motor_torque": 1, "strain_base": -1, "strain_mid": -1, "tip_deflection": -1}
+SIGNS = {"torque_command": 1, "motor_torque": 1, "strain_base": -1, "strain_mid": -1, "tip_deflection": -1}
 """Sign of the slow part of a channel per acceleration of the hub: what bends lags behind."""
+_TORQUES = ("torque_command", "motor_torque")
 
 
 @dataclass(frozen=True)
@@ -236,44 +237,51 @@ def _seconds(table: Table, time: ChannelProposal) -> np.ndarray:
 def _signs(
     tables: Mapping[Path, Table], channels: Mapping[str, ChannelProposal], ringing: float | None
 ) -> dict[str, ChannelProposal]:
-    """The channels with a sign, turned where their slow part goes the wrong way with the hub's acceleration."""
-    if "hub_angle" not in channels or ringing is None:
-        unseen = "its sign is not seen in these recordings"
-        return {c: replace(p, sign_reason=unseen) for c, p in channels.items() if c in _SIGNS}
-    votes: dict[str, list[float]] = {channel: [] for channel in channels if channel in _SIGNS}
+    """The channels with a sign, turned where they go the wrong way with the hub."""
+    votes: dict[str, list[float]] = {channel: [] for channel in channels if channel in SIGNS}
     for table in tables.values():
-        slow = _low_passed(table, channels, _SPAN / ringing)
-        if slow is None:
+        recording = _turning(table, channels)
+        if recording is None:
             continue
-        nuisance = (np.ones_like(slow.acceleration), slow.mean("hub_angle"), slow.rate, slow.direction)
+        slow = _low_passed(recording, ringing)
+        fast = signs.fast(recording, 1 / ringing if ringing else 0.0)
         for channel in votes:
-            if channels[channel].found.column in table.columns:
-                others = nuisance if channel.endswith(("command", "torque")) else nuisance[:2]
-                slope = slow.slope(channel, others)
-                if channel == "torque_command" and channels[channel].unit == "V":
-                    # Against the back-EMF, a voltage turns the hub at a rate.
-                    slope = slope or slow.slope(channel, nuisance[:2], slow.rate)
-                votes[channel].append(slope * _SIGNS[channel])
+            if channel in recording:
+                slope = SIGNS[channel] * _slope(slow, channel) if slow else 0.0
+                votes[channel].append(slope or (_fast_sign(fast, channel, recording) if fast else 0.0))
     return {channel: _signed(channels[channel], slopes) for channel, slopes in votes.items()}
 
 
-def _low_passed(
-    table: Table, channels: Mapping[str, ChannelProposal], span: float
-) -> check_channels.LowPassed | None:
-    """The recording without its vibrations; None where it is too short or its hub does not turn."""
-    time, hub = channels[TIME], channels["hub_angle"].found.column
-    if (
-        time.found.column not in table.columns
-        or hub not in table.columns
-        or not measure.moves(table.columns[hub])
-    ):
+def _turning(table: Table, channels: Mapping[str, ChannelProposal]) -> Recording | None:
+    """A recording as its columns are; None where its hub does not turn."""
+    time, known = channels[TIME], _by_channel(table, channels)
+    if time.found.column not in table.columns or "hub_angle" not in known:
         return None
-    stamps = _seconds(table, time)
-    if stamps[-1] < 6 * span:
+    if not measure.moves(known["hub_angle"]):
         return None
-    known = {c: v for c, v in _by_channel(table, channels).items() if c in CHANNEL_UNITS}
-    recording = Recording("", stamps, known)
-    return check_channels.LowPassed(recording, span)
+    return Recording("", _seconds(table, time), {c: v for c, v in known.items() if c in CHANNEL_UNITS})
+
+
+def _low_passed(recording: Recording, ringing: float | None) -> check_channels.LowPassed | None:
+    """The recording without its vibrations; None where it is too short or they are not seen."""
+    if ringing is None or recording.duration < 6 * _SPAN / ringing:
+        return None
+    return check_channels.LowPassed(recording, _SPAN / ringing)
+
+
+def _slope(slow: check_channels.LowPassed, channel: str) -> float:
+    """Slow part of a channel per acceleration of the hub; 0 where it is not clear."""
+    nuisance = (np.ones_like(slow.acceleration), slow.mean("hub_angle"), slow.rate, slow.direction)
+    return slow.slope(channel, nuisance if channel in _TORQUES else nuisance[:2])
+
+
+def _fast_sign(fast: check_channels.LowPassed, channel: str, recording: Recording) -> float:
+    """A number of the sign that the fast part of a channel shows, as if it counted right; 0 where it shows none."""
+    if channel in _TORQUES:
+        share = signs.work(fast, channel).share
+        return share if abs(share) > signs.CLEAR_WORK else 0.0
+    torque = next((name for name in _TORQUES if name in recording), None)
+    return signs.bending(fast, channel, torque)
 
 
 def _signed(channel: ChannelProposal, slopes: Sequence[float]) -> ChannelProposal:
