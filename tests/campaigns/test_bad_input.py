@@ -342,7 +342,7 @@ CSV: dict[str, tuple[str | bytes | dict[str, np.ndarray], str]] = {
     "no hub angle": (
         TEXT.replace("hub_angle", "hub_angel", 1),
         "push.csv, line 1: column 'hub_angle' is missing; only a recording with clamped = true "
-        "may lack it; did you mean 'hub_angel'?",
+        "may lack it; the columns are: time, torque_command, hub_angel, strain_base; did you mean 'hub_angel'?",
     ),
     "no torque": (
         TEXT.replace("torque_command", "volts", 1),

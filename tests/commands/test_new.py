@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import tomllib
 from pathlib import Path
 
 import campaign_folder
@@ -77,9 +78,25 @@ def test_nothing_is_written_over(run, files, tmp_path):
     assert (out / "campaign.toml").read_text() == "mine"
 
 
-def test_two_files_of_one_name_are_refused(run, files, tmp_path):
-    (tmp_path / files[0].name).write_bytes(files[0].read_bytes())
-    code, _, error = run("new", files[0], tmp_path / files[0].name)
+def test_files_of_one_name_get_that_of_their_folder(run, files, tmp_path):
+    other = tmp_path / "tuesday" / files[0].name
+    other.parent.mkdir()
+    shutil.copy(DEMO / "bang-bang-60.csv", other)
+    code, output, error = run("new", files[0], other, "--out", "new")
+    assert (code, error) == (0, "")
+    assert sorted(p.name for p in Path("new").iterdir()) == [
+        "bench-bang-bang-30.csv",
+        "campaign.toml",
+        "tuesday-bang-bang-30.csv",
+    ]
+    assert Path("new", "tuesday-bang-bang-30.csv").read_bytes() == other.read_bytes()
+    told = tomllib.loads(Path("new", "campaign.toml").read_text())["recordings"]
+    assert [entry["file"] for entry in told] == ["bench-bang-bang-30.csv", "tuesday-bang-bang-30.csv"]
+    assert "tuesday-bang-bang-30.csv" in output
+
+
+def test_one_file_named_twice_is_refused(run, files):
+    code, _, error = run("new", files[0], files[0])
     assert code == 2
     assert "have the same name; expected another one for each" in error
     assert not list(Path().iterdir())

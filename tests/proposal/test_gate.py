@@ -68,6 +68,22 @@ def test_slow_samples_are_named(tmp_path):
 PARAMETERS_STIFF = "length = 0.4\nlinear_density = 0.1\nbending_stiffness = 25\nhub_inertia = 0.02"
 
 
+def test_units_that_are_missing_are_told_with_all_else_that_is(twin, tmp_path):
+    gauge = "noise = 1e-6"
+    channels = {"torque_command": "", "hub_angle": 'unit = "V"', "strain_base": gauge}
+    code, _, error = twin("data", write(tmp_path, toml_text(channels, rig='rig = "my-rig"')))
+    assert code == 2
+    for text in (
+        "channels.torque_command.unit is missing",
+        "channels.strain_base.unit is missing",
+        "missing: bending_stiffness, linear_density, length, hub_inertia",
+        "channels.hub_angle.gain is missing",
+        "channels.strain_base.position is missing",
+        "channels.strain_base.half_thickness is missing",
+    ):
+        assert text in error
+
+
 def test_what_a_campaign_lacks_is_told_at_once(twin, tmp_path):
     gauge = GAUGE.replace("position = 0.02\n", "")
     channels = CHANNELS | {"strain_base": gauge, "hub_angle": 'unit = "V"'}

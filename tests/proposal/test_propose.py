@@ -144,6 +144,16 @@ def test_files_without_time_are_refused(tmp_path):
         propose([tmp_path / "a.csv"], "x")
 
 
+def test_a_file_without_rows_is_said_to_have_none(tmp_path):
+    (tmp_path / "a.csv").write_text("time,u,pot\n")
+    with pytest.raises(
+        InputError, match="^no recording among a.csv: a header stands in each, and no rows below it"
+    ):
+        propose([tmp_path / "a.csv"], "x")
+    entries = propose([FILES[0], tmp_path / "a.csv"], "x").recordings
+    assert [entry.unusable for entry in entries] == ["", "it has no rows below its header"]
+
+
 def test_columns_of_text_do_not_matter(tmp_path):
     lines = FILES[0].read_text().splitlines()
     (tmp_path / "a.csv").write_text(

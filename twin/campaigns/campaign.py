@@ -17,7 +17,7 @@ from twin.campaigns import check_channels, check_rig, schema, units
 from twin.campaigns.declaration_warnings import declaration_warnings
 from twin.campaigns.derived_channels import derive, derived_sensors
 from twin.campaigns.drive import RawCommand, check_drive, known_effects, raw_command, torque_per_command
-from twin.campaigns.missing import check_complete
+from twin.campaigns.missing import check_complete, parse
 from twin.errors import InputError, listed, nearest, shown
 from twin.files.readers import read_recording
 from twin.files.table import Table, read_table
@@ -177,7 +177,7 @@ def _folder(path: Path) -> Path:
 
 
 def _content(root: Path) -> schema.CampaignFile:
-    return schema.parse(read_toml(root / schema.FILE, "a campaign"))
+    return parse(read_toml(root / schema.FILE, "a campaign"))
 
 
 def _by_role(
@@ -402,7 +402,8 @@ def _is_absent(name: str, column: str, table: Table, entry: schema.RecordingEntr
         if name in ("hub_angle", _COMMAND) and not optional:
             raise InputError(
                 f"{table.top}: column '{column}'{_channel_suffix(name, column)} is missing; "
-                f"only a recording with clamped = true may lack it{nearest(column, table.header)}{table.note}"
+                f"only a recording with clamped = true may lack it; the columns are: {listed(table.header)}"
+                f"{nearest(column, table.header)}{table.note}"
             )
         return True
     if not np.isnan(table.columns[column]).all():

@@ -2,18 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from twin import rigs
 from twin.campaigns import schema, units
 from twin.errors import InputError, nearest
 from twin.parameters import DEFAULTS, PARAMETERS
+from twin.recording import CHANNEL_UNITS
 
 _INSTEAD_OF_A_GAIN = {
     "V": 'kind = "voltage", resistance, torque_constant and gear_ratio',
     "A": 'kind = "current", torque_constant and gear_ratio',
 }
 """Unit of a command -> what [drive] needs of a motor, instead of a gain."""
+
+
+def parse(content: Mapping[str, Any]) -> schema.CampaignFile:
+    """Returns the content of a `campaign.toml`, checked.
+
+    Raises:
+      InputError: it is not in the format; one line per error. Behind missing units stands what else is missing.
+    """
+    try:
+        return schema.parse(content)
+    except InputError as error:
+        raise InputError("\n".join((str(error), *_beside_units(content)))) from None
+
+
+def _beside_units(content: Mapping[str, Any]) -> Iterator[str]:
+    """What is missing beside the units of channels; nothing where the content has other errors."""
+    channels = content.get("channels")
+    if not isinstance(channels, Mapping):
+        return
+    filled = {
+        name: {"unit": units.allowed(name)[0], **channel} if _is_known(name, channel) else channel
+        for name, channel in channels.items()
+    }
+    try:
+        parsed = schema.parse({**content, "channels": filled})
+    except InputError:
+        return
+    yield from (f"{schema.FILE}: {line}" for line in (*_parameters(parsed), *_channels(parsed)))
+
+
+def _is_known(name: str, channel: object) -> bool:
+    return isinstance(channel, Mapping) and name in (units.TIME, *CHANNEL_UNITS, *units.DERIVED_UNITS)
 
 
 def check_complete(content: schema.CampaignFile) -> None:

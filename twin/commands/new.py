@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,6 +46,8 @@ def new(
         from twin.proposal.propose import propose
 
         proposal = propose(files, folder.resolve().name)
+        placed = [replace(entry, path=copies.get(entry.path, entry.path)) for entry in proposal.recordings]
+        proposal = replace(proposal, recordings=tuple(placed))
     screen = console()
     _print(proposal, screen)
     if not (yes or screen.quiet) and screen.is_terminal and _can_answer():
@@ -82,17 +86,25 @@ def _folder(files: list[Path], out: Path | None) -> Path:
 def _copies(files: list[Path], folder: Path) -> dict[Path, Path]:
     """Files that do not lie in the folder of the campaign yet -> their places in it.
 
+    Files of one name get that of their folder before it: "monday/run.csv" becomes "monday-run.csv".
+
     Raises:
-      InputError: two files have one name, or a file in the folder has it.
+      InputError: two files would have one name there, or a file in the folder has it.
     """
-    names: dict[str, Path] = {}
+    from twin.campaigns.campaign import STATIC_FILE
+
+    uses = Counter(file.name for file in files)
+    taken: dict[str, Path] = {}
+    copies: dict[Path, Path] = {}
     for file in files:
-        if file.name in names:
-            raise InputError(
-                f"{names[file.name]} and {file} have the same name; expected another one for each"
-            )
-        names[file.name] = file
-    copies = {file: folder / file.name for file in files if file.resolve().parent != folder.resolve()}
+        home, name = file.resolve().parent, file.name
+        if uses[name] > 1 and home != folder.resolve() and name != STATIC_FILE:
+            name = f"{home.name}-{name}"
+        if name in taken:
+            raise InputError(f"{taken[name]} and {file} have the same name; expected another one for each")
+        taken[name] = file
+        if home != folder.resolve():
+            copies[file] = folder / name
     for file, target in copies.items():
         if os.path.lexists(target):
             raise InputError(

@@ -55,7 +55,7 @@ class RecordingProposal:
     """A recording.
 
     Attributes:
-      path: the file.
+      path: the file, of which the campaign tells the name.
       role, clamped, start, loop: as in `campaign.toml`.
       is_loop_seen: whether the data show the loop.
       reasons: a half sentence for each that the data show, or do not.
@@ -110,10 +110,7 @@ def propose(files: Sequence[Path], name: str) -> Proposal:
     clocks = {path: time_column(table.columns) for path, table in tables.items() if path != static}
     timed = {path: tables[path] for path, clock in clocks.items() if clock is not None}
     if not timed:
-        raise InputError(
-            f"no recording among {listed([path.name for path in files])}: none has a column that increases steadily; "
-            "expected the time"
-        )
+        raise InputError(f"no recording among {listed([path.name for path in files])}: {_why_none(tables)}")
     clock = next(clock for clock in clocks.values() if clock is not None)
     found = _channels(timed, clock)
     channels = {TIME: _time_channel(clock, next(iter(timed.values())))}
@@ -124,6 +121,15 @@ def propose(files: Sequence[Path], name: str) -> Proposal:
     entries = [_recording(path, tables[path], clock, channels, float(np.median(swings))) for path in clocks]
     unused = _unused(timed, {c.found.column for c in channels.values()})
     return Proposal(name, channels, _with_roles(entries), unused, static, ringing)
+
+
+def _why_none(tables: Mapping[Path, Table]) -> str:
+    """Why no table is a recording."""
+    empty = [path.name for path, table in tables.items() if not len(table)]
+    if len(empty) == len(tables):
+        return "a header stands in each, and no rows below it; expected samples"
+    without = f"; {listed(empty)}: no rows below the header" if empty else ""
+    return f"none has a column that increases steadily; expected the time{without}"
 
 
 def _grids(tables: Mapping[Path, Table], clock: Found) -> list[dict[str, np.ndarray]]:
@@ -312,6 +318,8 @@ def _recording(
     path: Path, table: Table, clock: Found, channels: Mapping[str, ChannelProposal], usual: float
 ) -> RecordingProposal:
     """A recording; `usual`: how far the link swings in most recordings."""
+    if not len(table):
+        return RecordingProposal(path, unusable="it has no rows below its header")
     if clock.column not in table.columns or not measure.steadiness(table.columns[clock.column]):
         return RecordingProposal(path, unusable=f"it has no column {clock.column} that increases steadily")
     columns = _by_channel(table, channels)
