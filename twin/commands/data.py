@@ -16,6 +16,16 @@ if TYPE_CHECKING:
     from twin.report.data_check import DataCheck
 
 
+_STAGES = (
+    ("reading the recordings", 0.05),
+    ("loading the equations of motion", 0.15),
+    ("looking at the recordings", 0.1),
+    ("simulating the declared model", 0.1),
+    ("effect", 0.6),
+)
+"""Stages with their share of the time of the bundled campaign."""
+
+
 def data(
     campaign: CampaignFolder,
     report_file: ReportFile = None,
@@ -29,8 +39,9 @@ def data(
 
     read = campaign_files(campaign)
     check_writable(report_file, json_file, read=read)
-    given = read_campaign(campaign)
-    with progress() as report:
+    with progress(_STAGES, first_line=0.0) as report:
+        report("reading the recordings")
+        given = read_campaign(campaign)
         report(COMPILING)
         from twin.report import data_check
 
@@ -57,11 +68,8 @@ def _print(found: DataCheck) -> None:
     for row in data_check.rows(found):
         table.add_row(*row)
     screen.print(table)
-    screen.print(
-        "\nSmallest changes that the recordings can show, if the declared model is right but for the effect; by its "
-        "derivative at zero, so that a dead zone or a play can show earlier:"
-    )
-    visible = Table("effect", "parameter", "standard error", "found from", box=None)
+    screen.print(f"\nWhat the recordings can show. {data_check.EXPLANATION}\n")
+    visible = Table("effect", "parameter", "standard error", data_check.FOUND, box=None)
     for column in visible.columns[2:]:
         column.justify = "right"
     for cells in data_check.visible_rows(found):

@@ -97,22 +97,26 @@ def console() -> Screen:
 
 
 @contextmanager
-def progress(stages: Sequence[Stage] = ()) -> Iterator[Callable[[str], None]]:
+def progress(
+    stages: Sequence[Stage] = (), first_line: float | None = None
+) -> Iterator[Callable[[str], None]]:
     """Yields a function that shows a text as the current stage on standard error; nothing with --quiet.
 
     A terminal shows the present text; elsewhere lines are printed once the work takes long.
 
     Args:
       stages: of the work, for how much of it is done.
+      first_line: time before which no line is printed [s]; None for the usual one.
     """
     from twin.commands.screen import Screen, is_quiet
-    from twin.commands.stages import Lines, Stages
+    from twin.commands.stages import FIRST_LINE, Lines, Stages
 
     screen, followed = Screen(stderr=True), Stages(stages)
     if is_quiet():
         yield lambda text: None
     elif not screen.is_terminal:
-        yield Lines(followed, lambda line: screen.print(line, soft_wrap=True)).update
+        first = FIRST_LINE if first_line is None else first_line
+        yield Lines(followed, lambda line: screen.print(line, soft_wrap=True), first).update
     else:
         with _spinner(screen, followed) as show:
             yield show

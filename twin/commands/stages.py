@@ -10,7 +10,8 @@ from twin.labels import duration
 
 _COUNTED = re.compile(r"\b(\d+) of (\d+)\b")
 _EARLY = 0.05  # share of the work, before which the time left would be a guess
-_FIRST_LINE = 10.0  # s, before which no line is printed: most commands have ended
+FIRST_LINE = 10.0
+"""Time before which no line is printed [s]: most commands have ended."""
 _BETWEEN_LINES = 30.0  # s between lines of one stage
 
 Stage = tuple[str, float]
@@ -77,9 +78,9 @@ class Stages:
 class Lines:
     """Prints lines of progress where there is no terminal: at the beginning of each stage, and sometimes within."""
 
-    def __init__(self, stages: Stages, show: Callable[[str], None]) -> None:
-        """Takes what is followed, and a function that prints a line."""
-        self._stages, self._show = stages, show
+    def __init__(self, stages: Stages, show: Callable[[str], None], first: float = FIRST_LINE) -> None:
+        """Takes what is followed, a function that prints a line, and the time before the first one [s]."""
+        self._stages, self._show, self._first = stages, show, first
         self._printed, self._number = 0.0, 0
 
     def update(self, text: str) -> None:
@@ -88,6 +89,6 @@ class Lines:
         stages.update(text)
         now = stages.elapsed
         due = stages.number > self._number or now - self._printed >= _BETWEEN_LINES
-        if now >= _FIRST_LINE and due:
-            self._show(f"[{duration(now)}] {stages.line()}")
+        if now >= self._first and due:
+            self._show(f"[{duration(now) if now >= 1 else '0 s'}] {stages.line()}")
             self._printed, self._number = now, stages.number

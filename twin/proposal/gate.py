@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin import labels
 from twin.campaigns import check_channels, check_rig, defects
 from twin.campaigns.campaign import Campaign
 from twin.campaigns.check_channels import LowPassed
@@ -15,7 +16,7 @@ from twin.errors import listed
 from twin.mechanics import beam
 from twin.parameters import DEFAULTS
 from twin.proposal import measure, motions, signs
-from twin.recording import ON_LINK, Recording
+from twin.recording import CHANNEL_UNITS, ON_LINK, Recording
 
 _FEWEST_PER_PERIOD = 10.0
 """Samples per period of the first mode: the second, some three times faster, then has three."""
@@ -24,6 +25,7 @@ _LEAST_PER_PERIOD = 2.5
 _NOISE_FACTOR = 3.0  # of the declared noise, by which that of the readings may differ
 _INERTIA_FACTOR = 2.0
 """Factor by which torque per acceleration may differ from the declared inertia: friction and springs take a part."""
+_STRAIN = "m/m"  # unit of a strain, which is a plain number
 _FRICTION_FACTOR = 3.0
 """Factor by which the declared static friction may exceed the largest command that moves the hub: friction is known
 badly before it is fitted."""
@@ -196,9 +198,9 @@ def _noise(campaign: Campaign) -> Iterator[Finding]:
             continue
         found = float(np.median([estimate_noise(values) for values in readings]))
         ok = 1 / _NOISE_FACTOR < found / sensor.noise < _NOISE_FACTOR
-        yield Finding(
-            "noise", ok, f"{channel}: {found:.2g} in the readings, {sensor.noise:.2g} declared (SI)"
-        )
+        unit = _STRAIN if CHANNEL_UNITS[channel] == "1" else labels.unit(CHANNEL_UNITS[channel])
+        text = f"{channel}: {found:.2g} {unit} in the readings, {sensor.noise:.2g} {unit} declared"
+        yield Finding("noise", ok, text)
 
 
 def _rests(recordings: tuple[Recording, ...]) -> Finding:

@@ -41,6 +41,16 @@ def rests(campaign: Campaign) -> list[str]:
     return [r.name for r in _driven(campaign) if _rests_and_moves(campaign, r)]
 
 
+def rest_spans(campaign: Campaign, recording: Recording) -> tuple[tuple[float, float], ...]:
+    """(begin, end) of each rest of a free hub from which a break-away is seen [s]; none without its angle."""
+    if recording.clamped or "hub_angle" not in recording:
+        return ()
+    resting = np.r_[0, (_observed(campaign, recording) == STUCK).astype(int), 0]
+    begins, ends = np.flatnonzero(np.diff(resting) == 1), np.flatnonzero(np.diff(resting) == -1)
+    spans = zip(recording.time[begins], recording.time[ends - 1], strict=True)
+    return tuple((float(begin), float(end)) for begin, end in spans if end - begin >= _REST)
+
+
 def directions(campaign: Campaign) -> set[int]:
     """Directions, +1 and -1, in which the hub moves in some recording."""
     observed = [_observed(campaign, r) for r in _driven(campaign)]
@@ -92,8 +102,6 @@ def _observed(campaign: Campaign, recording: Recording) -> np.ndarray:
 
 
 def _rests_and_moves(campaign: Campaign, recording: Recording) -> bool:
-    observed = _observed(campaign, recording)
-    resting = np.r_[0, (observed == STUCK).astype(int), 0]
-    begins, ends = np.flatnonzero(np.diff(resting) == 1), np.flatnonzero(np.diff(resting) == -1)
-    spans = recording.time[ends - 1] - recording.time[begins] if begins.size else np.zeros(0)
-    return bool((spans >= _REST).any() and np.isin(observed, (1, -1)).any())
+    return bool(rest_spans(campaign, recording)) and bool(
+        np.isin(_observed(campaign, recording), (1, -1)).any()
+    )

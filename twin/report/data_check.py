@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from twin import labels
@@ -18,13 +18,27 @@ from twin.files.whole import write_file
 from twin.progress import Progress, silent
 from twin.proposal import gate
 from twin.proposal.gate import Finding
-from twin.report import pages
+from twin.report import data_figures, pages
+from twin.report.data_figures import ReadRecording
 from twin.report.pages import Cell, Row, Table
 from twin.report.prose import prose
 
 _ROUND = 5.0, 20.0
 """Time of a diagnosis over that of the visible effects [1]: nothing missing, three effects. With one it took 11 times
 as long on the bundled campaign."""
+
+
+FOUND = "found from"
+"""Heading of the column of the changes that are found."""
+EXPLANATION = (
+    "By how much each parameter has to differ from the value at which its effect does nothing. Standard error: how "
+    "well the recordings determine it, all declared parameters being fitted beside it. Found from: the smallest "
+    "difference for which a diagnosis would adopt the effect. It is a value with 'or less' where the effect does "
+    "nothing at an infinite value, as the stiffness of a rigid clamp, and 'at no size' where the recordings show the "
+    "effect at no value in the range of the parameter. Both suppose that the declared model is right but for the "
+    "effect, and that its trace is proportional to its size: a dead zone or a play can show earlier."
+)
+"""What the numbers of the visible effects mean."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +51,7 @@ class DataCheck:
       visible: what the fit recordings can show of each effect.
       seconds: least and most time that a diagnosis is expected to take on this machine [s].
       provenance: what it was computed with and from, or None if that was not recorded.
+      recordings: what the page draws.
     """
 
     campaign: str
@@ -44,6 +59,7 @@ class DataCheck:
     visible: tuple[Detectable, ...]
     seconds: tuple[float, float]
     provenance: Provenance | None = None
+    recordings: tuple[ReadRecording, ...] = field(default=(), repr=False)
 
     @property
     def failures(self) -> tuple[Finding, ...]:
@@ -80,7 +96,8 @@ def check_data(campaign: Campaign, progress: Progress = silent) -> DataCheck:
         visible = detectable(campaign, pool, progress)
         took = time.perf_counter() - began
     low, high = _ROUND
-    return DataCheck(campaign.name, findings, visible, (low * took, high * took))
+    recordings = data_figures.read_recordings(campaign)
+    return DataCheck(campaign.name, findings, visible, (low * took, high * took), recordings)
 
 
 def headline(check: DataCheck) -> str:
@@ -112,12 +129,10 @@ def visible_rows(check: DataCheck) -> Iterator[tuple[str, str, str, str]]:
 def _found(d: Detectable) -> str:
     """The change from neutral from which a parameter is found."""
     if not d.is_visible:
-        return "none in its range"
-    return (
-        _with_unit(abs(d.found - d.neutral), d)
-        if math.isfinite(d.neutral)
-        else f"below {_with_unit(d.found, d)}"
-    )
+        return "at no size"
+    if math.isfinite(d.neutral):
+        return _with_unit(abs(d.found - d.neutral), d)
+    return f"{_with_unit(d.found, d)} or less"
 
 
 def _with_unit(value: float, d: Detectable) -> str:
@@ -149,17 +164,18 @@ def render(check: DataCheck) -> str:
         findings=_findings(check),
         visible=_visible(check),
         provenance=check.provenance,
+        explanation=EXPLANATION,
+        recordings=list(data_figures.shown(check.recordings)),
     )
 
 
 def _findings(check: DataCheck) -> Table:
     table: list[Row] = [(what, Cell(mark, warns=mark != "ok"), text) for mark, what, text in rows(check)]
-    return Table(("looked at", "", "found"), table)
+    return Table(("looked at", "result", "found"), table)
 
 
 def _visible(check: DataCheck) -> Table:
-    table: list[Row] = [
-        (Cell(labels.words(d.effect), note=parameter), sigma, found)
-        for d, (_, parameter, sigma, found) in zip(check.visible, visible_rows(check), strict=True)
-    ]
-    return Table(("effect", ">standard error", ">found from"), table)
+    """A row for each parameter, below the name of its effect."""
+    found = list(visible_rows(check))
+    groups = {k: effect for k, (effect, *_) in enumerate(found) if effect}
+    return Table(("parameter", ">standard error", f">{FOUND}"), [row[1:] for row in found], groups)
