@@ -291,13 +291,14 @@ def test_the_uncertainty_is_said_to_be_a_standard_deviation():
 
 
 def bench(folder, **signs: float):
-    """A bench as that of the gate: a command of 3 Hz that turns the hub at a rate, and a link that rings."""
+    """A bench as that of the gate: a command that turns the hub at a rate, and a link that rings."""
     time, ringing = 0.002 * np.arange(6000), 2 * np.pi * 5.8
     noise = 1e-4 * np.random.default_rng(2).standard_normal(len(time))
     strain = np.sin(ringing * time) * np.exp(-0.1 * time)
+    command = np.where(time % (2 / 3) < 1 / 3, 1.0, -1.0)
     columns = {
-        "u": np.sin(2 * np.pi * 3 * time),
-        "pot": -np.cos(2 * np.pi * 3 * time) / 3 - 2e-3 * strain + noise,
+        "u": command,
+        "pot": 0.002 * np.cumsum(command) - 2e-3 * strain + noise,
         "gauge": 3 * strain + 30 * noise,
     }
     lines = [f"time,{','.join(columns)}"]

@@ -79,7 +79,8 @@ def _command(campaign: Campaign, recordings: tuple[Recording, ...]) -> Iterator[
     free = [recording for recording in recordings if not recording.clamped and "hub_angle" in recording]
     driven = [(r, motion) for r in free if (motion := _fast(campaign, r)) is not None]
     share = _share_of_work(campaign, driven)
-    found = {c: [signs.bending(m, c, "torque_command") for r, m in driven if c in r] for c in signs.BENDING}
+    prescribed = [(r, motion) for r, motion in driven if r.loop == "open"]
+    found = {c: [signs.bending(m, c) for r, m in prescribed if c in r] for c in signs.BENDING}
     bent = {c: clear for c, values in found.items() if (clear := [value for value in values if value])}
     turned = {c for c, values in bent.items() if float(np.median(values)) < 0}
     if share < -signs.CLEAR_WORK:

@@ -286,8 +286,8 @@ def _fast_sign(fast: check_channels.LowPassed, channel: str, recording: Recordin
     if channel in _TORQUES:
         share = signs.work(fast, channel).share
         return share if abs(share) > signs.CLEAR_WORK else 0.0
-    torque = next((name for name in _TORQUES if name in recording), None)
-    return signs.bending(fast, channel, torque)
+    command = recording.channels.get("torque_command", np.zeros(0))
+    return signs.bending(fast, channel) if measure.stepwise(command[np.isfinite(command)]) else 0.0
 
 
 def _signed(channel: ChannelProposal, slopes: Sequence[float]) -> ChannelProposal:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from twin.campaigns.check_channels import LowPassed
 from twin.recording import Recording
@@ -22,6 +23,9 @@ CLEAR_WORK = 0.2
 and 0.2 to 1 for those of a campaign together; on a rig without friction that comes to rest it is 0."""
 _CLEAR = 0.6
 """Least partial correlation [1] with which bending is judged; channels with the right sign have -0.1 to 1."""
+_PERIOD = 128  # values of the low-passed recording in a period of the first mode, or more
+_CHANGE = 0.01  # of its range, within which a command is held
+_FEWEST = 2 * _PERIOD  # values under a held command
 _PART = 0.25  # of the period of the first mode; half the width of the triangular mean, which takes noise away
 _SAMPLES = 5.0  # of a recording, at least the same
 _SHORTEST = 6.0  # periods; shorter recordings are not judged
@@ -65,17 +69,25 @@ def work(motion: LowPassed, channel: str) -> Work:
     return Work(motion.step * float(known.sum()), motion.step * float(np.abs(known).sum()))
 
 
-def bending(motion: LowPassed, channel: str, torque: str | None) -> float:
-    """Returns the partial correlation of bending and acceleration of the hub beside the torque; 0 where unclear."""
-    angle, values = motion.mean("hub_angle"), motion.mean(channel)
-    others = [np.ones_like(angle), angle, motion.rate, motion.direction]
-    if torque is not None:
-        others.append(motion.mean(torque))
-    known = np.isfinite(np.stack([values, motion.acceleration, *others])).all(axis=0)
-    if not known.any():
+def bending(motion: LowPassed, channel: str) -> float:
+    """Returns the partial correlation of bending and acceleration of the hub under a held command; 0 where unclear.
+
+    Not to be asked of a recording under a controller: its torque follows the link, so that a hub that it holds against
+    the link, behind a stiff gear or in a strong drive, moves the other way.
+    """
+    angle, values, torque = (motion.mean(name) for name in ("hub_angle", channel, "torque_command"))
+    others = [np.ones_like(angle), angle, motion.rate, motion.direction, torque]
+    known = np.isfinite(np.stack([values, motion.acceleration, *others])).all(axis=0) & _held(torque)
+    if np.count_nonzero(known) < _FEWEST:
         return 0.0
     basis = np.linalg.qr(np.column_stack([other[known] for other in others]))[0]
     bent, speeding = (v[known] - basis @ (basis.T @ v[known]) for v in (values, motion.acceleration))
     length = float(np.linalg.norm(bent) * np.linalg.norm(speeding))
     correlation = float(bent @ speeding) / length if length > 0 else 0.0
     return correlation if abs(correlation) > _CLEAR else 0.0
+
+
+def _held(torque: np.ndarray) -> np.ndarray:
+    """Where a low-passed command (m) does not change within a period of the first mode: (m) bool."""
+    highest, lowest = maximum_filter1d(torque, _PERIOD), minimum_filter1d(torque, _PERIOD)
+    return highest - lowest <= _CHANGE * np.ptp(torque[np.isfinite(torque)])
