@@ -53,7 +53,7 @@ def test_rows_have_units_and_say_what_does_not_show():
     rows = list(data_check.visible_rows(check(visible=(SEEN, STIFF, UNSEEN, GAIN))))
     assert rows == [
         ("cable torsion", "stiffness", "0.000030 N·m/rad", "0.00025 N·m/rad"),
-        ("root compliance", "stiffness", "–", "2999 N·m/rad or less"),
+        ("root compliance", "stiffness", "–", "3000 N·m/rad or less"),
         ("", "stiffness", "–", "at no size"),
         ("strain gain", "gain base", "0.00010", "0.010"),
     ]

@@ -97,7 +97,7 @@ def check_data(campaign: Campaign, progress: Progress = silent) -> DataCheck:
         took = time.perf_counter() - began
     low, high = _ROUND
     recordings = data_figures.read_recordings(campaign)
-    return DataCheck(campaign.name, findings, visible, (low * took, high * took), recordings)
+    return DataCheck(campaign.name, findings, visible, (low * took, high * took), recordings=recordings)
 
 
 def headline(check: DataCheck) -> str:
