@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 
 import campaign_folder
+import numpy as np
 import pytest
 from paths import ROOT
 
@@ -130,3 +131,23 @@ def test_other_formats_are_read(run, tmp_path):
     code, output, _ = run("new", tmp_path / "a.txt", "--out", "new")
     assert code == 0
     assert "hub_angle" in output
+
+
+def test_a_german_file_with_dates_is_read(run, tmp_path):
+    recorded = campaign_folder.motion()
+    stamps = np.datetime64("2024-03-01T12:00:00") + (1e6 * recorded["time"]).astype("timedelta64[us]")
+    names = {
+        "torque_command": "Drehmoment Motor [N*m]",
+        "hub_angle": "hub angle [°]",
+        "strain_base": "Dehnung für DMS 1",
+    }
+    rows = [";".join(["Zeit", *names.values()])]
+    for k, stamp in enumerate(stamps):
+        values = [f"{recorded[channel][k]:.9f}".replace(".", ",") for channel in names]
+        rows.append(";".join([str(stamp).replace("T", " "), *values]))
+    (tmp_path / "a.csv").write_bytes("\r\n".join(rows).encode("cp1252"))
+    code, output, error = run("new", tmp_path / "a.csv", "--out", "new", "--yes")
+    assert (code, error) == (0, "")
+    written = tomllib.loads(Path("new/campaign.toml").read_text(encoding="utf-8"))["channels"]
+    assert (written["time"]["column"], written["time"]["unit"]) == ("Zeit", "s")
+    assert written["hub_angle"]["column"] == "hub angle [°]"

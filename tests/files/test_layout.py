@@ -84,3 +84,51 @@ def test_decimal_points_beside_thousands_are_refused(tmp_path):
         read(tmp_path, "time;angle\n0,1;1.234,5\n0,2;3\n")
     with pytest.raises(InputError, match=r"line 3: angle is '1.5'; expected a number with a decimal comma"):
         read(tmp_path, "time;angle\n0,1;3\n0,2;1.5\n")
+
+
+STAMPS = [
+    "{day}T{clock}.{ms}",
+    "{day} {clock}.{ms}",
+    "{day} {clock},{ms}",
+    "{day}T{clock}.{ms}Z",
+    "{day} {clock}.{ms}000000+01:00",
+    '"{day} {clock},{ms}"',
+]
+# No field holds the separator unless it is quoted, which no file with blanks between its fields is.
+FILES = [
+    (form, separator, decimal)
+    for form in STAMPS
+    for separator in (",", ";", "\t", " ")
+    for decimal in ".,"
+    if separator not in form + decimal or (separator == "," and '"' in form and decimal == ".")
+]
+
+
+@pytest.mark.parametrize(("form", "separator", "decimal"), FILES)
+def test_dates_and_times_count_in_seconds_from_the_first(tmp_path, form, separator, decimal):
+    clocks = [("12:59:59", "998"), ("12:59:59", "999"), ("13:00:00", "001")]
+    rows = [form.format(day="2024-02-29", clock=clock, ms=ms) for clock, ms in clocks]
+    content = f"time{separator}angle\n" + "".join(f"{row}{separator}1{decimal}5\n" for row in rows)
+    table = read(tmp_path, content)
+    np.testing.assert_allclose(table.columns["time"], [0.0, 0.001, 0.003], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(table.columns["angle"], [1.5, 1.5, 1.5])
+    assert table.units["time"] == "s"
+
+
+def test_stamps_over_midnight_and_across_time_zones(tmp_path):
+    content = "time,angle\n2023-12-31T23:59:59.9Z,1\n,2\n2024-01-01T01:00:00.1+01:00,3\n"
+    np.testing.assert_allclose(read(tmp_path, content).columns["time"], [0.0, np.nan, 0.2], atol=1e-12)
+
+
+@pytest.mark.parametrize("wrong", ["2024-02-30T12:00:00", "0.5", "2024-02-29T12:00:01Z", "2024-02-29"])
+def test_what_is_no_stamp_below_one_is_named_with_its_line(tmp_path, wrong):
+    expected = (
+        rf"^a.csv, line 3: time is '{wrong}'; expected a date and time like 2024-03-01T12:00:00.000, as"
+    )
+    with pytest.raises(InputError, match=expected):
+        read(tmp_path, f"time,angle\n2024-02-29T12:00:00.000,1\n{wrong},2\n")
+
+
+def test_a_row_with_stamps_that_lacks_a_field_is_named(tmp_path):
+    with pytest.raises(InputError, match="^a.csv, line 3 has 1 fields; expected 2"):
+        read(tmp_path, "time,angle\n2024-02-29T12:00:00.000,1\n2024-02-29T12:00:00.001\n")

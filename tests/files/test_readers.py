@@ -234,7 +234,21 @@ def test_instants_count_from_the_first_and_nulls_are_missing(tmp_path):
     start = datetime.datetime(2026, 3, 1, 12)
     stamps = [start + datetime.timedelta(milliseconds=k) for k in range(3)]
     parquet.write_table(pyarrow.table({"time": stamps, "angle": [1, None, 3]}), tmp_path / "a.parquet")
-    check(read(tmp_path / "a.parquet"), time=[0.0, 0.001, 0.002], angle=[1, np.nan, 3])
+    table = read(tmp_path / "a.parquet")
+    check(table, time=[0.0, 0.001, 0.002], angle=[1, np.nan, 3])
+    assert table.units == {"time": "s"}
+
+
+def test_instants_of_excel_count_from_the_first(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["time", "angle"])
+    for k in range(3):
+        book.active.append([datetime.datetime(2026, 3, 1, 12) + datetime.timedelta(milliseconds=k), k])
+    book.save(tmp_path / "a.xlsx")
+    table = read(tmp_path / "a.xlsx")
+    check(table, time=[0.0, 0.001, 0.002], angle=[0, 1, 2])
+    assert table.units == {"time": "s"}
 
 
 def test_topics_logged_at_instants_of_their_own(tmp_path):

@@ -111,6 +111,30 @@ def test_a_nul_byte_is_named_by_its_line(tmp_path, read):
         read(tmp_path / "a", "a")
 
 
+GERMAN = "Zeit [s];Drehwinkel [°];Spannung für Motor\n0,0;1,5;2\n0,1;2,5;3\n"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "latin-1", "utf-16"])
+def test_tables_of_older_encodings_are_read(tmp_path, encoding):
+    (tmp_path / "a.csv").write_bytes(GERMAN.replace("\n", "\r\n").encode(encoding))
+    table = read_table(tmp_path / "a.csv", "a.csv")
+    assert table.header == ("Zeit [s]", "Drehwinkel [°]", "Spannung für Motor")
+    assert table.columns["Drehwinkel [°]"].tolist() == [1.5, 2.5]
+
+
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n\x1a\n\0\0", b"\xff\xfea", b"a,b\n\x81,1\n", b"\xfc\x01"])
+def test_what_is_text_in_no_encoding_is_refused(tmp_path, content):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(InputError, match=r"^a.csv, line \d: byte 0x.. is not UTF-8; save the file as UTF-8$"):
+        read_table(tmp_path / "a.csv", "a.csv")
+
+
+def test_toml_is_read_in_utf_8_alone(tmp_path):
+    (tmp_path / "a.toml").write_bytes('name = "für"'.encode("cp1252"))
+    with pytest.raises(InputError, match=r"^a, line 1: byte 0xfc is not UTF-8; save the file as UTF-8$"):
+        read_toml(tmp_path / "a.toml", "a rig", "a")
+
+
 def test_a_nul_in_a_name_is_no_file(tmp_path):
     with pytest.raises(InputError, match="is no name of a file"):
         read_text(tmp_path / "a\0b", "a", 10)

@@ -14,6 +14,7 @@ import numpy as np
 
 from twin.errors import LARGEST, InputError, shown
 from twin.files.layout import Layout, find_layout, is_number
+from twin.files.stamps import is_stamp, seconds
 from twin.files.text import check_lines, read_text
 
 _MISSING = ("", "nan")  # fields of a missing sample, lower case
@@ -58,7 +59,7 @@ class Table:
 def read_table(
     path: Path, name: str, wanted: Collection[str] | None = None, numeric_only: bool = False
 ) -> Table:
-    """Reads a text table in UTF-8: names of the columns in a header, separated by commas, semicolons, tabs or blanks.
+    """Reads a text table: names of the columns in a header, separated by commas, semicolons, tabs or blanks.
 
     A preamble of comments and a row of units may stand above the numbers, and numbers have a decimal comma where commas
     do not separate them.
@@ -67,7 +68,7 @@ def read_table(
       path: the file.
       name: name of the file in messages.
       wanted: columns to read, as far as the file has them; None for all. Other columns need not be numbers.
-      numeric_only: leave out columns that begin with something else than numbers.
+      numeric_only: leave out columns that begin with something else than numbers or instants.
 
     Raises:
       InputError: the file cannot be read as such a table.
@@ -79,7 +80,7 @@ def read_table(
 
 
 def _text(path: Path, name: str) -> str:
-    text = read_text(path, name, LARGEST_FILE, "a CSV file")
+    text = read_text(path, name, LARGEST_FILE, "a CSV file", older_encodings=True)
     check_lines(text, name, _LONGEST_LINE)
     return text
 
@@ -91,19 +92,47 @@ def parse_table(text: str, name: str, wanted: Collection[str] | None, numeric_on
     used = [i for i, column in enumerate(layout.header) if wanted is None or column in wanted]
     rows = np.array([i + 1 for i in range(layout.body, len(lines)) if lines[i].strip()], dtype=int)
     body = [lines[i - 1] for i in rows]
-    if numeric_only:
-        used = [i for i in used if _begins_numeric(body[:_LOOKED_AT], layout, i)]
-    values = _fast(body, layout, used)
+    first = _first_cells(body, rows, layout, name)
+    stamped = [i for i in used if first[i] and is_stamp(first[i][0])]
+    numeric = [i for i in used if i not in stamped and not (numeric_only and not _are_numbers(first[i]))]
+    values = _fast(body, layout, numeric)
     if values is None:
-        values = np.array(list(_slow(body, rows, layout, used, name))).reshape(len(body), len(used))
-    columns = {layout.header[i]: values[:, j] for j, i in enumerate(used)}
-    return Table(name, layout.header, columns, rows, f"{name}, line {layout.head + 1}", units=layout.units)
+        values = np.array(list(_slow(body, rows, layout, numeric, name))).reshape(len(body), len(numeric))
+    found = {i: values[:, j] for j, i in enumerate(numeric)}
+    found |= {i: _instants(body, rows, layout, i, name) for i in stamped}
+    columns = {layout.header[i]: found[i] for i in used if i in found}
+    units = {**layout.units, **{layout.header[i]: "s" for i in stamped}}
+    return Table(name, layout.header, columns, rows, f"{name}, line {layout.head + 1}", units=units)
 
 
-def _begins_numeric(body: list[str], layout: Layout, column: int) -> bool:
-    """Whether the first fields of a column are numbers, or missing."""
-    cells = [cells[column].strip() for line in body if len(cells := layout.cells(line, "")) > column]
-    return all(cell.lower() in _MISSING or is_number(cell.replace(",", ".")) for cell in cells)
+def _first_cells(body: list[str], rows: np.ndarray, layout: Layout, name: str) -> list[list[str]]:
+    """The fields of each column in the first rows, without those that are missing."""
+    first: list[list[str]] = [[] for _ in layout.header]
+    for line, row in zip(body[:_LOOKED_AT], rows, strict=False):
+        cells = [cell.strip() for cell in layout.cells(line, f"{name}, line {row}")]
+        for column, cell in zip(first, cells, strict=False):
+            if cell.lower() not in _MISSING:
+                column.append(cell)
+    return first
+
+
+def _are_numbers(cells: list[str]) -> bool:
+    return all(is_number(cell.replace(",", ".")) for cell in cells)
+
+
+def _instants(body: list[str], rows: np.ndarray, layout: Layout, column: int, name: str) -> np.ndarray:
+    """The instants of a column of stamps (n) [s] from the first; raises InputError with line and column."""
+    places = [f"{name}, line {row}" for row in rows]
+    cells = [_cells(line, layout, place)[column] for line, place in zip(body, places, strict=True)]
+    return np.array(seconds(cells, _MISSING, layout.header[column], places))
+
+
+def _cells(line: str, layout: Layout, where: str) -> list[str]:
+    """The fields of a line; raises InputError where it has more or fewer than the header."""
+    cells = layout.cells(line, where)
+    if len(cells) != len(layout.header):
+        raise InputError(f"{where} has {_ragged(cells, len(layout.header))}")
+    return cells
 
 
 def _fast(body: list[str], layout: Layout, used: list[int]) -> np.ndarray | None:
@@ -146,11 +175,9 @@ def _slow(
     body: list[str], rows: np.ndarray, layout: Layout, used: list[int], name: str
 ) -> Iterator[list[float]]:
     """Yields the used fields of each row; raises InputError with line and column."""
-    split = [layout.cells(line, f"{name}, line {row}") for line, row in zip(body, rows, strict=True)]
+    split = [_cells(line, layout, f"{name}, line {row}") for line, row in zip(body, rows, strict=True)]
     decimal = _decimal(split, layout, used)
     for cells, row in zip(split, rows, strict=True):
-        if len(cells) != len(layout.header):
-            raise InputError(f"{name}, line {row} has {_ragged(cells, len(layout.header))}")
         yield [_number(cells[i], decimal, layout.header[i], f"{name}, line {row}") for i in used]
 
 

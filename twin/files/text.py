@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import os
+import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,9 +13,12 @@ from pathlib import Path
 from twin.errors import InputError, nearest
 
 _MEGABYTE = 1_000_000  # bytes
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")  # characters that no text has
 
 
-def read_text(path: Path, name: str, largest: int, expected: str = "a file") -> str:
+def read_text(
+    path: Path, name: str, largest: int, expected: str = "a file", older_encodings: bool = False
+) -> str:
     """Returns the text of a UTF-8 file with line ends as newlines, without byte-order mark.
 
     Args:
@@ -21,14 +26,15 @@ def read_text(path: Path, name: str, largest: int, expected: str = "a file") -> 
       name: name of the file in messages.
       largest: accepted size [bytes].
       expected: what should be there, for messages.
+      older_encodings: whether UTF-16 with a byte-order mark and Windows-1252 are read too, as Excel and LabVIEW write.
 
     Raises:
-      InputError: there is no such file, it is a folder, pipe, socket or device, too large, or not UTF-8.
+      InputError: there is no such file, it is a folder, pipe, socket or device, too large, or not in such an encoding.
     """
     name = name or str(path)  # "." has no name
     with _told(path, name):
         raw = _read(path, name, largest, expected)
-    text = _decoded(raw, name)
+    text = _decoded(raw, name, older_encodings)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -90,10 +96,13 @@ def _kind(mode: int) -> str:
     return next((kind for is_one, kind in kinds if is_one(mode)), "a device")
 
 
-def _decoded(raw: bytes, name: str) -> str:
+def _decoded(raw: bytes, name: str, older_encodings: bool) -> str:
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        older = _older_encoding(raw) if older_encodings else None
+        if older is not None:
+            return older
         line = raw.count(b"\n", 0, error.start) + 1
         byte = f"byte 0x{raw[error.start]:02x}"
         raise InputError(f"{name}, line {line}: {byte} is not UTF-8; save the file as UTF-8") from None
@@ -101,6 +110,16 @@ def _decoded(raw: bytes, name: str) -> str:
         line = text.count("\n", 0, at) + 1
         raise InputError(f"{name}, line {line}: byte 0x00 is no text; expected a text file in UTF-8")
     return text
+
+
+def _older_encoding(raw: bytes) -> str | None:
+    """The text of a file in UTF-16 with a byte-order mark or in Windows-1252; None where it is in neither."""
+    marked = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = raw.decode("utf-16" if marked else "cp1252")
+    except UnicodeDecodeError:
+        return None
+    return None if _CONTROL.search(text) else text
 
 
 def _sibling(path: Path) -> str:

@@ -31,7 +31,7 @@ def read_recording(
       path: the file.
       name: name of the file in messages.
       wanted: columns to read, as far as the file has them; None for all columns of the usual length.
-      numeric_only: leave out columns of text tables that begin with something else than numbers.
+      numeric_only: leave out columns of text tables that begin with something else than numbers or instants.
 
     Raises:
       InputError: the file cannot be read, a wanted column holds no numbers, or those wanted differ in length.

@@ -103,6 +103,7 @@ def _table(content: Content, name: str, wanted: Collection[str] | None) -> Table
     length = max((len(values) for values in columns.values()), default=0)
     header = tuple(content.columns)
     units = {column: unit for column, unit in content.units.items() if unit}
+    units |= {column: "s" for column in used if content.columns[column].dtype.kind in "mM"}
     return Table(name, header, columns, np.arange(1, length + 1), name, "sample", units, content.note)
 
 

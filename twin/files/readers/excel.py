@@ -53,7 +53,7 @@ def _cell(value: Any) -> str:
     if isinstance(value, bool | int | float):
         return repr(float(value))
     if isinstance(value, datetime.datetime):
-        return repr((value.replace(tzinfo=None) - _EPOCH).total_seconds())
+        return value.isoformat()
     if isinstance(value, datetime.time):
         return repr((datetime.datetime.combine(_EPOCH, value.replace(tzinfo=None)) - _EPOCH).total_seconds())
     if isinstance(value, datetime.timedelta):
