@@ -34,7 +34,7 @@ try:
 except ImportError as error:
     raise InputError(
         "The second engine of the benchmarks is the package exudyn, which is not installed;"
-        " expected: pip install 'flexlink-twin[benchmarks]'"
+        " expected: pip install -e '.[benchmarks]'"
     ) from error
 
 GAUSS = 0.5 - 0.5 / math.sqrt(3.0)

@@ -64,9 +64,9 @@ def sentence(answer: Mapping[str, Any]) -> str:
         f"\nThese recordings also allow for {_meanings(others)}; the answer says what to record to decide it."
     )
     return (
-        f"On a slew that the diagnosis had not seen (`{file}`), the hub of the model is off by **{before}** (root\n"
-        f"mean square). `twin` finds what is missing, {_meanings(found)}; with that, the model is off\n"
-        f"by **{after}**.{rest if others else ''}"
+        f"On a recording that the diagnosis had not seen (`{file}`), the hub of the model is off by **{before}**\n"
+        f"(root mean square). `twin` finds what is missing, {_meanings(found)}; with that, the model is\n"
+        f"off by **{after}**.{rest if others else ''}"
     )
 
 

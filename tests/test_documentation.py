@@ -42,6 +42,7 @@ DEMO = ROOT / "twin" / "data" / "demo-rig"
 COMMANDS = typer.main.get_command(app).commands
 MINUTES = {"demo", "diagnose", "identify", "plan-experiment", "validate", "view", "virtual-rig"}
 """Commands that take minutes, or open a window."""
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 LINES = [
     (name, line)
     for name, text in DOCUMENTS.items()
@@ -109,8 +110,32 @@ def test_other_lines_of_shell_blocks_name_what_is_there(name):
                 assert (ROOT / script).is_file(), line
             case ["make", target]:
                 assert re.search(rf"^{target}:", makefile, re.MULTILINE), line
+            case ["git", "clone", address, "&&", "cd", folder]:
+                assert (address, folder) == (PROJECT["urls"]["Homepage"], address.split("/")[-1])
+            case [".", ".venv/bin/activate"] | ["rerun", _]:
+                pass  # made by `make demo`
             case _:
                 pytest.fail(f"{name}: nothing runs {line!r}")
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/index.md", "docs/your-rig.md"])
+def test_the_environment_is_activated_before_the_first_command(name):
+    lines = [line for block in blocks(DOCUMENTS[name], "sh") for line in block.splitlines()]
+    first = next(k for k, line in enumerate(lines) if line.startswith("twin "))
+    assert any(line.startswith(". .venv/bin/activate") for line in lines[:first])
+
+
+@pytest.mark.parametrize("name", [*DOCUMENTS, "CHANGELOG.md"])
+def test_extras_are_installed_from_the_clone(name):
+    """The package is in no index."""
+    text = (ROOT / name).read_text(encoding="utf-8")
+    asked = re.findall(r"pip install (?:-e )?'?([^'`]*)\[(\w+)\]", text)
+    assert all(where == "." and extra in PROJECT["optional-dependencies"] for where, extra in asked)
+
+
+def test_the_readme_names_the_extra_of_the_formats_that_it_promises():
+    (promise,) = re.findall(r"^.*Excel, HDF5, TDMS or MCAP.*$", README, re.MULTILINE)
+    assert "pip install -e '.[files]'" in promise
 
 
 def test_a_wrong_option_or_one_argument_too_many_is_found():

@@ -24,7 +24,7 @@ from twin.fleet import run
 from twin.validation import fleet as validation_fleet
 
 needs_dask = pytest.mark.skipif(
-    importlib.util.find_spec("distributed") is None, reason="needs Dask: pip install 'flexlink-twin[fleet]'"
+    importlib.util.find_spec("distributed") is None, reason="needs Dask: pip install -e '.[fleet]'"
 )
 
 
@@ -207,7 +207,7 @@ def test_a_wrong_address_is_one_message(address, message, monkeypatch):
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(InputError, match=r"pip install 'flexlink-twin\[fleet\]'"),
+        pytest.raises(InputError, match=r"pip install -e '\.\[fleet\]'"),
         scheduler("tcp://127.0.0.1:1"),
     ):
         pass

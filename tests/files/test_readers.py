@@ -178,7 +178,7 @@ def test_an_absent_library_is_named_with_its_extra(tmp_path, name, monkeypatch):
     for module in ("h5py", "pyarrow.parquet", "pyarrow.feather", "nptdms", "mcap.reader", "openpyxl"):
         monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(
-        InputError, match=r"which is not installed; install it by pip install 'flexlink-twin\[files\]'"
+        InputError, match=r"install it in the clone of flexlink-twin by pip install -e '\.\[files\]'"
     ):
         read(path)
 

@@ -60,9 +60,7 @@ def test_another_ending_is_refused_with_those_that_exist(tmp_path):
 @pytest.mark.parametrize("suffix", LIBRARIES)
 def test_a_missing_library_is_told_before_the_work_with_its_extra(monkeypatch, suffix):
     monkeypatch.setitem(sys.modules, LIBRARIES[suffix], None)
-    with pytest.raises(
-        InputError, match=r"install it by pip install 'flexlink-twin\[files\]', or write a .csv"
-    ):
+    with pytest.raises(InputError, match=r"by pip install -e '\.\[files\]', or write a .csv"):
         check_table(Path(f"run{suffix}"))
 
 

@@ -279,7 +279,7 @@ def test_command_says_by_its_exit_code_that_a_rig_failed(twin, rigs, cheap):
 )
 def test_bad_options_are_one_message(twin, rigs, tmp_path, arguments, message):
     if "--scheduler" in arguments:
-        pytest.importorskip("distributed", reason="needs Dask: pip install 'flexlink-twin[fleet]'")
+        pytest.importorskip("distributed", reason="needs Dask: pip install -e '.[fleet]'")
     rigs("a", "b")
     code, out, err = twin("diagnose", "RIGS/a", "RIGS/b", *arguments)
     assert code == 2

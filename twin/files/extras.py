@@ -24,5 +24,6 @@ def imported(module: str, needed: str, extra: str, otherwise: str = "") -> Modul
         return importlib.import_module(module)
     except ImportError:
         raise InputError(
-            f"{needed}, which is not installed; install it by pip install 'flexlink-twin[{extra}]'{otherwise}"
+            f"{needed}, which is not installed; install it in the clone of flexlink-twin by "
+            f"pip install -e '.[{extra}]'{otherwise}"
         ) from None
