@@ -354,6 +354,8 @@ def test_every_effect_has_its_page(name):
     ):
         assert f"\n## {heading}\n" in page
     assert all(f"`{p.name}`" in page for p in effect.parameters)
+    tables = "\n".join(line for line in page.splitlines() if not line.startswith("twin "))
+    assert not re.search(r"\de[+-]?\d|\binf\b|\bN m\b", tables)
     (block,) = blocks(page, "sh")
     for line in block.splitlines():
         assert_accepted(line)

@@ -16,6 +16,8 @@ napoleon_custom_sections = [("Class attributes", "Attributes")]
 python_use_unqualified_type_names = True
 
 html_theme = "pydata_sphinx_theme"
+html_static_path = ["static"]
+html_css_files = ["wrap.css"]
 html_title = "flexlink-twin"
 html_copy_source = False
 html_theme_options = {

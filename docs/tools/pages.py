@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import typer.main
 
 from twin.cli import app
@@ -30,7 +32,7 @@ def notebook_page(path: Path) -> str:
 def effect_page(effect: Effect, size: Mapping[str, float]) -> str:
     """The page of an effect, from its class; `size` is one that a rig may well have."""
     rows = [
-        f"| `{p.name}` | {unit(p.unit) or '1'} | {_neutral(p.neutral)} | {p.bounds[0]:.3g} to {p.bounds[1]:.3g} |"
+        f"| `{p.name}` | {unit(p.unit) or '1'} | {_neutral(p.neutral)} | {_plain(p.bounds[0])} to {_plain(p.bounds[1])} |"
         for p in effect.parameters
     ]
     alike = effect.mistaken_for | {
@@ -62,7 +64,12 @@ def effect_page(effect: Effect, size: Mapping[str, float]) -> str:
 
 
 def _neutral(value: float | None) -> str:
-    return "as declared" if value is None else f"{value:g}"
+    return "as declared" if value is None else _plain(value)
+
+
+def _plain(value: float) -> str:
+    """A number with three significant digits and without an exponent."""
+    return "∞" if value == math.inf else np.format_float_positional(float(f"{value:.3g}"), trim="-")
 
 
 def _trial(effect: Effect, size: Mapping[str, float]) -> str:
@@ -74,7 +81,7 @@ def _trial(effect: Effect, size: Mapping[str, float]) -> str:
 def _sizes(effect: Effect, size: Mapping[str, float]) -> str:
     """The values with their units: "tilt 0.02 rad, direction 1.1 rad"."""
     units = effect.units(size)
-    return ", ".join(f"`{name}` {value:g} {unit(units[name])}".strip() for name, value in size.items())
+    return ", ".join(f"`{name}` {_plain(value)} {unit(units[name])}".strip() for name, value in size.items())
 
 
 def commands_page() -> str:

@@ -36,7 +36,7 @@ class Backlash(Effect):
         EffectParameter("motor_inertia_share", "1", 0.4, (0.05, 0.9), 0.05, possible=(0.01, 0.99)),
         EffectParameter(
             "contact_stiffness",
-            "N m/rad",
+            "N*m/rad",
             CONTACT_STIFFNESS,
             (10.0, 3000.0),
             2e-3,
