@@ -21,6 +21,7 @@ from twin.commands.diagnose import demo, diagnose
 from twin.commands.export import export
 from twin.commands.identify import identify
 from twin.commands.new import new
+from twin.commands.parser import Command
 from twin.commands.plan import plan_experiment
 from twin.commands.run import run
 from twin.commands.validate import validate
@@ -43,17 +44,21 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show errors only.")]
+
+
 @app.callback()
 def root(
     version: Annotated[
         bool,
         typer.Option("--version", help="Show the version and exit.", callback=_show_version, is_eager=True),
     ] = False,
+    quiet: Quiet = False,
 ) -> None:
     """A MuJoCo digital twin of a planar flexible manipulator that finds what its model lacks."""
+    from twin.commands.screen import set_quiet
 
-
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show errors only.")]
+    set_quiet(quiet)
 
 
 def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
@@ -63,7 +68,8 @@ def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
     def quietable(*, quiet: bool, **given: Any) -> None:
         from twin.commands.screen import set_quiet
 
-        set_quiet(quiet)
+        if quiet:
+            set_quiet(True)
         command(**given)
 
     own = inspect.signature(command, eval_str=True)
@@ -89,7 +95,7 @@ for command in (
     export,
     virtual_rig,
 ):
-    app.command()(_with_quiet(command))
+    app.command(cls=Command)(_with_quiet(command))
 
 if __name__ == "__main__":
     main()

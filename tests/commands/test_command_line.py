@@ -40,6 +40,38 @@ def test_a_quiet_command_writes_its_files_and_shows_nothing(twin, tmp_path):
     assert "bang-bang-20 on the modal model" in output
 
 
+def test_silence_may_be_asked_for_before_the_command(twin):
+    for argument in ("--quiet", "-q"):
+        assert twin(argument, "run", "bang-bang-20", "--plant", "modal") == (0, "", "")
+    assert twin("run", "bang-bang-20", "--plant", "modal")[1] != ""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_no_words_of_python(twin, name):
+    code, output, _ = twin(name, "--help")
+    assert code == 0
+    assert re.findall(r"<(?!campaign>|folder of the)[^>]*>|x>=|list\[|\.\.\.\}", output) == []
+
+
+def test_help_tells_limits_in_words(twin):
+    assert "at least 1]" in " ".join(twin("validate", "--help")[1].split())
+
+
+@pytest.mark.parametrize(
+    "command", ["new", "data", "diagnose", "run", "compare", "export", "identify", "validate"]
+)
+def test_commands_with_an_answer_write_it_as_json(command):
+    assert "--json" in {option for p in COMMANDS[command].params for option in p.opts}
+
+
+@pytest.mark.parametrize("arguments", [("check", "--rig", "foo"), ("export", "foo", "--out", "a.mat")])
+def test_an_unknown_rig_is_told_that_a_file_would_do(twin, arguments):
+    assert twin(*arguments)[2] == (
+        "Error: 'foo' is neither a preset nor a file; expected one of: bossi2009, bossi2009-printed, or a parameter "
+        "file (TOML)\n"
+    )
+
+
 def test_a_quiet_command_still_tells_its_error(twin):
     code, output, error = twin("run", "bang-bang-21", "--quiet")
     assert (code, output) == (2, "")

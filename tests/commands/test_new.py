@@ -1,5 +1,6 @@
 """`twin new`: the campaign that it writes, and what it never writes over."""
 
+import json
 import shutil
 import sys
 import tomllib
@@ -49,6 +50,18 @@ def test_a_campaign_is_written_with_copies_of_its_files(run, files):
     code, output, error = run("diagnose", folder)
     assert (code, output) == (2, "")
     assert "missing: bending_stiffness, linear_density, length, hub_inertia" in error
+
+
+def test_json_is_the_proposal(run, files):
+    assert run("new", *files, "--yes", "--json", "proposal.json")[0] == 0
+    said = json.loads(Path("proposal.json").read_text(encoding="utf-8"))
+    written = tomllib.loads(Path("bench-campaign/campaign.toml").read_text(encoding="utf-8"))
+    assert said["channels"].keys() - {"time"} == written["channels"].keys() - {"time"}
+    assert [entry["file"] for entry in said["recordings"]] == [file.name for file in files]
+    assert "parameters.bending_stiffness" in said["missing"]
+    code, _, error = run("new", *files, "--out", "other", "--json", "other/campaign.toml")
+    assert code == 2
+    assert "cannot write other/campaign.toml" in error
 
 
 def test_nothing_is_asked_without_standard_input(run, files, monkeypatch):

@@ -29,8 +29,15 @@ def test_without_a_display_nothing_is_begun(twin, monkeypatch, tmp_path, opener,
 def test_only_report_and_viewer_can_be_opened(twin):
     code, _, error = twin("demo", "--open", "json")
     assert code == 2
-    assert "report" in error
-    assert "viewer" in error
+    assert "Invalid value for '--open': 'json' is not one of 'report', 'viewer'" in error
+
+
+@linux
+@pytest.mark.parametrize("arguments", [("demo", "--open"), ("demo", "--open", "--force")])
+def test_without_a_value_the_report_is_opened(twin, monkeypatch, arguments):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    assert "Error: --open report needs a display" in twin(*arguments)[2]
 
 
 def test_report_is_shown_by_the_browser(monkeypatch, tmp_path):

@@ -1,6 +1,7 @@
 """Rigs as files of other programs: the linear model is that of the chain at rest, and the FMU is the chain."""
 
 import io
+import json
 import math
 import re
 import zipfile
@@ -15,6 +16,7 @@ from scipy.io import loadmat
 from scipy.signal import lsim, lti
 
 from twin.api.simulation import model as rig_model
+from twin.commands.shared import load_rig
 from twin.control.plants import make_model
 from twin.control.plants.base import READINGS
 from twin.errors import InputError
@@ -154,6 +156,15 @@ def test_the_command_writes_each_format_of_text(twin, rig_file):
     assert mujoco.MjModel.from_xml_path("rig.xml").nu >= 1
 
 
+def test_json_says_what_was_written(twin, rig_file):
+    assert twin("export", rig_file, "--out", "rig.xml", "--json", "rig.json")[0] == 0
+    said = json.loads(Path("rig.json").read_text(encoding="utf-8"))
+    assert (said["file"], said["rig"], said["format"]) == ("rig.xml", "bench", "mjcf")
+    assert said["left_out"] == list(
+        exporter_of(Path("rig.xml")).export(RigToExport(*load_rig(rig_file))).left_out
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -177,7 +188,7 @@ def test_each_format_has_a_name_and_an_ending_of_its_own():
 
 def test_without_pythonfmu_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pythonfmu.builder", None)
-    with pytest.raises(InputError, match=r"flexlink-twin\[fmu\]"):
+    with pytest.raises(InputError, match=r"pip install -e '\.\[fmu\]'"):
         exporter_of(Path("a.fmu")).export(RigToExport(RIG, {}))
 
 

@@ -20,7 +20,7 @@ SEGMENTS = 8
 
 def check(
     rig: RigOption = DEFAULT_RIG,
-    segments: Annotated[int, typer.Option(help="Number of segments of the chain.")] = SEGMENTS,
+    segments: Annotated[int, typer.Option(metavar="N", help="Number of segments of the chain.")] = SEGMENTS,
     json_file: JsonFile = None,
 ) -> None:
     """Compare the chain with the analytical beam model; exit code 1 where an error exceeds its bound."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def compare(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="A.csv B.csv ...", help="Runs, or recordings in a campaign's folder."),
+        typer.Argument(metavar="FILE", help="Runs, or recordings in a campaign's folder."),
     ],
     rig: Annotated[
         str,

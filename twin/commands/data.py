@@ -31,7 +31,7 @@ def data(
     report_file: ReportFile = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Look at the data of a campaign before a fit: what stands against it, and what they can show.
+    """Look at the data of a campaign before a fit: what would mislead it, and what they can show.
 
     Exit code 1 where a fit would be misled, or nothing would show.
     """

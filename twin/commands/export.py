@@ -8,8 +8,18 @@ from typing import Annotated
 
 import typer
 
-from twin.commands.shared import FORMAT_NAMES, RIGS, completed, console, load_rig, progress, rig_file
+from twin.commands.shared import (
+    FORMAT_NAMES,
+    RIGS,
+    JsonFile,
+    completed,
+    console,
+    load_rig,
+    progress,
+    rig_file,
+)
 from twin.errors import checked_number
+from twin.files.json import write_json
 from twin.files.outputs import check_writable
 
 _FURTHEST = 360.0  # degrees, hub angle about which a rig is linearised: a turn has all of them
@@ -38,9 +48,10 @@ def export(
     hub_angle: Annotated[
         float, typer.Option(metavar="DEGREES", help="Hub angle about which the linear state space is made.")
     ] = 0.0,
+    json_file: JsonFile = None,
 ) -> None:
     """Write a rig with its effects for MATLAB, MuJoCo, tools with FMI and python-control."""
-    check_writable(out, read=[rig_file(rig)])
+    check_writable(out, json_file, read=[rig_file(rig)])
     checked_number("--hub-angle", hub_angle, -_FURTHEST, _FURTHEST, "degrees")
     declared, effects = load_rig(rig)
     with progress() as report:
@@ -51,6 +62,9 @@ def export(
         exporter = exporter_of(out, format_name)
         written = exporter.export(RigToExport(declared, effects, math.radians(hub_angle)))
     write_file(out, written.content)
+    if json_file is not None:
+        said = {"file": str(out), "rig": declared.name, "format": exporter.name, "left_out": written.left_out}
+        write_json(json_file, said)
     screen = console()
     screen.print(f"{out}: {declared.name} as {exporter.what}", soft_wrap=True)
     if written.left_out:

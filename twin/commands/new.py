@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.commands.shared import console, progress
+from twin.commands.shared import JsonFile, console, progress
 from twin.errors import InputError
+from twin.files.json import write_json
+from twin.files.outputs import check_writable
 
 if TYPE_CHECKING:
     from twin.commands.screen import Screen
@@ -24,7 +26,7 @@ _MOST_FILES = 1000
 
 def new(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILES...", help="Recordings of one rig, in any format.")
+        list[Path], typer.Argument(metavar="FILE", help="Recordings of one rig, in any format.")
     ],
     out: Annotated[
         Path | None,
@@ -35,14 +37,16 @@ def new(
             show_default="<folder of the files>-campaign",
         ),
     ] = None,
+    json_file: JsonFile = None,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing; what is not known stays open.")] = False,
 ) -> None:
     """Look at unknown recordings and write a campaign.toml that says what they seem to hold."""
     folder = _folder(files, out)
     copies = _copies(files, folder)
+    check_writable(json_file, made=folder, beside=(folder / _FILE, *copies.values()), read=files)
     with progress() as report:
         report("looking at the files")
-        from twin.proposal.campaign_text import campaign_text
+        from twin.proposal.campaign_text import campaign_text, to_json
         from twin.proposal.propose import propose
 
         proposal = propose(files, folder.resolve().name)
@@ -59,6 +63,8 @@ def new(
     write_new_files(
         {**{target: source for source, target in copies.items()}, folder / _FILE: campaign_text(proposal)}
     )
+    if json_file is not None:
+        write_json(json_file, to_json(proposal))
     _print_next(proposal, folder, screen)
 
 

@@ -16,7 +16,11 @@ from twin.errors import InputError
 
 Opener = Annotated[
     Literal["report", "viewer"] | None,
-    typer.Option("--open", help="Show the report in the browser, or the recording in the rerun viewer."),
+    typer.Option(
+        "--open",
+        metavar="[report|viewer]",
+        help="Show the report in the browser, or the recording in the rerun viewer; the report without a value.",
+    ),
 ]
 _ELSEWHERE = {
     "report": "leave --open out, and open report.html elsewhere",

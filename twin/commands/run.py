@@ -44,6 +44,7 @@ PlantOption = Annotated[
     str,
     typer.Option(
         "--plant",
+        metavar="NAME",
         help="chain (MuJoCo), compiled (the same chain), modal (n modes), or paper (its one mode and friction); "
         "the last two without backlash.",
         autocompletion=completed(PLANT_NAMES),

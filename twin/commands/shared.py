@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twin.errors import InputError
+from twin.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -157,11 +157,16 @@ def load_rig(name_or_file: str) -> tuple[Rig, dict[str, dict[str, float]]]:
     Raises:
       InputError: neither a preset nor a file that can be read.
     """
-    from twin.rigs import preset
+    from twin.rigs import PRESETS, preset
     from twin.rigs.rig_file import read_rig_file
 
     path = rig_file(name_or_file)
-    return (preset(name_or_file), {}) if path is None else read_rig_file(path)
+    if path is not None:
+        return read_rig_file(path)
+    if name_or_file not in PRESETS:
+        known = f"{', '.join(PRESETS)}, or a parameter file (TOML){nearest(name_or_file, PRESETS)}"
+        raise InputError(f"'{name_or_file}' is neither a preset nor a file; expected one of: {known}")
+    return preset(name_or_file), {}
 
 
 def rig_file(name_or_file: str) -> Path | None:

@@ -54,9 +54,9 @@ def validate(
         Path | None,
         typer.Option(metavar="FOLDER", help="Campaign that declares the rig, instead of --rig."),
     ] = None,
-    rigs: Annotated[int, typer.Option(help="Number of rigs to draw.", min=1)] = 200,
+    rigs: Annotated[int, typer.Option(metavar="N", help="Number of rigs to draw.", min=1)] = 200,
     scenario: Annotated[str, typer.Option(metavar="NAME", help=_STEPS)] = "lq-step-120",
-    seed: Annotated[int, typer.Option(help="Seed of the random draw.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(metavar="SEED", help="Seed of the random draw.", min=0)] = 0,
     requirements: Annotated[
         Path | None,
         typer.Option(

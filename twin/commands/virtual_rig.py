@@ -20,8 +20,12 @@ def virtual_rig(
             help="Undeclared effect, may be repeated; what is not said of one is usual.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of commands, noise and true parameters.", min=0)] = 0,
-    name: Annotated[str | None, typer.Option(help="Of the campaign.", show_default="the folder's")] = None,
+    seed: Annotated[
+        int, typer.Option(metavar="SEED", help="Seed of commands, noise and true parameters.", min=0)
+    ] = 0,
+    name: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of the campaign.", show_default="the folder's")
+    ] = None,
     perturb: Annotated[
         float,
         typer.Option(

@@ -1,9 +1,10 @@
-"""A proposal as a commented `campaign.toml`: what is not known stands in it as a comment that says what is needed."""
+"""A proposal as a commented `campaign.toml`, where a comment says what is not known and needed, and as JSON."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from twin.campaigns import units
 from twin.campaigns.drive import MOTOR_KINDS
@@ -157,6 +158,39 @@ def needed(proposal: Proposal) -> list[str]:
             keys.append(f"channels.{name}.gain{' or [drive]' * (name == 'torque_command')}")
         keys += [f"channels.{name}.{key}" for key in gauge_keys(name, channel) if key not in channel.gauge]
     return keys
+
+
+def to_json(proposal: Proposal) -> dict[str, Any]:
+    """Returns a proposal as plain values; units SI but for the channels', whose unit is that of the column."""
+    channels = {
+        name: {
+            "column": channel.found.column,
+            "unit": channel.unit or None,
+            "gain": channel.gain,
+            "reasons": [r for r in (channel.found.reason, channel.unit_reason, channel.sign_reason) if r],
+        }
+        for name, channel in proposal.channels.items()
+    }
+    recordings = [
+        {
+            "file": entry.path.name,
+            "unusable": entry.unusable or None,
+            "role": entry.role,
+            "clamped": entry.clamped,
+            "start": entry.start,
+            "loop": entry.loop,
+            "reasons": entry.reasons,
+        }
+        for entry in proposal.recordings
+    ]
+    return {
+        "name": proposal.name,
+        "channels": channels,
+        "recordings": recordings,
+        "unused": proposal.unused,
+        "resonance": proposal.resonance,
+        "missing": needed(proposal),
+    }
 
 
 def _drive(proposal: Proposal) -> Iterator[str]:
