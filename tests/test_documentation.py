@@ -5,6 +5,7 @@ their words are held against the parser of their command. One diagnosis of the b
 script and notebook that asks for one.
 """
 
+import base64
 import importlib.util
 import io
 import json
@@ -327,9 +328,28 @@ def test_every_python_block_is_run_by_one_of_these():
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
-def test_notebooks_are_kept_without_outputs(path):
+def test_notebooks_are_kept_with_small_outputs_which_the_site_shows(path):
+    assert path.stat().st_size < 200_000
+    page = build.staged(f"examples/{path.stem}", pages.notebook_page(path), path.parent, set())
+    assert 1 <= page.count("](data:image/png;base64,") <= 2
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    assert all(cell.get("outputs", []) == [] for cell in cells)
+    outputs = [output["data"] for cell in cells for output in cell.get("outputs", ())]
+    assert len(outputs) >= 4
+    for data in outputs:
+        assert "".join(data.get("text/html") or data.get("text/plain") or ()) in page
+
+
+def test_a_notebook_is_executed_with_what_its_cells_return():
+    pytest.importorskip("matplotlib", reason="draws the pictures: pip install -e '.[docs]'")
+    import run_notebooks
+
+    figure = "import plotly.graph_objects as go\nfigure = go.Figure()\nfigure.add_scatter(x=[0, 1], y=[x, 3])\nfigure"
+    sources = ("x = 2", "x + 1", "x;", figure)
+    notebook = {"cells": [{"cell_type": "code", "source": [source]} for source in sources]}
+    outputs = [cell["outputs"] for cell in run_notebooks.executed(notebook)["cells"]]
+    assert [len(output) for output in outputs] == [0, 1, 0, 1]
+    assert outputs[1][0]["data"] == {"text/plain": ["3"]}
+    assert base64.b64decode(outputs[3][0]["data"]["image/png"]).startswith(b"\x89PNG")
 
 
 # The site

@@ -80,7 +80,9 @@ def staged(name: str, text: str, folder: Path, known: set[str]) -> str:
         text = re.sub(r"^\| `([a-z-]+)` \|", r"| [`\1`](effects/\1.md) |", text, flags=re.MULTILINE)
     up = "../" * name.count("/")
     text = re.sub(
-        r"(!?)\[([^\]]*)\]\((?!https?:|#)([^)#\s]+)(#[^)]*)?\)", lambda m: _link(m, folder, up, known), text
+        r"(!?)\[([^\]]*)\]\((?!https?:|data:|#)([^)#\s]+)(#[^)]*)?\)",
+        lambda m: _link(m, folder, up, known),
+        text,
     )
     text = re.sub(r"\(([^()]+)#gh-(light|dark)-mode-only\)", r"(\1){.only-\2}", text)
     below = list(CONTENTS.get(name, ()))

@@ -20,19 +20,28 @@ REPOSITORY = "https://github.com/flexlink-twin/flexlink-twin/blob/main/"
 
 
 def notebook_page(path: Path) -> str:
-    """The cells of a notebook, which is kept without outputs."""
-    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    texts = ["".join(cell["source"]) for cell in cells]
-    code = [
-        f"```python\n{t}\n```" if c["cell_type"] == "code" else t for c, t in zip(cells, texts, strict=True)
-    ]
-    return "\n\n".join([*code, f"[The notebook]({REPOSITORY}docs/examples/{path.name})"]) + "\n"
+    """The cells of a notebook with the outputs that it is kept with, see run_notebooks.py."""
+    parts: list[str] = []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        parts.append(f"```python\n{text}\n```" if cell["cell_type"] == "code" else text)
+        parts += [_output(output["data"]) for output in cell.get("outputs", ())]
+    return "\n\n".join([*parts, f"[The notebook]({REPOSITORY}docs/examples/{path.name})"]) + "\n"
+
+
+def _output(data: Mapping[str, Any]) -> str:
+    """What a cell returned: a picture, a table, or text."""
+    if "image/png" in data:
+        return f"![What the cell draws](data:image/png;base64,{data['image/png'].strip()})"
+    if "text/html" in data:
+        return "".join(data["text/html"])
+    return f"```text\n{''.join(data['text/plain'])}\n```"
 
 
 def effect_page(effect: Effect, size: Mapping[str, float]) -> str:
     """The page of an effect, from its class; `size` is one that a rig may well have."""
     rows = [
-        f"| `{p.name}` | {unit(p.unit) or '1'} | {_neutral(p.neutral)} | {_plain(p.bounds[0])} to {_plain(p.bounds[1])} |"
+        f"| `{p.name}` | {unit(p.unit) or '1'} | {_neutral(p.neutral)} | {' to '.join(map(_plain, p.bounds))} |"
         for p in effect.parameters
     ]
     alike = effect.mistaken_for | {
@@ -102,6 +111,7 @@ def commands_page() -> str:
 
 def _usage(argument: Any) -> str:
     name = (argument.metavar or argument.name or "").strip("[]").upper()
+    name = name if argument.nargs == 1 else f"{name}..."
     return name if argument.required else f"[{name}]"
 
 
