@@ -34,7 +34,9 @@ def _output(data: Mapping[str, Any]) -> str:
     if "image/png" in data:
         return f"![What the cell draws](data:image/png;base64,{data['image/png'].strip()})"
     if "text/html" in data:
-        return "".join(data["text/html"])
+        return "".join(data["text/html"]).replace(
+            "<table>", '<table class="table">'
+        )  # as the theme draws them
     return f"```text\n{''.join(data['text/plain'])}\n```"
 
 
