@@ -320,6 +320,10 @@ def _with_inserted(piece: bytes) -> Mutate:
     return mutate
 
 
+_TEXT_TABLES = ("recording", "static", "patch", "run")
+"""Targets that may be in other encodings than UTF-8."""
+
+
 def _utf16(content: bytes, rng: Random) -> bytes:
     return content.decode("utf-8").encode("utf-16")
 
@@ -329,8 +333,8 @@ FILE = (
     Kind("blank file", lambda content, rng: b" \n\n \n", True, ("requirements",)),
     Kind("truncated", lambda content, rng: content[: rng.randrange(len(content))]),
     Kind("byte-order mark", lambda content, rng: b"\xef\xbb\xbf" + content),
-    Kind("UTF-16", _utf16, True),
-    Kind("a byte that is no UTF-8", _with_inserted(b"\xff"), True),
+    Kind("UTF-16", _utf16, True, _TEXT_TABLES),
+    Kind("a byte that is no UTF-8", _with_inserted(b"\xff"), True, _TEXT_TABLES),
     Kind("NUL inserted", _with_inserted(b"\x00")),
     Kind("line ends of Windows", lambda content, rng: content.replace(b"\n", b"\r\n")),
     Kind("line ends of old", lambda content, rng: content.replace(b"\n", b"\r")),

@@ -322,9 +322,10 @@ CSV: dict[str, tuple[str | bytes | dict[str, np.ndarray], str]] = {
     "huge": (with_line(5, "0.012,0,1e200,0"), "push.csv, line 5: hub_angle is '1e200'; expected a number"),
     "Latin-1": (
         with_line(5, "0.012,0,0,0").replace("hub_angle", "hub_angle\u00b0").encode("latin-1"),
-        "push.csv, line 1: byte 0xb0 is not UTF-8; save the file as UTF-8",
+        "push.csv, line 1: column 'hub_angle' is missing; only a recording with clamped = true "
+        "may lack it; did you mean 'hub_angle\u00b0'?",
     ),
-    "UTF-16": (TEXT.encode("utf-16"), "push.csv, line 1: byte 0xf"),
+    "UTF-16 without a mark": (TEXT.encode("utf-16-le"), "push.csv, line 1: byte 0x00 is no text"),
     "binary": (bytes(range(256)), "push.csv, line "),
     "no time": (
         TEXT.replace("time", "tiem", 1),
