@@ -33,7 +33,7 @@ def check(*findings, visible=(SEEN,)):
 @pytest.mark.parametrize(
     ("found", "passed", "text"),
     [
-        (check(GOOD), True, "bench passes: nothing stands against a fit."),
+        (check(GOOD), True, "bench passes: nothing would mislead a fit."),
         (check(GOOD, ODD), True, "bench passes: one thing limits what can be found."),
         (check(ODD, ODD), True, "bench passes: 2 things limit what can be found."),
         (check(GOOD, BAD), False, "bench does not pass: a fit would be misled (rest)."),

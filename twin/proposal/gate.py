@@ -1,4 +1,4 @@
-"""What stands against a fit in the data of a campaign: rate, clock, noise, defects, rests, motion, what is missing."""
+"""What would mislead a fit in the data of a campaign: rate, clock, noise, defects, rests, motion, what is missing."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Finding:
 
     Attributes:
       what: what was looked at.
-      ok: whether nothing stands against a fit.
+      ok: whether nothing would mislead a fit.
       text: what was found.
       fails: whether a fit would be misled: the campaign does not pass.
     """

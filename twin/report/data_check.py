@@ -108,7 +108,7 @@ def headline(check: DataCheck) -> str:
     if not check.passed:
         return f"{check.campaign} does not pass: its recordings show no effect of the library at any size."
     oddities = sum(not f.ok for f in check.findings)
-    noted = {0: "nothing stands against a fit", 1: "one thing limits what can be found"}
+    noted = {0: "nothing would mislead a fit", 1: "one thing limits what can be found"}
     return f"{check.campaign} passes: {noted.get(oddities, f'{oddities} things limit what can be found')}."
 
 
