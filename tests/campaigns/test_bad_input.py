@@ -323,7 +323,8 @@ CSV: dict[str, tuple[str | bytes | dict[str, np.ndarray], str]] = {
     "Latin-1": (
         with_line(5, "0.012,0,0,0").replace("hub_angle", "hub_angle\u00b0").encode("latin-1"),
         "push.csv, line 1: column 'hub_angle' is missing; only a recording with clamped = true "
-        "may lack it; did you mean 'hub_angle\u00b0'?",
+        "may lack it; the columns are: time, torque_command, hub_angle\u00b0, strain_base; did you mean "
+        "'hub_angle\u00b0'?",
     ),
     "UTF-16 without a mark": (TEXT.encode("utf-16-le"), "push.csv, line 1: byte 0x00 is no text"),
     "binary": (bytes(range(256)), "push.csv, line "),

@@ -177,7 +177,7 @@ def test_a_run_takes_a_lookup_and_says_that_it_is_none_of_its_physics(twin, tmp_
     assert code == 0
     code, output, _ = twin(*arguments, "with.json", "--patch", "patch.csv")
     assert code == 0
-    assert "With a patch, which is no physics: hub_torque by hub_rate" in output
+    assert "With a patch, which is no physics: hub torque by hub rate" in output
     without, patched = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("without", "with"))
     assert "patch" not in without
     assert patched["metrics"] != without["metrics"]
