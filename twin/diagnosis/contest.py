@@ -25,7 +25,6 @@ from twin.rigs.model import Model
 CONTENDERS = 3
 """Largest number of candidates that are fitted to convergence."""
 _LEAST_SHARE = 0.3  # share of the best score that a candidate needs to be fitted to convergence
-_LARGE = 0.05  # share of the misfit before, above which a fit may have converged to a local minimum
 _CLEARLY = 0.1  # difference in the mean log size of free-run errors that decides
 _SAME_FREQUENCY = 2e-3  # relative change of a clamped frequency within the width of its resonance
 FULL_ITERATIONS = 12
@@ -49,7 +48,7 @@ def fit_to_convergence(
     for c in contenders:
         refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined)))
     left = min(bench.misfit(c.fit.residual) for c in refined)
-    if left > _LARGE * bench.misfit(base.residual):
+    if left > rules.LEAST_SHARE * bench.misfit(base.residual):
         for k, c in enumerate(refined):
             goal = min(c.fit.cost, _most_cost(refined))
             other = fit_fully(bench, base, c, _from_declared(c.fit), goal)

@@ -27,6 +27,8 @@ MODEL_ERROR_SCORE = 30.0
 """Minimum score. The discretisation error of the chain reached 23 on rigs without a missing effect."""
 MODEL_ERROR_SHARE = 2e-3
 """Share of the scores of earlier effects that their discretisation error may gain: it grows with what they explain."""
+LEAST_SHARE = 0.05
+"""Share of the misfit that an effect has to explain: less is within the error of the model."""
 LEAST_ELSEWHERE = 10.0
 """Cross-validated gain without the recording that gains most: odds of 20 000 to 1."""
 DETERMINED = 3.0
@@ -153,6 +155,16 @@ ADOPTION: tuple[Rule[Trial], ...] = (
         f"the larger of {MODEL_ERROR_SCORE:g} and {100 * MODEL_ERROR_SHARE:g} % of the sum of earlier scores",
         "measured",
         f"{_NULLS}: at most 23; rigs with large effects",
+    ),
+    Rule(
+        "explains-a-share",
+        "Does the effect explain a sufficient share of the misfit?",
+        "score over misfit",
+        lambda t: t.candidate.score / max(t.bench.misfit(t.base.residual), 1e-12),
+        lambda t: LEAST_SHARE,
+        f"{LEAST_SHARE:g}",
+        "measured",
+        f"{_NULLS}; benchmarks/results/rules.md: a torque gain beside a stop",
     ),
     Rule(
         "gains-elsewhere",

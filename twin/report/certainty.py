@@ -19,6 +19,7 @@ REASONS: Mapping[str, str] = {
     "best-of-round": "Another candidate explains more.",
     "exceeds-chance": "It gains no more than chance gives.",
     "exceeds-model-error": "It gains no more than the discretisation error of the model, effects included.",
+    "explains-a-share": "It explains too small a share of the misfit.",
     "gains-elsewhere": "It does not improve the prediction of recordings that its fit did not use.",
     "needed-beside-later": "It was no longer needed beside the effects found after it.",
     "best-beside-later": "Beside the effects found after it, another candidate explains more.",
