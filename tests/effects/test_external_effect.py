@@ -55,7 +55,7 @@ def diagnosed(registered, rig_campaign):
     return campaign, diagnose(campaign)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_it_is_diagnosed(diagnosed):
     _, answer = diagnosed
     assert answer.verdict == "explained"
@@ -65,13 +65,13 @@ def test_it_is_diagnosed(diagnosed):
     assert effect.parameters["cubic"] == pytest.approx(CUBIC, abs=4 * error + 0.02 * CUBIC)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_page_says_what_it_means(diagnosed):
     _, answer = diagnosed
     assert HardeningCable.meaning in render(answer, {})
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_augmented_mjcf_has_it(diagnosed):
     campaign, answer = diagnosed
     written = to_mjcf(answer, campaign.sensors)
