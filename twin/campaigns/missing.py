@@ -88,7 +88,6 @@ def _channels(content: schema.CampaignFile) -> Iterator[str]:
                 f"channels.{name}.gain is missing; unit '{channel.unit}' needs it: {name} [{si}] = gain * "
                 f"(raw - offset), the gain in {si} per {raw}{motor}"
             )
-        place = ("position",) if units.is_curvature(channel.unit) else ("position", "half_thickness")
-        for key in place if units.is_strain(name) else ():
+        for key in units.gauge_keys(name, channel.unit):
             if getattr(channel, key) is None:
                 yield f"channels.{name}.{key} is missing; a strain gauge needs it, in m"

@@ -152,6 +152,13 @@ def is_curvature(unit: str) -> bool:
     return convertible(unit, "1/m")
 
 
+def gauge_keys(channel: str, unit: str) -> tuple[str, ...]:
+    """Keys of a strain gauge that a channel needs; a curvature is that of the neutral axis; none of other channels."""
+    if not is_strain(channel):
+        return ()
+    return ("position",) if is_curvature(unit) else ("position", "half_thickness")
+
+
 def scale(channel: str, unit: str, half_thickness: float = 0.0) -> float:
     """Returns the factor from `unit` to the SI unit of the channel.
 

@@ -366,14 +366,14 @@ def score_gain(bench: Workbench, base: Fit, result: Fit) -> float:
     """Penalised log-likelihood ratio of a fit and the base: drop of the cost less the penalty of the added parameters.
 
     The drop counts as 0 if it is negative, or if the size of an added effect is within the tolerance of good sensors
-    and cards (`is_resolved`).
+    and cards (`_is_resolved`).
     """
     added = len(result.unknowns) - len(base.unknowns)
-    gained = max(base.cost - result.cost, 0.0) if is_resolved(bench, base, result) else 0.0
+    gained = max(base.cost - result.cost, 0.0) if _is_resolved(bench, base, result) else 0.0
     return gained - penalty(added, bench)
 
 
-def is_resolved(bench: Workbench, base: Fit, result: Fit) -> bool:
+def _is_resolved(bench: Workbench, base: Fit, result: Fit) -> bool:
     """Whether every effect that a fit adds exceeds the tolerance of good sensors and cards."""
     period = shortest_period(bench.prepared)
     new = result.model.effects.keys() - base.model.effects.keys()

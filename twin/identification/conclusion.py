@@ -30,7 +30,7 @@ def caveat(result: Identification) -> str:
     if far:
         moved = labels.join_with_and([labels.parameter(name) for name in far])
         return (
-            f"{moved[:1].upper()}{moved[1:]} moved by more than two declared standard deviations: doubt the "
+            f"{labels.sentence(moved)} moved by more than two declared standard deviations: doubt the "
             "declaration, or the model."
         )
     unseen = _missed(result)

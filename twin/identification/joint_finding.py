@@ -54,19 +54,15 @@ def _correlations(joint: JointEstimate, trusted: bool) -> Iterator[str]:
         first, second = labels.parameter(a), labels.parameter(b)
         tied = f"{first} and {second} are strongly correlated ({r:.3f})"
         if not trusted:
-            yield f"{_capital(tied)}."
+            yield f"{labels.sentence(tied)}."
             continue
         power, error = joint.best_known_product(a, b)
         single = [100 * e.standard_error / abs(e.value) for e in (joint.estimate(a), joint.estimate(b))]
         shares = [labels.number(share, 2) for share in (100 * error, *single)]
         yield (
-            f"{_capital(tied)}: {first} times {second} to the power {labels.number(power, 2)} is known to "
+            f"{labels.sentence(tied)}: {first} times {second} to the power {labels.number(power, 2)} is known to "
             f"{shares[0]} %, each alone to {shares[1]} and {shares[2]} %."
         )
-
-
-def _capital(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"
 
 
 def _derived_quantity(quantity: DerivedQuantity, trusted: bool) -> str:
@@ -83,7 +79,7 @@ def _derived_quantity(quantity: DerivedQuantity, trusted: bool) -> str:
 
 def _bounds(joint: JointEstimate) -> Iterator[str]:
     for name in joint.at_bounds():
-        subject = _capital(labels.parameter(name))
+        subject = labels.sentence(labels.parameter(name))
         yield f"{subject} is at a bound of its range: the declaration is wrong, or the model lacks something."
 
 

@@ -82,8 +82,7 @@ def _support(joint: JointEstimate, held_out: Sequence[HeldOutError]) -> str:
         )
     if not parts:
         return "Nothing tests the model: there is one recording, and none is held out."
-    text = ", and ".join(parts)
-    return f"{text[:1].upper()}{text[1:]}."
+    return f"{labels.sentence(', and '.join(parts))}."
 
 
 def without_intervals(parameter: Identified) -> Identified:

@@ -53,7 +53,8 @@ FREE, HUB, MOTOR = 0, 1, 2
 STABLE_PHASE = 2.2
 """Phase of the contact in a step at which the Runge-Kutta method is stable, and damps it by a third [rad]."""
 SETTLED_SWING = 0.005
-"""Amplitude of the motor's oscillation on a flank, over its depth, below which it need not be resolved."""
+"""Amplitude of the motor's oscillation on a flank, over its depth, below which it need not be resolved: for errors and
+times with other values see benchmarks/results/contact.md."""
 EVENT_TOLERANCE = 1e-7
 """Width of the interval to which the instant of a stick or slip is bisected [s]."""
 

@@ -10,7 +10,7 @@ from twin.campaigns import units
 from twin.campaigns.units import DERIVED_UNITS, TIME
 from twin.errors import InputError, checked_number, shown
 from twin.parameters import DEFAULTS, PARAMETERS, rig_parameter
-from twin.proposal.campaign_text import DRIVE, GAUGE, MEANINGS, drive_keys, gauge_keys, motor_unit
+from twin.proposal.campaign_text import DRIVE, GAUGE, MEANINGS, drive_keys, motor_unit
 from twin.proposal.propose import SIGNS, ChannelProposal, Proposal
 from twin.proposal.quantity import Quantity, quantity
 from twin.recording import CHANNEL_UNITS
@@ -63,7 +63,7 @@ def _channels(proposal: Proposal, ask: Ask) -> Iterator[tuple[str, ChannelPropos
             channel = replace(channel, unit=_unit(given, channel, ask), unit_reason="")
         if channel.unit and given != TIME and units.raw_unit(channel.unit):
             channel = _with_gain(given, channel, ask)
-        asked = {key: _gauge(given, key, ask) for key in gauge_keys(given, channel)}
+        asked = {key: _gauge(given, key, ask) for key in units.gauge_keys(given, channel.unit)}
         yield (
             given,
             replace(channel, gauge={key: value for key, value in asked.items() if value is not None}),

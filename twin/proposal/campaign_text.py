@@ -49,14 +49,6 @@ def motor_unit(channels: Mapping[str, ChannelProposal]) -> str | None:
     return units.raw_unit(command.unit) if command and command.unit and not command.is_gain_known else None
 
 
-def gauge_keys(name: str, channel: ChannelProposal) -> tuple[str, ...]:
-    """Returns the keys that a strain gauge needs; none of another channel."""
-    if not units.is_strain(name):
-        return ()
-    # A curvature is that of the neutral axis.
-    return ("position",) if units.is_curvature(channel.unit) else tuple(GAUGE)
-
-
 def drive_keys(raw: str) -> tuple[str, ...]:
     """Returns the keys of the `[drive]` of a command in V or A."""
     return tuple(key for key in DRIVE if raw == "V" or key != "resistance")
@@ -117,7 +109,7 @@ def _channel(name: str, channel: ChannelProposal) -> Iterator[str]:
     yield from _gain(name, channel)
     if name in ON_LINK:
         yield "# its zero is fitted in each recording; offset_uncertainty = 0 if it is certain"
-    for key in gauge_keys(name, channel):
+    for key in units.gauge_keys(name, channel.unit):
         value = channel.gauge.get(key)
         what = GAUGE[key]
         yield (
@@ -156,7 +148,11 @@ def needed(proposal: Proposal) -> list[str]:
             if name == "torque_command" and proposal.drive:
                 continue
             keys.append(f"channels.{name}.gain{' or [drive]' * (name == 'torque_command')}")
-        keys += [f"channels.{name}.{key}" for key in gauge_keys(name, channel) if key not in channel.gauge]
+        keys += [
+            f"channels.{name}.{key}"
+            for key in units.gauge_keys(name, channel.unit)
+            if key not in channel.gauge
+        ]
     return keys
 
 

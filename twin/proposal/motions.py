@@ -45,7 +45,11 @@ def rest_spans(campaign: Campaign, recording: Recording) -> tuple[tuple[float, f
     """(begin, end) of each rest of a free hub from which a break-away is seen [s]; none without its angle."""
     if recording.clamped or "hub_angle" not in recording:
         return ()
-    resting = np.r_[0, (_observed(campaign, recording) == STUCK).astype(int), 0]
+    return _rest_spans(recording, _observed(campaign, recording))
+
+
+def _rest_spans(recording: Recording, observed: np.ndarray) -> tuple[tuple[float, float], ...]:
+    resting = np.r_[0, (observed == STUCK).astype(int), 0]
     begins, ends = np.flatnonzero(np.diff(resting) == 1), np.flatnonzero(np.diff(resting) == -1)
     spans = zip(recording.time[begins], recording.time[ends - 1], strict=True)
     return tuple((float(begin), float(end)) for begin, end in spans if end - begin >= _REST)
@@ -102,6 +106,5 @@ def _observed(campaign: Campaign, recording: Recording) -> np.ndarray:
 
 
 def _rests_and_moves(campaign: Campaign, recording: Recording) -> bool:
-    return bool(rest_spans(campaign, recording)) and bool(
-        np.isin(_observed(campaign, recording), (1, -1)).any()
-    )
+    observed = _observed(campaign, recording)
+    return bool(_rest_spans(recording, observed)) and bool(np.isin(observed, (1, -1)).any())

@@ -22,9 +22,8 @@ from twin.recording import CHANNEL_UNITS, ON_LINK, Recording
 _SPAN = 4.0  # periods of vibration over which signs are looked at, as in `campaigns.check_channels`
 _SLIGHT = 0.1  # of the usual swing of the link, below which it says nothing of a locked hub
 _TURNS = 7.0  # rad: a hub that turns farther is taken to be read in degrees
-SIGNS = {"torque_command": 1, "motor_torque": 1, "strain_base": -1, "strain_mid": -1, "tip_deflection": -1}
+SIGNS = {"torque_command": 1, "motor_torque": 1, **dict.fromkeys(signs.BENDING, -1)}
 """Sign of the slow part of a channel per acceleration of the hub: what bends lags behind."""
-_TORQUES = ("torque_command", "motor_torque")
 
 
 @dataclass(frozen=True)
@@ -278,12 +277,12 @@ def _low_passed(recording: Recording, ringing: float | None) -> check_channels.L
 def _slope(slow: check_channels.LowPassed, channel: str) -> float:
     """Slow part of a channel per acceleration of the hub; 0 where it is not clear."""
     nuisance = (np.ones_like(slow.acceleration), slow.mean("hub_angle"), slow.rate, slow.direction)
-    return slow.slope(channel, nuisance if channel in _TORQUES else nuisance[:2])
+    return slow.slope(channel, nuisance[:2] if channel in signs.BENDING else nuisance)
 
 
 def _fast_sign(fast: check_channels.LowPassed, channel: str, recording: Recording) -> float:
     """A number of the sign that the fast part of a channel shows, as if it counted right; 0 where it shows none."""
-    if channel in _TORQUES:
+    if channel not in signs.BENDING:
         share = signs.work(fast, channel).share
         return share if abs(share) > signs.CLEAR_WORK else 0.0
     command = recording.channels.get("torque_command", np.zeros(0))
