@@ -205,10 +205,11 @@ def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
     if not channels:
         return None
     instants = recording.time[inside]
+    known = {c: np.isfinite(recording[c][inside]) for c in channels}
 
     def residuals(x: np.ndarray) -> list[np.ndarray]:
         simulated = run.readings(instants, run.run(row, instants, x * run.scale), channels)
-        return [_off(run, c, recording[c][inside] - simulated[c]) for c in channels]
+        return [_off(run, c, (recording[c][inside] - simulated[c])[known[c]]) for c in channels]
 
     free = [0, 2, 3, 4, 5] if run.driven.modes[row] == 0 else list(range(6))
     x, r = np.zeros(6), np.concatenate(residuals(np.zeros(6)))
@@ -218,12 +219,11 @@ def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
         return None
     x[free] = -np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r)
     sizes = [np.sqrt(np.mean(off**2)) for off in residuals(x)]
-    return x * run.scale if max(sizes) < _FITS else None
+    return x * run.scale if np.less(sizes, _FITS).all() else None
 
 
-def _off(run: _DrivenRun, channel: str, off: np.ndarray) -> np.ndarray:
-    """Known residuals of a channel (k) in multiples of its noise, without their mean where its zero is unknown."""
-    known = off[np.isfinite(off)]
+def _off(run: _DrivenRun, channel: str, known: np.ndarray) -> np.ndarray:
+    """Residuals of a channel (k) in multiples of its noise, without their mean where its zero is unknown."""
     has_zero = has_unknown_zero(run.model, run.prepared, channel)
     return (known - known.mean() if has_zero else known) / run.prepared.noise[channel]
 

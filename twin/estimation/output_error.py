@@ -16,11 +16,11 @@ from typing import cast
 import numpy as np
 
 from twin.estimation import chain_limit, loss
-from twin.estimation.first_state import first_state
+from twin.estimation.first_state import first_state, with_bend
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.slopes import cost_of, difference_jacobian, first_steps
-from twin.estimation.unknowns import Unknown
+from twin.estimation.unknowns import Unknown, start_unknowns
 from twin.estimation.workbench import CORRELATION_TIME, FreeData, Workbench, layout
 from twin.mechanics.hub_spring import MeasuredHub, Spring, spring_of
 from twin.mechanics.state import Start
@@ -38,6 +38,7 @@ from twin.rigs.simulate import simulate
 _HUB_SHARE = 0.9
 """Share of the variance of a channel's noise from which its own noise does not matter."""
 _ITERATIONS = 20  # of a fit that may begin far from its minimum, as those of a calibration
+_STATE_ITERATIONS = 6  # of initial states alone, as those of `first_state`
 _PERIODS = 0.5, 1.0, 2.0, np.inf
 """Periods in which the rig oscillates about the measured hub, see `OutputErrorData` [s]."""
 _DAMPING_RATIOS = 0.5, 0.0
@@ -178,12 +179,34 @@ def _softened(
 
 
 def _as_start(bench: Workbench, fit: Fit) -> Fit:
-    """The fit; one to driven data, with the initial states of output errors."""
+    """The fit with initial states of output errors."""
     if isinstance(bench.data, OutputErrorData):
-        return fit
-    states = tuple(first_state(fit.model, p, bench.pool) for p in bench.prepared)
+        return _with_states(fit, _likelier_states(bench, fit))
+    return _with_states(fit, [first_state(fit.model, p, bench.pool) for p in bench.prepared])
+
+
+def _likelier_states(bench: Workbench, fit: Fit) -> list[Start]:
+    """Of each recording, the likelier initial state: that of the fit, or one found anew from the measured state.
+
+    An earlier model that lacked an effect may have moved those of the fit to another minimum, in which only the first
+    block of a recording is off. The discretisation error that was found at those is left out.
+    """
+    free = Workbench(bench.data, bench.pool)
+    anew = [with_bend(p, fit.model) for p in bench.prepared]
+    unknowns = start_unknowns(anew)
+    if not unknowns:
+        return list(fit.starts)
+    found = minimise(free, fit.model, [p.start for p in anew], unknowns, iterations=_STATE_ITERATIONS)
+    [own] = free.residuals([(fit.model, fit.starts, None)])
+    gained = np.zeros(len(anew))
+    np.add.at(gained, [g.recording for g in free.groups], free.misfits(own) - free.misfits(found.residual))
+    return [new if gain > 0 else old for old, new, gain in zip(fit.starts, found.starts, gained, strict=True)]
+
+
+def _with_states(fit: Fit, states: Sequence[Start]) -> Fit:
+    """The fit with its unknown initial states at these."""
     values = np.array([_value(u, v, states) for u, v in zip(fit.unknowns, fit.values, strict=True)])
-    return replace(fit, starts=states, values=values)
+    return replace(fit, starts=tuple(states), values=values)
 
 
 def _fitted(free: Workbench, fit: Fit, goal: float = np.inf) -> Fit:
