@@ -352,17 +352,17 @@ def _second_derivative(values: np.ndarray) -> np.ndarray:
 
 
 def _response_to_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and strains (..., m) for small accelerations of the hub (..., m) [rad/s^2]."""
+    """Torque on the hub and readings of the link (..., m) for small accelerations of the hub (..., m) [rad/s^2]."""
     return _clamped_response(model, acceleration, model.chain.mass_matrix()[0])
 
 
 def _response_to_base(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and strains (..., m) for accelerations of the base across the link (..., m) [m/s^2]."""
+    """Torque on the hub and link readings (..., m) for accelerations of the base across the link (..., m) [m/s^2]."""
     return _clamped_response(model, acceleration, np.cumsum(model.chain.first_moment[::-1])[::-1])
 
 
 def _clamped_response(model: Model, acceleration: np.ndarray, load: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque that holds the hub and strains (..., m), by clamped modes, under an acceleration a (..., m).
+    """Torque that holds the hub and readings of the link (..., m), by clamped modes, under an acceleration a (..., m).
 
     q'' + 2 zeta omega q' + omega^2 q = -p a and torque = p_0 a + sum g q'', where p is the inertial load on hub and
     hinges for a unit acceleration, and g is the row of the hub in the mass matrix; both in modal coordinates.
@@ -376,15 +376,15 @@ def _clamped_response(model: Model, acceleration: np.ndarray, load: np.ndarray) 
     frequencies, shapes = model.chain.modes("clamped")
     ratios = model.chain.damping_ratios("clamped")
     torque = load[0] * acceleration
-    strains = {c: np.zeros_like(acceleration) for c in model.curvature_rows}
+    readings = {c: np.zeros_like(acceleration) for c in model.link_rows}
     for omega, zeta, shape in list(zip(frequencies, ratios, shapes[1:].T, strict=True))[:_MODES]:
         q = lfilter(
             *_discretised_oscillator(float(omega), float(zeta)), -float(load[1:] @ shape) * acceleration
         )
         torque = torque + float(mass[0, 1:] @ shape) * _second_derivative(q)
-        for channel, row in model.curvature_rows.items():
-            strains[channel] += model.sensors[channel].half_thickness * float(row @ shape) * q
-    return {"hub_torque": torque, **strains}
+        for channel, row in model.link_rows.items():
+            readings[channel] += float(row @ shape) * q
+    return {"hub_torque": torque, **readings}
 
 
 @functools.lru_cache(maxsize=1024)

@@ -16,10 +16,10 @@ from twin.residuals import backlash, creep, resample, ringing
 from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, low_passed, smooth_spline
 from twin.residuals.hub_balance import usable_break_aways
 from twin.residuals.noise import (
+    link_ringing,
     noise_scale,
     propagated_noise,
     sensor_noise,
-    strain_ringing,
     torque_noise,
     whitening_filters,
 )
@@ -56,7 +56,7 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     unknown = [(begin, usual * (end - begin)) for begin, end in gaps]
     modes = ringing.ringing_modes(model, signals.time, signals.direction != 0, density, BAND, unknown)
     noise["hub_torque"], torque_ringing = torque_noise(signals, modes, torque)
-    rings = {"hub_torque": torque_ringing, **strain_ringing(signals, whitening, model, modes)}
+    rings = {"hub_torque": torque_ringing, **link_ringing(signals, whitening, model, modes)}
     stationary = NoiseModel(noise=noise, whitening=whitening, ringing=rings)
     scale, link_torque_noise = noise_scale(signals, stationary, prepared, model)
     motion, _ = move_link(signals, prepared, model, prepared.start)

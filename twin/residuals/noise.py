@@ -150,22 +150,21 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
     return even, ringing.from_columns(pulls * signals.sliding[:, None] / even)
 
 
-def strain_ringing(
+def link_ringing(
     signals: Signals, whitening: dict[str, np.ndarray], model: Model, modes: Sequence[RingingMode]
 ) -> dict[str, Ringing]:
-    """Strain -> ringing of its residual behind its whitening filter, and any course in and behind a gap of the hub."""
+    """Channel -> ringing of its residual behind its whitening filter, and any course in and behind a gap of the hub."""
     of_channel, hats = {}, _unseen(signals.time, signals.settled)
     for channel, gain in whitening.items():
-        row = model.sensors[channel].half_thickness * model.curvature_rows[channel]
-        strains = [row @ s.shape[1:] * s.coordinate for s in modes]
+        readings = [model.link_rows[channel] @ s.shape[1:] * s.coordinate for s in modes]
         unseen = hats * np.std(signals.measured[channel])
-        columns = filtered(np.hstack([unseen, *strains]).T, gain).T
+        columns = filtered(np.hstack([unseen, *readings]).T, gain).T
         of_channel[channel] = ringing.from_columns(columns * signals.known[channel][:, None])
     return of_channel
 
 
 def _unseen(time: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Hat functions (m x k) where a strain is unknown and what the low-pass reaches beside it: any course there."""
+    """Hat functions (m x k) where a channel is unknown and what the low-pass reaches beside it: any course there."""
     reach = binary_dilation(~known, iterations=round(1 / (BAND * GRID)))
     centres = np.arange(time[0], time[-1], 1 / (2 * BAND))
     hats = np.maximum(1 - np.abs(time[:, None] - centres) * 2 * BAND, 0.0)
@@ -173,10 +172,11 @@ def _unseen(time: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def whitening_filters(signals: Signals, prepared: Prepared, model: Model) -> dict[str, np.ndarray]:
-    """Strain -> gain over frequency that makes the noise of its residual white with unit variance behind the filter.
+    """Channel -> gain over frequency that makes the noise of its residual white with unit variance behind the filter.
 
-    The noise is that of the gauge and the response of the link's clamped modes to noise of the hub angle. The gain is
-    at the frequencies of the residual with its padding, see `view.filtered`.
+    The channels are those of `Model.link_rows`. The noise is that of the sensor and the response of the link's clamped
+    modes to noise of the hub angle. The gain is at the frequencies of the residual with its padding, see
+    `view.filtered`.
     """
     count = len(signals.time)
     f = rfftfreq(count + 2 * min(count - 1, PADDING), GRID)
@@ -189,13 +189,12 @@ def whitening_filters(signals: Signals, prepared: Prepared, model: Model) -> dic
     ratios = np.maximum(model.chain.damping_ratios("clamped"), 1 / (ringing.MIN_DECAY_TIME * frequencies))
     participations = model.chain.mass_matrix()[0, 1:] @ shapes[1:]
     gains = {}
-    for channel, row in model.curvature_rows.items():
+    for channel, row in model.link_rows.items():
         if channel not in signals.measured:
             continue
-        strains = model.sensors[channel].half_thickness * (row @ shapes[1:]) * participations
         response = sum(
-            strain * omega**2 / (w**2 - omega**2 + 2j * z * w * omega)
-            for strain, w, z in zip(strains, frequencies, ratios, strict=True)
+            reading * omega**2 / (w**2 - omega**2 + 2j * z * w * omega)
+            for reading, w, z in zip(row @ shapes[1:] * participations, frequencies, ratios, strict=True)
         )
         own = 2 * prepared.noise[channel] ** 2 * period
         gains[channel] = 1 / np.sqrt((own + np.abs(response) ** 2 * hub) * wide)

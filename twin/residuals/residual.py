@@ -45,8 +45,9 @@ def normalise_all(residuals: dict[str, np.ndarray], noise: NoiseModel) -> dict[s
 def normalise(values: np.ndarray, noise: NoiseModel, name: str) -> np.ndarray:
     """A raw residual (..., m) in multiples of the noise, the noise white and of equal size throughout.
 
-    Strains pass a whitening filter. From strains and hub torque the covariance of the link's ringing is removed, and
-    they are divided by the local scale of the noise. Residuals at instants are normalised already.
+    Strains and tip deflection pass a whitening filter. From them and the hub torque the covariance of the link's
+    ringing is removed, and they are divided by the local scale of the noise. Residuals at instants are normalised
+    already.
     """
     if name in noise.noise:
         values = whitened(values, noise, name)

@@ -71,7 +71,7 @@ class NoiseModel:
 
     Attributes:
       noise: channel or "hub_torque" -> standard deviation behind the filter, without ringing.
-      whitening: strain -> gain over frequency of the filter that makes its residual white, see `whitened`.
+      whitening: channel -> gain over frequency of the filter that makes its residual white, see `whitened`.
       ringing: strain or "hub_torque" -> coherent oscillation by noise of the hub angle.
       noise_scale: strain or "hub_torque" -> noise relative to that of quiet stretches (m).
     """
@@ -99,10 +99,10 @@ class View(Signals, NoiseModel):
 
 
 def whitened(values: np.ndarray, model: NoiseModel, channel: str) -> np.ndarray:
-    """A residual (..., m) in multiples of the noise; that of a strain with white noise up to `filters.BAND`.
+    """A residual (..., m) in multiples of the noise; strain and tip deflection with white noise up to `filters.BAND`.
 
     Noise of the hub angle excites the modelled link at its clamped modes for seconds. Near their frequencies, a
-    residual of a strain has little weight.
+    residual of these has little weight.
     """
     gain = model.whitening.get(channel)
     return values / model.noise[channel] if gain is None else filtered(values, gain)

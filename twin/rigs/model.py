@@ -100,6 +100,12 @@ class Model:
         }
 
     @functools.cached_property
+    def link_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row (n) from small hinge angles to its strain [1/rad] or tip deflection [m/rad]."""
+        rows = {c: self.sensors[c].half_thickness * row for c, row in self.curvature_rows.items()}
+        return {**rows, "tip_deflection": self.chain.lengths.sum() - self.chain.hinges}
+
+    @functools.cached_property
     def curvature_rate_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from hinge rates to the curvature at its gauge [s/m per rad], if it depends on them."""
         rows = {name: chain.curvature_rate_row(self.chain, row) for name, row in self.gauge_rows.items()}
