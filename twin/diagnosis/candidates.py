@@ -163,17 +163,19 @@ def _large_sizes(
     """Name -> parameters of effects that gain much at a size far from neutral, if the fitted candidates gain little.
 
     The score test fails for an effect that changes the frequencies of the link much: it is linear in the effect. Output
-    errors come after a round on driven data, which has tried these. An effect cannot gain more than the misfit of the
-    blocks that it changes: one on the hub alone leaves the strains as they are.
+    errors come after a round on driven data, which has tried these; there it is an effect that is not smooth at neutral
+    which is tried, if any size of it gains. An effect cannot gain more than the misfit of the blocks that it changes:
+    one on the hub alone leaves the strains as they are.
     """
+    at_base = bench.cost(base.residual)
     if not isinstance(bench.data, DrivenData):
-        return {}
+        rough = {n: best_on_rays(bench, base, n) for n in slopes if not REGISTRY[n].smooth_at_neutral}
+        return {name: values for name, (values, cost) in rough.items() if cost < at_base}
     best, misfit = max((c.score for c in fitted), default=0.0), bench.misfit(base.residual)
     if best > _WELL_EXPLAINED * misfit or misfit < _LARGE_MISFIT * bench.count.sum():
         return {}
     able = [name for name, of in slopes.items() if _reach(bench, base, of.columns) > _PROMISING * best]
     reached = {name: best_on_rays(bench, base, name) for name in able if REGISTRY[name].wave is None}
-    at_base = bench.cost(base.residual)
     return {name: values for name, (values, cost) in reached.items() if at_base - cost > _PROMISING * best}
 
 

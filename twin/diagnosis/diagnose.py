@@ -117,7 +117,7 @@ def search(
     state = _searched_to_end(*first, progress, false_alarm_rate)
     begun = SearchState(state.start, state.adopting[:1])
     most = most_left(state)
-    if state.on_output_errors or most is None or _has_play(begun.best):
+    if state.on_output_errors or most is None:
         return state
     # Driven data smooth the motion of the hub, and an impact with it: what is missing in its balance may be hidden.
     progress("searching once more, with output errors")

@@ -48,6 +48,8 @@ class Backlash(Effect):
     )
     linearisable = False
     undefined_at_neutral = ("motor_inertia_share", "contact_stiffness", "contact_loss", "friction_on_motor")
+    # A narrow gap only delays the hub; a wide one sets it free of the motor.
+    smooth_at_neutral = False
     # A wide gap with a light motor and a narrow one with a heavy motor are alike: the likelihood has a local maximum at
     # either, so several gaps are tried.
     search_multiples = tuple(np.geomspace(1, 300, 13).tolist())
