@@ -11,29 +11,37 @@ from twin.recording import Recording
 
 _LONG_GAP = 0.1  # s, longest gap of the hub angle that may be interpolated
 _BESIDE_GAP = 0.02  # s on either side of a gap or jump that are left out with it
+_STRETCH = 50  # samples
+_ROUNDING = 1e-9  # of the range of a signal
 _OUTLIER = 12.0  # noise standard deviations from the neighbours, beyond which a single sample is an outlier
 
 
 def estimate_noise(values: np.ndarray) -> float:
-    """Returns the standard deviation of the noise on a smooth signal (n), from the median of its fourth differences.
+    """Returns the standard deviation of the noise on a smooth signal (n), by the size of its fourth differences.
 
-    The fourth difference of white noise has variance 70 sigma^2; that of a smooth signal is small. The result is at
-    least the quantisation noise, step/sqrt(12); 0 where there are fewer than 20 values.
+    The fourth difference of white noise has variance 70 sigma^2; that of a smooth signal is small. The median over
+    stretches is taken: fast motion and outliers are in some. The result is at least the quantisation noise,
+    step/sqrt(12); 0 where there are fewer than 20 values.
     """
     known = values[np.isfinite(values)]
     if len(known) < 20:
         return 0.0
     differences = np.diff(known, 4)
-    scatter = 1.4826 * np.median(np.abs(differences - np.median(differences))) / np.sqrt(70.0)
-    return float(max(scatter, quantisation_step(known) / np.sqrt(12.0)))
+    stretches = np.array_split(differences, max(1, len(differences) // _STRETCH))
+    sizes = [np.sqrt(np.mean(stretch**2) / 70.0) for stretch in stretches]
+    return float(max(np.median(sizes), quantisation_step(known) / np.sqrt(12.0)))
 
 
 def quantisation_step(values: np.ndarray) -> float:
-    """Returns the quantisation step of readings (n); 0 where they take too many different values to show one."""
+    """Returns the quantisation step of readings (n); 0 where they take too many different values to show one.
+
+    A signal that moves fast skips levels: it is the smallest distance of two, rounding apart.
+    """
     levels = np.unique(values)
     if len(levels) > len(values) / 4 or len(levels) < 2:
         return 0.0
-    return float(np.median(np.diff(levels)))
+    distances = np.diff(levels)
+    return float(distances[distances > _ROUNDING * np.ptp(levels)].min())
 
 
 def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Recording, list[str]]:

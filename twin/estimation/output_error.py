@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from twin.estimation import chain_limit, loss
+from twin.estimation import chain_limit, loss, refine
 from twin.estimation.first_state import first_state, with_bend
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
@@ -179,28 +179,31 @@ def _softened(
 
 
 def _as_start(bench: Workbench, fit: Fit) -> Fit:
-    """The fit with initial states of output errors."""
+    """The fit; one to driven data, with the initial states of output errors."""
     if isinstance(bench.data, OutputErrorData):
-        return _with_states(fit, _likelier_states(bench, fit))
+        return fit
     return _with_states(fit, [first_state(fit.model, p, bench.pool) for p in bench.prepared])
 
 
-def _likelier_states(bench: Workbench, fit: Fit) -> list[Start]:
+def _likelier_states(bench: Workbench, fit: Fit) -> tuple[list[Start], float]:
     """Of each recording, the likelier initial state: that of the fit, or one found anew from the measured state.
 
-    An earlier model that lacked an effect may have moved those of the fit to another minimum, in which only the first
-    block of a recording is off. The discretisation error that was found at those is left out.
+    Another model, which lacked an effect, may have moved those of the fit to another minimum, in which only the first
+    block of a recording is off.
+
+    Returns:
+      The states, and the misfit that they save [nat].
     """
-    free = Workbench(bench.data, bench.pool)
     anew = [with_bend(p, fit.model) for p in bench.prepared]
     unknowns = start_unknowns(anew)
     if not unknowns:
-        return list(fit.starts)
-    found = minimise(free, fit.model, [p.start for p in anew], unknowns, iterations=_STATE_ITERATIONS)
-    [own] = free.residuals([(fit.model, fit.starts, None)])
+        return list(fit.starts), 0.0
+    found = minimise(bench, fit.model, [p.start for p in anew], unknowns, iterations=_STATE_ITERATIONS)
     gained = np.zeros(len(anew))
-    np.add.at(gained, [g.recording for g in free.groups], free.misfits(own) - free.misfits(found.residual))
-    return [new if gain > 0 else old for old, new, gain in zip(fit.starts, found.starts, gained, strict=True)]
+    gains = bench.misfits(fit.residual) - bench.misfits(found.residual)
+    np.add.at(gained, [g.recording for g in bench.groups], gains)
+    pairs = zip(fit.starts, found.starts, gained, strict=True)
+    return [new if gain > 0 else old for old, new, gain in pairs], float(gained[gained > 0].sum())
 
 
 def _with_states(fit: Fit, states: Sequence[Start]) -> Fit:
@@ -210,6 +213,18 @@ def _with_states(fit: Fit, states: Sequence[Start]) -> Fit:
 
 
 def _fitted(free: Workbench, fit: Fit, goal: float = np.inf) -> Fit:
+    """The model fitted to output errors, from the fit on and, where these are likelier, from other initial states.
+
+    It is given up where its cost would stay above the goal.
+    """
+    fitted = _minimised(free, fit, goal)
+    states, gained = _likelier_states(free, fitted)
+    if gained < refine.MIN_GAIN:
+        return fitted
+    return min(fitted, _minimised(free, _with_states(fitted, states), goal), key=lambda f: f.cost)
+
+
+def _minimised(free: Workbench, fit: Fit, goal: float) -> Fit:
     at = fit.model, fit.starts, fit.unknowns, fit.values
     return minimise(free, *at, iterations=_ITERATIONS, goal=goal)
 
