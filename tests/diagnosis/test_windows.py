@@ -92,6 +92,21 @@ def test_a_window_uses_no_reading_inside_it(viscous):
     np.testing.assert_allclose(one.readings["hub_angle"], other.readings["hub_angle"], atol=1e-9)
 
 
+def test_the_first_window_is_that_of_the_free_run(viscous):
+    """Its state is known better than by a low-pass that ends at the first sample: of a moving hub, by 80 to 1."""
+    told, moving = (
+        model(viscous_friction={"viscous": 0.02}),
+        viscous.part(TIME > 0.7).replace(start="unknown"),
+    )
+    ready, _ = prepare(moving, ROUGH)
+    start = Start(float(moving["hub_angle"][0]), 1.0)
+    free = simulate(told, ready.recording, start)
+    windows = simulate_windows(told, ready, start, free)
+    first = windows.window == 0
+    assert first.sum() == 250
+    np.testing.assert_array_equal(windows.readings["hub_angle"][first], free["hub_angle"][first])
+
+
 def test_no_window_begins_where_the_hub_is_not_read(viscous):
     gap = (TIME > 1.9) & (TIME < 2.1)
     angle = np.where(gap, np.nan, viscous["hub_angle"])

@@ -64,7 +64,8 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
     A window predicts: no reading behind its first instant is used but for the low-pass. It begins with the measured
     angle and rate of the hub, low-passed, and with the shape and motion of the modelled link under the measured hub
     until then; the hub sticks where the recording shows a rest. A motor with backlash begins on the flank to which its
-    torque pushes it.
+    torque pushes it. Near the first sample the low-pass does not know the rate: the first window is that of the free
+    run, whose state, of a rig that was moving, is fitted to the first second.
 
     The rate of a rough hub sensor has an error that is visible within a window. Where the model fits the readings of
     a run-in before the window (`_RUN_INS`), from a state as near to the measured one as noise allows, the window
@@ -77,7 +78,8 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
       model: the model; the state is fitted with its chain, and the windows are simulated with a fine one.
       prepared: the recording.
       start: its state at the first sample.
-      free: readings of the free run of the whole recording; the motor torque, which only the command decides, is its.
+      free: readings of the free run of the whole recording. The first window is its, and the motor torque, which only
+        the command decides.
 
     Returns:
       None where the hub is clamped or not measured, so that nothing is measured to begin with, or without any window.
@@ -88,12 +90,16 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
     channels = {c: np.full(len(recording), np.nan) for c in recording.measured()}
     window, fine = np.full(len(recording), -1), with_fine_chain(model)
     for k, inside, motion in _window_motions(model, prepared, start):
+        window[inside] = k
+        if motion is None:
+            for channel, values in channels.items():
+                values[inside] = free[channel][inside]
+            continue
         part = recording.part(inside)
         on_rig = part.replace(channels={c: v for c, v in part.channels.items() if c != "motor_torque"})
         readings = sensor_readings(fine, on_rig, motion, began=recording.time[0])
         for channel in readings.measured():
             channels[channel][inside] = readings[channel]
-        window[inside] = k
     if "motor_torque" in channels:
         channels["motor_torque"] = np.where(window >= 0, free["motor_torque"], np.nan)
     return Windowed(recording.replace(channels=channels), window) if (window >= 0).any() else None
@@ -101,8 +107,8 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
 
 def _window_motions(
     model: Model, prepared: Prepared, start: Start
-) -> Iterator[tuple[int, np.ndarray, Motion]]:
-    """Number of each window, its samples as a mask (m), and the free motion of the chain at these."""
+) -> Iterator[tuple[int, np.ndarray, Motion | None]]:
+    """Number of each window, its samples as a mask (m), and the motion of the chain at these; None for the free run."""
     recording = prepared.recording
     fine = _DrivenRun(with_fine_chain(model), prepared, start)
     coarse = _DrivenRun(model, prepared, start)
@@ -113,6 +119,9 @@ def _window_motions(
         begin = recording.time[0] + k * WINDOW
         unseen = any(first < begin + WINDOW and last + SETTLING > begin for first, last in gaps)
         if unseen or inside.sum() < _FEWEST or not (np.abs(read - fine.time[row]) < _NEAR).any():
+            continue
+        if k == 0:
+            yield k, inside, None
             continue
         row, shift = _start(coarse, row)
         yield k, inside, fine.run(row, recording.time[inside], shift)
