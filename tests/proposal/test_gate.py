@@ -55,7 +55,7 @@ def test_defects_of_a_recording_are_named(tmp_path, make, what, text):
 def test_a_wrong_noise_is_named(tmp_path):
     channels = CHANNELS | {"hub_angle": HUB.replace("1e-4", "1e-2")}
     assert warned(write(tmp_path, toml_text(channels)))["noise"] == (
-        "hub_angle: 0.00011 rad in the readings, 0.01 rad declared"
+        "hub_angle: 0.0001 rad in the readings, 0.01 rad declared"
     )
 
 
