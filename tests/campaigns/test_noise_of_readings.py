@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from twin.campaigns import readings
 from twin.campaigns.readings import estimate_noise, quantisation_step
 
 TIME = np.arange(0.0, 11.0, 2e-3)
@@ -20,6 +21,12 @@ def swing(step, noise=NOISE, rate=4.0):
 def test_it_is_that_of_the_sensor_whatever_the_step_of_its_converter(step):
     true = np.hypot(NOISE, step / np.sqrt(12))
     assert estimate_noise(swing(step)) == pytest.approx(true, rel=0.06)
+
+
+@pytest.mark.parametrize("samples", [20, 50, 200])
+def test_the_length_of_a_stretch_does_not_matter(monkeypatch, samples):
+    monkeypatch.setattr(readings, "_STRETCH", samples)
+    assert estimate_noise(swing(3e-4)) == pytest.approx(NOISE, rel=0.06)
 
 
 def test_a_coarse_converter_has_the_noise_of_its_step():

@@ -115,10 +115,10 @@ def search(
     first = first_round(campaign, pool, progress, false_alarm_rate)
     first = continued_on_output_errors(*first, progress)
     state = _searched_to_end(*first, progress, false_alarm_rate)
-    begun = SearchState(state.start, state.adopting[:1])
     most = most_left(state)
     if state.on_output_errors or most is None:
         return state
+    begun = SearchState(state.start, state.adopting[:1])
     # Driven data smooth the motion of the hub, and an impact with it: what is missing in its balance may be hidden.
     progress("searching once more, with output errors")
     begun, more = on_output_errors(begun, True, most, progress)

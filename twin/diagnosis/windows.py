@@ -91,13 +91,11 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
     window, fine = np.full(len(recording), -1), with_fine_chain(model)
     for k, inside, motion in _window_motions(model, prepared, start):
         window[inside] = k
-        if motion is None:
-            for channel, values in channels.items():
-                values[inside] = free[channel][inside]
-            continue
-        part = recording.part(inside)
+        part = (recording if motion is not None else free).part(inside)
         on_rig = part.replace(channels={c: v for c, v in part.channels.items() if c != "motor_torque"})
-        readings = sensor_readings(fine, on_rig, motion, began=recording.time[0])
+        readings = (
+            sensor_readings(fine, on_rig, motion, began=recording.time[0]) if motion is not None else on_rig
+        )
         for channel in readings.measured():
             channels[channel][inside] = readings[channel]
     if "motor_torque" in channels:

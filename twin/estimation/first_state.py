@@ -29,6 +29,7 @@ _SPANS = (0.15, 0.25, 0.5)
 _FREE_RUN_SPAN = 1.0
 """Span at the start of a recording from which the state of a free-running simulation is estimated [s]."""
 _SCALES = (1e-4, 1e-4, 1e-3, 1e-3)  # of two bends [m] and their rates [m/s]: small beside visible ones
+STATE_ITERATIONS = 6  # of a fit of initial states alone, with the model as it is
 _MAX_EVALUATIONS = 10  # of least squares
 _GUESS_SPAN = 0.05  # s from which the first guess is taken
 
@@ -42,7 +43,8 @@ def first_state(model: Model, prepared: Prepared, pool: ResidualPool) -> Start:
         return sensor_corrected_start(model, prepared, prepared.start)
     short = with_bend(_head(prepared, _FREE_RUN_SPAN), model)
     bench = Workbench(GuidedData([short]), pool)
-    return minimise(bench, model, [short.start], start_unknowns([short]), iterations=6).starts[0]
+    unknowns = start_unknowns([short])
+    return minimise(bench, model, [short.start], unknowns, iterations=STATE_ITERATIONS).starts[0]
 
 
 def with_bend(prepared: Prepared, model: Model) -> Prepared:
@@ -83,11 +85,11 @@ def _fitted_bend(view: View, short: Prepared, model: Model) -> Start:
 def _bend_from_strains(prepared: Prepared, model: Model) -> Start:
     """The initial state with the bend and rate of the first one or two clamped modes that give the first strains."""
     recording = prepared.recording
-    gauges = [c for c in prepared.channels if c in model.curvature_rows]
+    gauges = [c for c in prepared.channels if c in model.strain_rows]
     if not gauges:
         return prepared.start
     shapes = bending_shapes(model.chain)[:, : len(gauges)]
-    rows = np.stack([model.sensors[c].half_thickness * model.curvature_rows[c] @ shapes for c in gauges])
+    rows = np.stack([model.strain_rows[c] @ shapes for c in gauges])
     lines = [_value_and_slope(recording, c) for c in gauges]
     bends = np.zeros((2, 2))
     bends[: shapes.shape[1]] = np.linalg.lstsq(rows, np.array(lines))[0]

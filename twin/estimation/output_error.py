@@ -16,7 +16,7 @@ from typing import cast
 import numpy as np
 
 from twin.estimation import chain_limit, loss, refine
-from twin.estimation.first_state import first_state, with_bend
+from twin.estimation.first_state import STATE_ITERATIONS, first_state, with_bend
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
 from twin.estimation.slopes import cost_of, difference_jacobian, first_steps
@@ -38,7 +38,6 @@ from twin.rigs.simulate import simulate
 _HUB_SHARE = 0.9
 """Share of the variance of a channel's noise from which its own noise does not matter."""
 _ITERATIONS = 20  # of a fit that may begin far from its minimum, as those of a calibration
-_STATE_ITERATIONS = 6  # of initial states alone, as those of `first_state`
 _PERIODS = 0.5, 1.0, 2.0, np.inf
 """Periods in which the rig oscillates about the measured hub, see `OutputErrorData` [s]."""
 _DAMPING_RATIOS = 0.5, 0.0
@@ -198,7 +197,7 @@ def _likelier_states(bench: Workbench, fit: Fit) -> tuple[list[Start], float]:
     unknowns = start_unknowns(anew)
     if not unknowns:
         return list(fit.starts), 0.0
-    found = minimise(bench, fit.model, [p.start for p in anew], unknowns, iterations=_STATE_ITERATIONS)
+    found = minimise(bench, fit.model, [p.start for p in anew], unknowns, iterations=STATE_ITERATIONS)
     gained = np.zeros(len(anew))
     gains = bench.misfits(fit.residual) - bench.misfits(found.residual)
     np.add.at(gained, [g.recording for g in bench.groups], gains)

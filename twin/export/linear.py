@@ -134,9 +134,7 @@ def _true_values(model: Model, hub_angle: float, torque: float) -> dict[str, flo
     angles = linear_chain.equilibrium(model, hub_angle)
     bends = np.diff(angles[: len(model.chain.lengths)])
     deflection = model.plant.link.lengths @ np.sin(angles - angles[0])
-    strains = {
-        n: model.sensors[n].half_thickness * float(row @ bends) for n, row in model.curvature_rows.items()
-    }
+    strains = {name: float(row @ bends) for name, row in model.strain_rows.items()}
     return {"hub_angle": hub_angle, "tip_deflection": float(deflection), **strains, "motor_torque": torque}
 
 

@@ -72,8 +72,8 @@ class NoiseModel:
     Attributes:
       noise: channel or "hub_torque" -> standard deviation behind the filter, without ringing.
       whitening: channel -> gain over frequency of the filter that makes its residual white, see `whitened`.
-      ringing: strain or "hub_torque" -> coherent oscillation by noise of the hub angle.
-      noise_scale: strain or "hub_torque" -> noise relative to that of quiet stretches (m).
+      ringing: channel or "hub_torque" -> coherent oscillation by noise of the hub angle.
+      noise_scale: channel or "hub_torque" -> noise relative to that of quiet stretches (m).
     """
 
     noise: dict[str, float]

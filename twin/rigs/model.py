@@ -100,10 +100,14 @@ class Model:
         }
 
     @functools.cached_property
+    def strain_rows(self) -> dict[str, np.ndarray]:
+        """Channel -> row (n) from hinge angles to the strain at its gauge [1/rad]."""
+        return {name: self.sensors[name].half_thickness * row for name, row in self.curvature_rows.items()}
+
+    @property
     def link_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from small hinge angles to its strain [1/rad] or tip deflection [m/rad]."""
-        rows = {c: self.sensors[c].half_thickness * row for c, row in self.curvature_rows.items()}
-        return {**rows, "tip_deflection": self.chain.lengths.sum() - self.chain.hinges}
+        return {**self.strain_rows, "tip_deflection": self.chain.lengths.sum() - self.chain.hinges}
 
     @functools.cached_property
     def curvature_rate_rows(self) -> dict[str, np.ndarray]:

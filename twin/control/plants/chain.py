@@ -23,7 +23,7 @@ class _SegmentPlant(abc.ABC):
         self._model, self._drive = model, DriveLine(model)
         self._lengths = model.chain.lengths
         self._count = len(self._lengths)
-        self._rows = {name: model.sensors[name].half_thickness * row for name, row in _gauges(model).items()}
+        self._rows = {name: row for name, row in model.strain_rows.items() if name.startswith("strain")}
 
     @property
     @abc.abstractmethod
@@ -173,8 +173,3 @@ class CompiledPlant(_SegmentPlant):
 
     def _delivered(self) -> float:
         return float(self._torque)
-
-
-def _gauges(model: Model) -> dict[str, np.ndarray]:
-    """Channel of each strain gauge -> row (n) from hinge angles to curvature [1/m per rad]."""
-    return {name: row for name, row in model.curvature_rows.items() if name.startswith("strain")}

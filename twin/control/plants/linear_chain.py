@@ -127,10 +127,9 @@ def _output_rows(
     rows, rate_rows = np.zeros((2, len(LINK_READINGS) + 1, len(across)))
     rows[0], rows[1], rows[-1] = hub, across - across.sum() * hub, twist
     for place, name in enumerate(LINK_READINGS[2:], 2):
-        thickness = model.sensors[name].half_thickness
-        rows[place] = thickness * model.curvature_rows[name] @ hinge
+        rows[place] = model.strain_rows[name] @ hinge
         if name in model.curvature_rate_rows:
-            rate_rows[place] = thickness * model.curvature_rate_rows[name] @ hinge
+            rate_rows[place] = model.sensors[name].half_thickness * model.curvature_rate_rows[name] @ hinge
     return rows, rate_rows
 
 
