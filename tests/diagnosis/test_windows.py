@@ -24,10 +24,10 @@ def model(**effects):
     return Model(declared, SENSORS, chain.fit_shape(declared, 8), named)
 
 
-def measured(truth, noise, clamped=False):
+def measured(truth, noise, clamped=False, seed=0):
     channels = {"torque_command": SQUARE, **{c: np.zeros_like(TIME) for c in noise}}
     run = simulate(truth, Recording("a.csv", TIME, channels, clamped), Start())
-    draw = np.random.default_rng(0)
+    draw = np.random.default_rng(seed)
     noisy = {c: run[c] + sigma * draw.standard_normal(len(TIME)) for c, sigma in noise.items()}
     return Recording("a.csv", TIME, {"torque_command": SQUARE, **noisy}, clamped)
 
@@ -72,8 +72,10 @@ def test_sticks_and_slips_of_a_fine_sensor_are_followed():
 
 def test_a_lagging_drive_has_reached_at_each_start_what_it_has_reached():
     lag = model(actuator_lag={"time_constant": 0.08})
-    _, sizes = in_windows(lag, measured(lag, ROUGH), ROUGH)
-    assert max(pair[0] for pair in sizes.values()) < 1.5, sizes
+    sizes = [in_windows(lag, measured(lag, ROUGH, seed=seed), ROUGH)[1] for seed in range(5)]
+    # One step of least squares to the readings before a window, where a hub may stick, leaves 1.5.
+    assert np.median([s["hub_angle"][0] for s in sizes]) < 1.3, sizes
+    assert np.median([s["strain_base"][0] for s in sizes]) < 1.2, sizes
 
 
 def test_drift_of_a_gauge_is_counted_from_the_first_sample():

@@ -29,12 +29,13 @@ from twin.identification import (
     likelihood_profile,
     spectra,
 )
+from twin.identification.break_away_events import find_break_aways
 from twin.identification.compare_campaigns import Comparison
 from twin.identification.estimates import Identified
 from twin.mechanics import beam, chain, planar
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
-from twin.residuals import breakaway, residual
+from twin.residuals import residual
 from twin.residuals.data import DrivenData
 from twin.residuals.groups import Group
 from twin.residuals.make_view import make_view
@@ -185,7 +186,7 @@ def test_commands_that_act_a_little_late_move_no_break_away():
     starts = [p.start for p in prepared]
     for late in (0.0, 5e-6, -5e-6):
         # A jump of the command tells no level, a ramp does.
-        [event] = breakaway.find_break_aways(twin.replace(late=late), prepared, starts)
+        [event] = find_break_aways(twin.replace(late=late), prepared, starts)
         assert event.recording == 1
         assert event.torque == pytest.approx(RIG["static_friction"], rel=0.01)
 

@@ -23,7 +23,7 @@ from twin.diagnosis.spectrum import Peak
 from twin.effects import REGISTRY
 from twin.estimation import output_error
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import minimise
+from twin.estimation.minimise import QUICK_ITERATIONS, minimise
 from twin.estimation.slopes import linear_gain, linear_move
 from twin.estimation.unknowns import Unknown, effect_unknowns, model_and_starts_at, replaced_parameters
 from twin.estimation.workbench import Workbench
@@ -39,16 +39,11 @@ STRAIN = 2.0
 """Standard deviations from its declared value beyond which a calibrated parameter is suspect."""
 SLOPE_FACTOR = 15.0
 """A finite difference may change the residual by up to this factor more or less than `_VISIBLE_CHANGE`."""
-_WELL_EXPLAINED = 0.4
-"""Share of the misfit that a score has to reach for the round to need no candidates of large size."""
 _PROMISING = 0.5
-"""Share of the best score that an effect of large size has to gain, nothing else fitted, to be fitted."""
-_LARGE_MISFIT = 0.5
-"""Misfit per independent sample [nat] above which the model is wrong in most of the recordings."""
+"""Share of the misfit that a score has to reach for the round to need no candidates of large size; and of the best
+score that one of these has to gain, nothing else being fitted, to be fitted."""
 _HIDDEN_SHARES = (0.25, 0.5, 0.75)
 """Shares of a declared parameter that an effect which it hides may be."""
-_QUICK_ITERATIONS = 8
-"""Iterations of the first fit of a candidate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +167,8 @@ def _large_sizes(
         rough = {n: best_on_rays(bench, base, n) for n in slopes if not REGISTRY[n].smooth_at_neutral}
         return {name: values for name, (values, cost) in rough.items() if cost < at_base}
     best, misfit = max((c.score for c in fitted), default=0.0), bench.misfit(base.residual)
-    if best > _WELL_EXPLAINED * misfit or misfit < _LARGE_MISFIT * bench.count.sum():
+    # Noise alone has half a nat per independent sample.
+    if best > _PROMISING * misfit or misfit < 0.5 * bench.count.sum():
         return {}
     able = [name for name, of in slopes.items() if _reach(bench, base, of.columns) > _PROMISING * best]
     reached = {name: best_on_rays(bench, base, name) for name in able if REGISTRY[name].wave is None}
@@ -339,7 +335,7 @@ def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float
     model = without_replaced_errors(with_effect(base.model, name, values))
     unknowns = fit_unknowns(bench, model, base)
     first = initial_values(unknowns, model, base, near)
-    return minimise(bench, model, base.starts, unknowns, first, base.jacobian_columns, _QUICK_ITERATIONS)
+    return minimise(bench, model, base.starts, unknowns, first, base.jacobian_columns, QUICK_ITERATIONS)
 
 
 def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float]:

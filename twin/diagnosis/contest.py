@@ -220,6 +220,4 @@ def refit_in_fine_limit(
       jacobian: (n x p) of these data there, if it is known.
     """
     bench, _ = chain_limit.without_discretisation_error(bench, fit.model, fit.starts, chain_limit.STANDARD)
-    return bench, minimise(
-        bench, fit.model, fit.starts, fit.unknowns, fit.values, iterations=6, first_jacobian=jacobian
-    )
+    return bench, minimise(bench, fit.model, fit.starts, fit.unknowns, fit.values, first_jacobian=jacobian)

@@ -13,15 +13,16 @@ import numpy as np
 
 from twin.diagnosis.answer import Contradiction, Prediction
 from twin.diagnosis.error_budget import ModelError
-from twin.diagnosis.rules import LEFT_SHARE, WORST_RESIDUAL
+from twin.diagnosis.rules import LEFT_SHARE
+from twin.residuals.significance import FOLLOWS
 
 
 def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> tuple[Contradiction, ...]:
     """The contradictions in held-out recordings, the largest over its limit first.
 
     Where a model is right, its errors in held-out windows are as those in fitted ones. Of the median window and of the
-    whole run, less what a right effect may leave (`LEFT_SHARE`), both are larger than `WORST_RESIDUAL` times the noise,
-    and than `WORST_RESIDUAL` times the median window of the worst fit recording, where that is explained itself, or
+    whole run, less what a right effect may leave (`LEFT_SHARE`), both are larger than `FOLLOWS` times the noise,
+    and than `FOLLOWS` times the median window of the worst fit recording, where that is explained itself, or
     than the errors of the calibrated model.
 
     Args:
@@ -36,10 +37,10 @@ def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> 
             noise, size = budget.noise, _excess(budget.after, budget.before)
             fitted = max(_fitted(predictions, channel), default=noise)
             limits = {}
-            if fitted < WORST_RESIDUAL * noise:
-                limits["fit"] = WORST_RESIDUAL * max(noise, fitted)
+            if fitted < FOLLOWS * noise:
+                limits["fit"] = FOLLOWS * max(noise, fitted)
             if has_effects:
-                limits["calibrated"] = max(WORST_RESIDUAL * noise, _size(budget.calibrated))
+                limits["calibrated"] = max(FOLLOWS * noise, _size(budget.calibrated))
             reference, limit = min(limits.items(), key=lambda pair: pair[1], default=("", np.inf))
             if noise > 0 and np.isfinite(limit) and size > limit:
                 found.append(Contradiction(file, channel, size / noise, limit / noise, reference))
@@ -49,7 +50,7 @@ def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> 
 def in_words(found: Contradiction, label: str) -> str:
     """A sentence on a contradiction; `label`: the channel in words."""
     than = (
-        f"{found.limit / WORST_RESIDUAL:.2g} at most in the fit recordings"
+        f"{found.limit / FOLLOWS:.2g} at most in the fit recordings"
         if found.reference == "fit"
         else f"{found.limit:.2g} without the effects"
     )

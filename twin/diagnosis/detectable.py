@@ -23,7 +23,7 @@ from twin.effects import REGISTRY, Effect, EffectParameter
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.fit import Fit
 from twin.estimation.residual_pool import ResidualPool
-from twin.estimation.slopes import normal_equations_at, row_weights
+from twin.estimation.slopes import normal_equations_at, root_diagonal, row_weights
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.prepared import shortest_period
@@ -161,7 +161,7 @@ def _standard_error(bench: Workbench, base: Fit, column: np.ndarray, replaced: I
     kept = [k for k, u in enumerate(base.unknowns) if u.kind != "rig" or u.name not in set(replaced)]
     J, unknowns = base.jacobian[:, kept], [base.unknowns[k] for k in kept]
     normal, _ = normal_equations_at(bench, unknowns, base.values[kept], noise, J)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scale = root_diagonal(normal)
     cross = (J.T @ (weights * column)) / scale
     explained = cross @ np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) @ cross
     total = float(column @ (weights * column))

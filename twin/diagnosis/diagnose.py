@@ -39,6 +39,7 @@ from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.recording import HUB_TORQUE, ON_LINK
 from twin.residuals.data import EVENT_CHANNELS
+from twin.residuals.significance import FOLLOWS
 
 MOST_EFFECTS = 3
 """Effects that are adopted at most."""
@@ -136,7 +137,7 @@ def most_left(state: SearchState) -> float | None:
     if HUB_TORQUE in remainder.unexplained_channels(state):
         return math.inf
     sizes = zip(state.bench.groups, state.bench.sizes(state.best.residual), strict=True)
-    off = any(s >= rules.WORST_RESIDUAL for g, s in sizes if g.channel not in EVENT_CHANNELS)
+    off = any(s >= FOLLOWS for g, s in sizes if g.channel not in EVENT_CHANNELS)
     return state.bench.misfit(state.best.residual) if off and not state.adopted else None
 
 
@@ -228,12 +229,10 @@ def continued_on_output_errors(
     """
     if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
         return on_output_errors(state, more, math.inf, progress)
-    explained = _largest(state.bench, state.best) < rules.WORST_RESIDUAL
+    explained = _largest(state.bench, state.best) < FOLLOWS
     if explained or _has_play(state.best):
         return state, more
-    return on_output_errors(
-        state, more, state.bench.misfit(state.best.residual), progress, rules.WORST_RESIDUAL
-    )
+    return on_output_errors(state, more, state.bench.misfit(state.best.residual), progress, FOLLOWS)
 
 
 def _has_play(fit: Fit) -> bool:

@@ -11,7 +11,7 @@ from twin.diagnosis import dependence, remainder, revise, rules
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import SearchState
-from twin.estimation.calibrate import SIGNIFICANT, late_command_notes
+from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
 from twin.estimation.unknowns import Unknown
@@ -20,6 +20,7 @@ from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.recording import HUB_TORQUE
 from twin.residuals import static_levels
 from twin.residuals.rest_run import RestRun
+from twin.residuals.significance import SIGNIFICANT
 from twin.residuals.view import View
 
 _SMALL = 0.1  # share of its declared deviation up to which a gain or a delay of a channel is not noted

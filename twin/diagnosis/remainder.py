@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twin.diagnosis.judgement import Judgement, judge_all
-from twin.diagnosis.rules import EXPLANATION, LEFT_SHARE, SIZE_DEVIATIONS, Leftover, excesses
+from twin.diagnosis.rules import EXPLANATION, LEFT_SHARE, Leftover, excesses
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import loss
 from twin.estimation.fit import Fit
@@ -13,6 +13,7 @@ from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench, reversal_weights
 from twin.recording import HUB_TORQUE
 from twin.residuals.data import EVENT_CHANNELS
+from twin.residuals.significance import SIGNIFICANT
 
 QUIET = 1 / 3
 """Residual size [noise levels] below which the declared noise of a channel is too large."""
@@ -44,7 +45,7 @@ def large_residuals(state: SearchState) -> tuple[str, ...]:
         worst, repeated, _ = judge_all(EXPLANATION, left)
         if not worst.passed and not repeated.passed:
             sizes = np.asarray(left.sizes)
-            medians[channel] = float(np.median(sizes[excesses(left, ADEQUATE_RMS, SIZE_DEVIATIONS) > 1]))
+            medians[channel] = float(np.median(sizes[excesses(left, ADEQUATE_RMS, SIGNIFICANT) > 1]))
     return tuple(sorted(medians, key=lambda c: -medians[c]))
 
 
@@ -56,7 +57,7 @@ def in_one_recording(state: SearchState) -> list[tuple[int, str, float]]:
         worst, *_ = judge_all(EXPLANATION, left)
         if channel in repeated or worst.passed:
             continue
-        for k in np.flatnonzero(excesses(left, ADEQUATE_RMS, SIZE_DEVIATIONS) > 1).tolist():
+        for k in np.flatnonzero(excesses(left, ADEQUATE_RMS, SIGNIFICANT) > 1).tolist():
             single.append((by_place[channel][k], channel, float(left.sizes[k])))
     return single
 

@@ -20,7 +20,6 @@ from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement
 from twin.diagnosis.rules import (
     CONTRADICTED,
-    DETERMINED,
     NEEDED,
     REPLACEABLE,
     SIZE_DETERMINED,
@@ -31,18 +30,17 @@ from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation import jackknife
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import minimise
+from twin.estimation.minimise import QUICK_ITERATIONS, minimise
 from twin.estimation.slopes import normal_equations
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.parameters import relative_uncertainty
 from twin.progress import Progress, silent
+from twin.residuals.significance import SIGNIFICANT
 
-_QUICK_ITERATIONS = 5  # of a fit that decides whether a fit to convergence is needed
 _CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which such a fit decides
 _CLOSE = 0.8  # share of the best score of a round from which another candidate may replace the adopted one
 _FUNCTION_PARAMETERS = 2  # hyperparameters of a smooth function: standard deviation and length scale
-_WHOLE_ORDER_ITERATIONS = 5
 _DIFFERENCE = 1e-4  # step of a difference quotient relative to the value
 _AT_END = 1e-3  # relative distance within which a parameter is at its bound
 
@@ -72,7 +70,7 @@ def _without_needless(state: SearchState) -> SearchState:
 def _fit_without(state: SearchState, name: str, least: float) -> Fit:
     """The fit without one effect; to convergence unless the loss of score is clearly above `least`."""
     effects = {n: p for n, p in state.best.model.effects.items() if n != name}
-    quick = refit(state, effects, _QUICK_ITERATIONS, state.best)
+    quick = refit(state, effects, QUICK_ITERATIONS, state.best)
     if candidates.score_gain(state.bench, quick, state.best) > _CLEARLY_NEEDED * least:
         return quick
     return refit(state, effects, contest.FULL_ITERATIONS, quick)
@@ -88,7 +86,7 @@ def _exchanged(state: SearchState) -> SearchState:
                 continue
             tried = {other.name if n == adopted else n: p for n, p in effects.items()}
             tried[other.name] = other.fit.model.effects[other.name]
-            result = refit(state, tried, _QUICK_ITERATIONS, state.best)
+            result = refit(state, tried, QUICK_ITERATIONS, state.best)
             fewer = len(closest.unknowns) - len(result.unknowns)
             gained = closest.cost - result.cost + candidates.penalty(fewer, state.bench)
             judgement = REPLACEABLE.judge(Standing(gained, earlier.ranked[0].score))
@@ -129,7 +127,7 @@ def _tied_models(state: SearchState, k: int) -> list[Candidate]:
     for other in state.adopting[k].ranked[: contest.CONTENDERS]:
         if other.score > least and other.is_fitted and other.name not in best.model.effects:
             effects = {**kept, other.name: other.fit.model.effects[other.name]}
-            fit = refit(state, effects, _QUICK_ITERATIONS, best)
+            fit = refit(state, effects, QUICK_ITERATIONS, best)
             tied.append(Candidate(tuple(effects), fit, other.score))
     return tied
 
@@ -153,7 +151,7 @@ def refit(
     Args:
       state: of the search.
       effects: of the model: name -> parameter -> value, SI.
-      iterations: maximum; with `_QUICK_ITERATIONS`, the Jacobian of `near` is kept.
+      iterations: maximum; with `QUICK_ITERATIONS`, the Jacobian of `near` is kept.
       near: the other fit.
       bench: the data; by default those of the state.
     """
@@ -162,7 +160,7 @@ def refit(
     model = candidates.without_replaced_errors(model)
     unknowns = candidates.fit_unknowns(bench, model, state.base)
     first = candidates.initial_values(unknowns, model, state.base, near)
-    kept = near.jacobian_columns if iterations == _QUICK_ITERATIONS else None
+    kept = near.jacobian_columns if iterations == QUICK_ITERATIONS else None
     return minimise(bench, model, near.starts, unknowns, first, kept, iterations)
 
 
@@ -199,8 +197,8 @@ def without_undetermined(state: SearchState) -> SearchState | None:
     """The state without effects whose sizes are not determined; None if all are.
 
     Two wrong laws may add up to a right one: a spring and a cogging torque of two periods a turn imitate a hardening
-    spring. Their sizes are then nearly collinear, so that neither differs from neutral by `DETERMINED` standard errors,
-    and each alone explains little. If one of them explains what both do, it is kept alone.
+    spring. Their sizes are then nearly collinear, so that neither differs from neutral by three standard errors, and
+    each alone explains little. If one of them explains what both do, it is kept alone.
 
     Args:
       state: whose last fit has its standard errors.
@@ -253,14 +251,14 @@ def size_in_errors(best: Fit, name: str) -> float:
     moving = [p for p in effect.parameters if p.name not in effect.undefined_at_neutral]
     at_neutral = {p.name: p.turned(neutral[p.name]) for p in moving}
     own = {p.name for p in moving if p.channel is None} or set(at_neutral)
-    sizes = [DETERMINED] if not at_neutral else []
+    sizes = [SIGNIFICANT] if not at_neutral else []
     for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True):
         if u.effect == name and u.name in at_neutral:
             if is_at_end(u, value):
                 return 0.0
             if u.name in own:
                 sizes.append(abs(value - at_neutral[u.name]) / error if error > 0 else 0.0)
-    return max([*sizes, _joint_size(best, name)], default=DETERMINED)
+    return max([*sizes, _joint_size(best, name)], default=SIGNIFICANT)
 
 
 def _joint_size(best: Fit, name: str) -> float:
@@ -448,9 +446,7 @@ def _at_whole(bench: Workbench, best: Fit, order: Unknown) -> Fit:
     effects = {name: dict(p) for name, p in best.model.effects.items()}
     effects[order.effect][order.name] = whole
     model = best.model.replace(effects=effects)
-    return minimise(
-        bench, model, best.starts, unknowns, values, best.jacobian_columns, _WHOLE_ORDER_ITERATIONS
-    )
+    return minimise(bench, model, best.starts, unknowns, values, best.jacobian_columns, QUICK_ITERATIONS)
 
 
 def _conditional_slope(bench: Workbench, best: Fit, index: int) -> np.ndarray:

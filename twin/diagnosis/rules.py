@@ -22,6 +22,7 @@ from twin.estimation import cross_validation, loss
 from twin.estimation.fit import Fit
 from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench
+from twin.residuals.significance import CERTAIN, FOLLOWS, SIGNIFICANT
 
 MODEL_ERROR_SCORE = 30.0
 """Minimum score. The discretisation error of the chain reached 23 on rigs without a missing effect."""
@@ -31,17 +32,11 @@ LEAST_SHARE = 0.05
 """Share of the misfit that an effect has to explain: less is within the error of the model."""
 LEAST_ELSEWHERE = 10.0
 """Cross-validated gain without the recording that gains most: odds of 20 000 to 1."""
-DETERMINED = 3.0
-"""Standard errors from neutral from which the size of an effect counts as determined."""
 TIE, TIE_SHARE, DECISIVE_SHARE = 5.0, 0.02, 0.05
 """Largest score difference of a tie: 5 (odds of 150 to 1), or a share of the score, because the error of the model
 grows with the misfit: 2 % for a simpler candidate to be preferred, 5 % for two candidates to be named together."""
-WORST_RESIDUAL = 2.0
-"""Residual of a channel [noise levels] above which its worst recording is not explained."""
 LEFT_SHARE = 0.05
 """Share of a residual without adopted effects that a right effect may leave, by discretisation."""
-SIZE_DEVIATIONS, WORST_DEVIATIONS = 3.0, 5.0
-"""Standard deviations of the estimated size of noise that any residual, and the worst one, may be above 1."""
 REPEATED = 2
 """Recordings in which a channel has to show such a residual: a single recording may be faulty."""
 LEAST_EVIDENCE = 7.0
@@ -222,8 +217,8 @@ SIZE_DETERMINED: Rule[Standing] = Rule(
     "Is its size determined, and within its range?",
     "distance from neutral [standard errors], 0 at the end of its range",
     lambda s: s.size,
-    lambda s: DETERMINED,
-    f"{DETERMINED:g}",
+    lambda s: SIGNIFICANT,
+    f"{SIGNIFICANT:g}",
     "assumed",
     "two-sided normal probability 0.3 %",
 )
@@ -290,9 +285,9 @@ EXPLANATION: tuple[Rule[Leftover], ...] = (
         "worst-residual",
         "Is the largest residual of the channel consistent with noise?",
         "largest root-mean-square residual of a recording over its limit",
-        lambda x: float(excesses(x, WORST_RESIDUAL, WORST_DEVIATIONS).max(initial=0.0)),
+        lambda x: float(excesses(x, FOLLOWS, CERTAIN).max(initial=0.0)),
         lambda x: 1,
-        f"1; the limit is {WORST_RESIDUAL:g} noise levels or 1 + {WORST_DEVIATIONS:g} standard deviations",
+        f"1; the limit is {FOLLOWS:g} noise levels or 1 + {CERTAIN:g} standard deviations",
         "measured",
         _NULLS,
         at_least=False,
@@ -301,10 +296,10 @@ EXPLANATION: tuple[Rule[Leftover], ...] = (
         "repeated-residual",
         "Do fewer than two recordings have a residual of the channel above noise?",
         "number of recordings above the limit",
-        lambda x: int((excesses(x, ADEQUATE_RMS, SIZE_DEVIATIONS) > 1).sum()),
+        lambda x: int((excesses(x, ADEQUATE_RMS, SIGNIFICANT) > 1).sum()),
         lambda x: min(REPEATED, x.recordings) - 1,
         f"{REPEATED - 1}, with a single recording 0; the limit is {ADEQUATE_RMS:g} noise levels or "
-        f"1 + {SIZE_DEVIATIONS:g} standard deviations",
+        f"1 + {SIGNIFICANT:g} standard deviations",
         "policy",
         "a single recording may be faulty; a note names it",
         at_least=False,

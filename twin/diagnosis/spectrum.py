@@ -20,7 +20,7 @@ from scipy.signal import cont2discrete, lfilter
 from twin.effects.base import Effect
 from twin.effects.wave import RESONANCE_DAMPING, Wave
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import normal_equations, row_weights
+from twin.estimation.slopes import normal_equations, root_diagonal, row_weights
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
 from twin.residuals.data import EVENT_CHANNELS, DrivenData
@@ -28,8 +28,7 @@ from twin.residuals.filters import GRID, low_pass_gain, low_passed
 from twin.residuals.view import View, move_link, whitened
 from twin.rigs.model import Model
 
-_PEAKS = 3  # peaks of a spectrum that are returned
-_MOST_BASE_FREQUENCIES = 3  # frequencies at which an acceleration of the base is tried
+_PEAKS = 3  # peaks of a spectrum that are returned or tried
 _NEIGHBOURS = 60  # grid points to either side over which the local level of a spectrum is taken
 _CHUNK = 16  # orders of one task of a thread
 _MODES = 3  # clamped modes of a modal response
@@ -95,7 +94,7 @@ def _base_acceleration_peaks(bench: Workbench, base: Fit, frequencies: np.ndarra
     power = _residual_power(scan, frequencies)
     maxima = _local_maxima(power)
     levels = np.array([_local_median(power, k) for k in maxima])
-    chosen = np.argsort(-power[maxima] / levels)[:_MOST_BASE_FREQUENCIES]
+    chosen = np.argsort(-power[maxima] / levels)[:_PEAKS]
     peaks = scan.at(frequencies[maxima[chosen]])
     best = int(np.argmax([peak.gain for peak in peaks]))
     if peaks[best].gain <= 0:
@@ -111,7 +110,9 @@ def _residual_power(scan: _Scan, frequencies: np.ndarray) -> np.ndarray:
         signal = scan.base.residual[group.rows] * np.sqrt(scan.weights[group.rows])
         length = max(size, len(signal))
         power = np.abs(rfft(signal, length)) ** 2
-        total += np.interp(frequencies, rfftfreq(length, GRID), power) / max(float(power.mean()), 1e-300)
+        total += np.interp(frequencies, rfftfreq(length, GRID), power) / max(
+            float(power.mean()), np.finfo(float).tiny
+        )
     return total / np.median(total)
 
 
@@ -244,7 +245,7 @@ def _regression(
     """
     reduced = squares - mixed @ inverse @ mixed.T
     reduced_gradient = slope - mixed @ inverse @ gradient
-    scale = np.sqrt(np.maximum(np.diag(reduced), 1e-300))
+    scale = root_diagonal(reduced)
     system, right = reduced / np.outer(scale, scale), reduced_gradient / scale
     move = -np.linalg.lstsq(system, right, rcond=1e-6)[0] / scale
     return Peak(order, tuple(move.tolist()), float(-0.5 * reduced_gradient @ move))

@@ -6,7 +6,7 @@ window of stated length it is bounded, and shows what the model gets wrong there
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +16,10 @@ from twin.mechanics.state import Motion, Start
 from twin.recording import Recording
 from twin.residuals.filters import GRID
 from twin.residuals.make_view import derivative_noise, hub_signals
-from twin.residuals.prepared import Prepared
+from twin.residuals.prepared import MIN_READINGS, Prepared
 from twin.residuals.resample import missing_rows
 from twin.residuals.residual import has_unknown_zero
+from twin.residuals.significance import FOLLOWS, SIGNIFICANT
 from twin.residuals.view import SETTLING, move_link
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import bending_shapes, delivered_torque, sensor_readings
@@ -28,13 +29,10 @@ WINDOW = 1.0
 _RUN_INS = (0.5, 0.2, 0.1)
 """Spans before a window to whose readings the state is fitted, one after the other until the model fits [s]: the
 longer, the less the noise of a rough hub sensor matters, and the more the errors of the model do."""
-_FITS = 2.0
-"""Residual of every channel in a run-in up to which the model fits it, root mean square [noise levels]."""
 _NEAR = 0.02  # s before and behind the start of a window in which the hub has to be read
+_SAME = 1e-9  # s, difference of instants by rounding
 _LONG_BEFORE = 1e3  # s, when the drive has settled
-_FEWEST = 4  # samples of a window
-_LOOSE = 3.0
-"""Standard deviation of the error of a driven state in multiples of the error that the noise of the hub angle makes."""
+_MOST_STEPS = 4  # of a fit to the readings before a window
 _STEP = 0.1  # of difference quotients, in standard deviations of the driven state
 _FITTED = ("hub_angle", "hub_rate", "strain_base", "strain_mid", "tip_deflection")
 """Channels to which the state is fitted; an acceleration or a torque says little about it."""
@@ -112,11 +110,11 @@ def _window_motions(
     coarse = _DrivenRun(model, prepared, start)
     since = (recording.time - recording.time[0]) / WINDOW
     read, gaps = recording.time[np.isfinite(recording["hub_angle"])], missing_rows(recording)
-    for k in range(int(recording.duration / WINDOW + 1e-9)):
-        row, inside = round(k * WINDOW / GRID), np.floor(since + 1e-9) == k
+    for k in range(int(recording.duration / WINDOW + _SAME)):
+        row, inside = round(k * WINDOW / GRID), np.floor(since + _SAME) == k
         begin = recording.time[0] + k * WINDOW
         unseen = any(first < begin + WINDOW and last + SETTLING > begin for first, last in gaps)
-        if unseen or inside.sum() < _FEWEST or not (np.abs(read - fine.time[row]) < _NEAR).any():
+        if unseen or inside.sum() < MIN_READINGS or not (np.abs(read - fine.time[row]) < _NEAR).any():
             continue
         if k == 0:
             yield k, inside, None
@@ -147,7 +145,8 @@ class _DrivenRun:
         angle = prepared.noise["hub_angle"]
         rate = angle * derivative_noise(signals.band, prepared.recording.period, 1)
         length = model.rig["length"]
-        self.scale = _LOOSE * np.array([angle, rate, *2 * [length * angle], *2 * [length * rate]])
+        # Errors of the model add to those of noise.
+        self.scale = SIGNIFICANT * np.array([angle, rate, *2 * [length * angle], *2 * [length * rate]])
 
     def run(self, row: int, instants: np.ndarray, shift: np.ndarray) -> Motion:
         """The free motion at instants (m) [s], from the shifted state at a row of the grid on."""
@@ -196,37 +195,54 @@ def _start(run: _DrivenRun, row: int) -> tuple[int, np.ndarray]:
         shift = _fitted_shift(run, began, row) if began >= 0 else None
         if shift is not None:
             return began, shift
-    return row, np.zeros(6)
+    return row, np.zeros(len(run.scale))
 
 
 def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
-    """Shift (6) of the state at a row by one step of least squares to the readings before another row.
+    """Shift (6) of the state at a row, fitted to the readings before another row by Gauss-Newton steps.
 
-    It is a Bayesian estimate, `run.scale` its prior. None if the model does not fit the readings then.
+    It is a Bayesian estimate, `run.scale` its prior: the likeliest of the steps. None if none of them follows the
+    readings. A hub that sticks or a play makes the misfit discontinuous, so that a step may raise it.
+    """
+    readings_off = _misfit_between(run, row, until)
+    if readings_off is None:
+        return None
+    count = len(run.scale)
+    free = np.delete(np.arange(count), [1] if run.driven.modes[row] == 0 else [])
+    x, now, likeliest, least = np.zeros(count), readings_off(np.zeros(count)), None, np.inf
+    for _ in range(_MOST_STEPS):
+        r = np.concatenate(now)
+        moved = [np.concatenate(readings_off(x + step)) for step in _STEP * np.eye(count)[free]]
+        J = (np.column_stack(moved) - r[:, None]) / _STEP
+        if not (np.isfinite(J).all() and np.isfinite(r).all()):
+            break
+        x = x.copy()
+        x[free] -= np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r + x[free])
+        now = readings_off(x)
+        cost = sum(float(off @ off) for off in now) + float(x @ x)
+        if cost < least and all(np.mean(off**2) < FOLLOWS**2 for off in now):
+            likeliest, least = x, cost
+    return None if likeliest is None else likeliest * run.scale
+
+
+def _misfit_between(run: _DrivenRun, row: int, until: int) -> Callable[[np.ndarray], list[np.ndarray]] | None:
+    """Function from a shift (6) of the state at a row, in units of its scale, to the residuals of each fitted channel.
+
+    None where no channel has readings between the two rows.
     """
     recording = run.prepared.recording
-    inside = (recording.time >= run.time[row] - 1e-9) & (recording.time < run.time[until] - 1e-9)
+    inside = (recording.time >= run.time[row] - _SAME) & (recording.time < run.time[until] - _SAME)
     channels = [
         c for c in _FITTED if c in run.prepared.channels and np.isfinite(recording[c][inside]).sum() > 1
     ]
-    if not channels:
-        return None
     instants = recording.time[inside]
     known = {c: np.isfinite(recording[c][inside]) for c in channels}
 
-    def residuals(x: np.ndarray) -> list[np.ndarray]:
+    def misfit(x: np.ndarray) -> list[np.ndarray]:
         simulated = run.readings(instants, run.run(row, instants, x * run.scale), channels)
         return [_off(run, c, (recording[c][inside] - simulated[c])[known[c]]) for c in channels]
 
-    free = [0, 2, 3, 4, 5] if run.driven.modes[row] == 0 else list(range(6))
-    x, r = np.zeros(6), np.concatenate(residuals(np.zeros(6)))
-    steps = _STEP * np.eye(6)[free]
-    J = np.column_stack([(np.concatenate(residuals(step)) - r) / _STEP for step in steps])
-    if not (np.isfinite(J).all() and np.isfinite(r).all()):
-        return None
-    x[free] = -np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r)
-    sizes = [np.sqrt(np.mean(off**2)) for off in residuals(x)]
-    return x * run.scale if np.less(sizes, _FITS).all() else None
+    return misfit if channels else None
 
 
 def _off(run: _DrivenRun, channel: str, known: np.ndarray) -> np.ndarray:
@@ -239,6 +255,6 @@ def _commands_from(
     times: np.ndarray, torques: np.ndarray, delivered: float, began: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Instants [s] and torques [N m] held from an instant on, when the drive has reached the torque `delivered`."""
-    held = int(np.searchsorted(times, began + 1e-12, side="right")) - 1
+    held = int(np.searchsorted(times, began + _SAME, side="right")) - 1
     later = slice(held + 1, None)
     return np.r_[began - _LONG_BEFORE, began, times[later]], np.r_[delivered, torques[held], torques[later]]

@@ -19,7 +19,7 @@ from twin.campaigns.readings import estimate_noise, longest_valid_stretch
 from twin.errors import InputError
 from twin.estimation import chain_limit, first_state
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import minimise
+from twin.estimation.minimise import FAR_ITERATIONS, minimise
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import cost_of, costs_at, difference_jacobian, first_steps
 from twin.estimation.unknowns import (
@@ -39,13 +39,13 @@ from twin.progress import Progress, silent
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared, prepare
+from twin.residuals.significance import SIGNIFICANT
 from twin.rigs.model import FixedStepModel, Model
 
 SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
 """Segments and integration step [s] of the search. Its discretisation error is removed, see `chain_limit`."""
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
 _WIDE = 0.2  # relative standard deviation beyond which a declared value is only a rough starting value
-SIGNIFICANT = 3.0  # standard errors from which a gain or a delay is reported
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ def _rough_calibration(
         bench, _ = chain_limit.without_discretisation_error(bench, near, starts, chain_limit.ROUGH)
         nearer = {u.name: float(v) for u, v in zip(unknowns, x, strict=True) if u.kind == "rig"}
         x = initial_point(bench, model, starts, unknowns, nearer)
-    fit = minimise(bench, model, starts, unknowns, x, iterations=20)
+    fit = minimise(bench, model, starts, unknowns, x, iterations=FAR_ITERATIONS)
     return _RoughCalibration(clock, bench, fit, notes)
 
 

@@ -17,10 +17,11 @@ from twin.estimation.unknowns import start_unknowns
 from twin.estimation.workbench import GuidedData, Workbench
 from twin.mechanics.state import Start
 from twin.recording import Recording
+from twin.residuals.filters import REACH
 from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared, prepare, sensor_corrected_start
 from twin.residuals.residual import raw_residual
-from twin.residuals.view import END_MARGIN, View, before_end
+from twin.residuals.view import View, before_end
 from twin.rigs.model import Model
 from twin.rigs.simulate import bending_shapes
 
@@ -29,7 +30,6 @@ _SPANS = (0.15, 0.25, 0.5)
 _FREE_RUN_SPAN = 1.0
 """Span at the start of a recording from which the state of a free-running simulation is estimated [s]."""
 _SCALES = (1e-4, 1e-4, 1e-3, 1e-3)  # of two bends [m] and their rates [m/s]: small beside visible ones
-STATE_ITERATIONS = 6  # of a fit of initial states alone, with the model as it is
 _MAX_EVALUATIONS = 10  # of least squares
 _GUESS_SPAN = 0.05  # s from which the first guess is taken
 
@@ -44,7 +44,7 @@ def first_state(model: Model, prepared: Prepared, pool: ResidualPool) -> Start:
     short = with_bend(_head(prepared, _FREE_RUN_SPAN), model)
     bench = Workbench(GuidedData([short]), pool)
     unknowns = start_unknowns([short])
-    return minimise(bench, model, [short.start], unknowns, iterations=STATE_ITERATIONS).starts[0]
+    return minimise(bench, model, [short.start], unknowns).starts[0]
 
 
 def with_bend(prepared: Prepared, model: Model) -> Prepared:
@@ -113,7 +113,7 @@ def _bend_residual(view: View, prepared: Prepared, model: Model, start: Start) -
     """
     residuals = raw_residual(view, prepared, model, start)
     names = [c for c in view.measured if c != "motor_torque"] or [c for c in residuals if c == "hub_torque"]
-    inside = before_end(view.time, END_MARGIN) & (view.time >= view.time[0] + END_MARGIN)
+    inside = before_end(view.time, REACH) & (view.time >= view.time[0] + REACH)
     pieces = [np.zeros(0)]
     for name in names:
         values = residuals[name][inside & (view.sliding if name == "hub_torque" else view.known[name])]

@@ -14,6 +14,10 @@ from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
 from twin.rigs.model import Model
 
+QUICK_ITERATIONS = 8
+"""Of a fit that begins near its minimum, or from which is judged whether one to convergence is worth it."""
+FAR_ITERATIONS = 20
+"""Of a fit that may begin far from its minimum."""
 _TRIALS = 5  # dampings that are tried with a Jacobian by differences, each at least ten times the one before
 _BROYDEN_STEPS = 4  # steps with an updated Jacobian before the next one by differences
 _OPTIMISM = 3.0  # gain per remaining iteration that is still thought possible, in multiples of the last one's
@@ -26,7 +30,7 @@ def minimise(
     unknowns: Sequence[Unknown],
     values: np.ndarray | None = None,
     fixed_jacobian: Mapping[Key, np.ndarray] | None = None,
-    iterations: int = 8,
+    iterations: int = QUICK_ITERATIONS,
     tolerance: float = 0.05,
     report: Callable[[str], None] = lambda text: None,
     goal: float = np.inf,

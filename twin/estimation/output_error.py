@@ -16,9 +16,9 @@ from typing import cast
 import numpy as np
 
 from twin.estimation import chain_limit, loss, refine
-from twin.estimation.first_state import STATE_ITERATIONS, first_state, with_bend
+from twin.estimation.first_state import first_state, with_bend
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import minimise
+from twin.estimation.minimise import FAR_ITERATIONS, minimise
 from twin.estimation.slopes import cost_of, difference_jacobian, first_steps
 from twin.estimation.unknowns import Unknown, start_unknowns
 from twin.estimation.workbench import CORRELATION_TIME, FreeData, Workbench, layout
@@ -26,18 +26,17 @@ from twin.mechanics.hub_spring import MeasuredHub, Spring, spring_of
 from twin.mechanics.state import Start
 from twin.recording import ON_LINK
 from twin.residuals.data import BLOCK_SPAN, DrivenData
-from twin.residuals.filters import GRID
+from twin.residuals.filters import GRID, REACH
 from twin.residuals.groups import split_into_blocks
 from twin.residuals.noise import sensor_noise
 from twin.residuals.prepared import sensor_corrected_start
 from twin.residuals.residual import has_unknown_zero, without_zero
-from twin.residuals.view import END_MARGIN, hub_trajectory
+from twin.residuals.view import hub_trajectory
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
 _HUB_SHARE = 0.9
 """Share of the variance of a channel's noise from which its own noise does not matter."""
-_ITERATIONS = 20  # of a fit that may begin far from its minimum, as those of a calibration
 _PERIODS = 0.5, 1.0, 2.0, np.inf
 """Periods in which the rig oscillates about the measured hub, see `OutputErrorData` [s]."""
 _DAMPING_RATIOS = 0.5, 0.0
@@ -93,7 +92,7 @@ class OutputErrorData(FreeData):
         if self.spring.stiffness == 0 or self.prepared[i].hub is None:
             return None
         hub = hub_trajectory(self.driven.views[i], model)
-        return self.spring, MeasuredHub(END_MARGIN, GRID, hub.angle, hub.rate)
+        return self.spring, MeasuredHub(REACH, GRID, hub.angle, hub.rate)
 
 
 def hub_sensor_dominates(bench: Workbench) -> bool:
@@ -197,7 +196,7 @@ def _likelier_states(bench: Workbench, fit: Fit) -> tuple[list[Start], float]:
     unknowns = start_unknowns(anew)
     if not unknowns:
         return list(fit.starts), 0.0
-    found = minimise(bench, fit.model, [p.start for p in anew], unknowns, iterations=STATE_ITERATIONS)
+    found = minimise(bench, fit.model, [p.start for p in anew], unknowns)
     gained = np.zeros(len(anew))
     gains = bench.misfits(fit.residual) - bench.misfits(found.residual)
     np.add.at(gained, [g.recording for g in bench.groups], gains)
@@ -225,7 +224,7 @@ def _fitted(free: Workbench, fit: Fit, goal: float = np.inf) -> Fit:
 
 def _minimised(free: Workbench, fit: Fit, goal: float) -> Fit:
     at = fit.model, fit.starts, fit.unknowns, fit.values
-    return minimise(free, *at, iterations=_ITERATIONS, goal=goal)
+    return minimise(free, *at, iterations=FAR_ITERATIONS, goal=goal)
 
 
 def _value(u: Unknown, value: float, states: Sequence[Start]) -> float:

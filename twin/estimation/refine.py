@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import cost_of, normal_equations
+from twin.estimation.slopes import cost_of, normal_equations, root_diagonal
 from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import Workbench
 
@@ -94,7 +94,7 @@ def _ellipse_axes(base: Fit, information: np.ndarray) -> tuple[np.ndarray, list[
     """
     mine = np.flatnonzero(observable(base))
     information = information[np.ix_(mine, mine)]
-    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = 1 / root_diagonal(information)
     size, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     axes = np.zeros((len(base.values), len(mine)))
     axes[mine] = scale[:, None] * vectors / np.sqrt(np.maximum(size, 1e-12))

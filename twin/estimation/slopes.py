@@ -118,9 +118,14 @@ def linear_move(
     return J @ step * bench.weight, step[len(here) :]
 
 
+def root_diagonal(normal: np.ndarray) -> np.ndarray:
+    """Roots (p) of the diagonal of an information matrix (p x p), positive: divided by them it has a unit diagonal."""
+    return np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+
+
 def bounded_step(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The step m (p) that minimises gradient' m + m' normal m / 2 within low <= m <= high, each (p)."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scale = root_diagonal(normal)
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     root = np.sqrt(np.maximum(values, 1e-10 * values.max()))
     system, right = (vectors * root).T, -(vectors / root).T @ (gradient / scale)

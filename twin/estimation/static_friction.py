@@ -20,7 +20,7 @@ from twin.estimation.slopes import costs_at
 from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import FreeData, Workbench
 from twin.mechanics import chain
-from twin.residuals import breakaway, static_levels
+from twin.residuals import static_levels
 from twin.residuals.data import DrivenData
 from twin.residuals.static_levels import TWO_SIGMA, Level
 from twin.rigs.model import Model
@@ -70,12 +70,11 @@ def final_models(
 
 def with_static_levels(data: DrivenData, best: Fit, pool: ResidualPool | None = None) -> Fit:
     """The fit with its static levels from break-aways; with a pool, the others from free-running simulations."""
-    read, rough = _read_levels(data, best)
+    read, others = _read_levels(data, best)
     best = _conditioned(best, read)
     x, covariance, errors = best.values.copy(), best.covariance.copy(), dict[int, float]()
-    x[list(rough)] = list(rough.values())
     if pool is not None and (free := Workbench(FreeData(data.prepared), pool)).count.any():
-        x = _grid_search(free, best, x, list(rough), errors)
+        x = _grid_search(free, best, x, others, errors)
     for index, error in errors.items():
         covariance[index, :] = covariance[:, index] = 0.0
         covariance[index, index] = error**2
@@ -105,24 +104,18 @@ def _conditioned(best: Fit, levels: Mapping[int, Level]) -> Fit:
     return replace(best, values=x, covariance=covariance)
 
 
-def _read_levels(data: DrivenData, base: Fit) -> tuple[dict[int, Level], dict[int, float]]:
-    """Static levels among the unknowns of a fit, by index: those read from break-aways, and rough values of the others.
-
-    A rough value is the torque at a break-away that is less well defined, or the fitted value [N m].
-    """
+def _read_levels(data: DrivenData, base: Fit) -> tuple[dict[int, Level], list[int]]:
+    """Static levels read from break-aways, by index of the unknown, and the indices of the other static levels."""
     read = static_levels.levels(data, base.model, base.starts)
-    known, rough = dict[int, Level](), dict[int, float]()
+    known, others = dict[int, Level](), list[int]()
     for j, u in enumerate(base.unknowns):
         directions = _DIRECTIONS.get(u.name, ())
         levels = [read[d] for d in directions if d in read]
         if levels:
             known[j] = static_levels.combined_level(levels)
         elif directions:
-            events = breakaway.find_break_aways(base.model, data.prepared, base.starts)
-            torques = breakaway.level_by_direction(events)
-            level = max((torques[d] for d in directions if d in torques), default=base.values[j])
-            rough[j] = float(np.clip(level, *u.bounds))
-    return known, rough
+            others.append(j)
+    return known, others
 
 
 def _grid_search(

@@ -15,10 +15,10 @@ from twin.mechanics.state import Start
 from twin.parameters import declared_range, relative_uncertainty
 from twin.recording import LONGEST_DELAY
 from twin.residuals.prepared import Prepared, shortest_period
+from twin.residuals.significance import SIGNIFICANT
 from twin.rigs.channel_errors import COMMAND, ChannelErrors, replaced_errors
 from twin.rigs.model import Model
 
-_PRIOR_RANGE = 3.0  # standard deviations by which a fit may change a declared parameter, see `declared_range`
 _NOT_FITTED = ("torque_limit",)  # declared parameters that are known exactly: a setting of the amplifier
 
 Kind = Literal["rig", "effect", "clock", "gain", "delay", "start"]
@@ -101,7 +101,7 @@ def declared_unknowns(model: Model) -> list[Unknown]:
         scale = relative * abs(parameter.value)
         if name not in _NOT_FITTED and name not in replaced and scale > 0:
             # Calibration stays within the declared uncertainty; a larger change is a missing effect.
-            bounds = declared_range(parameter, _PRIOR_RANGE)
+            bounds = declared_range(parameter, SIGNIFICANT)
             unknowns.append(Unknown("rig", name, parameter.value, scale, True, bounds))
     return unknowns
 
@@ -120,17 +120,17 @@ def channel_unknowns(model: Model, channels: set[str]) -> list[Unknown]:
     """Gain and delay of each of these channels, and of the command, whose uncertainty is declared.
 
     The prior is that declaration, about a gain of 1 and no delay. As of a declared parameter, a fit stays within
-    `_PRIOR_RANGE` standard deviations of it: what is left beyond is an effect.
+    `SIGNIFICANT` standard deviations of it: what is left beyond is an effect.
     """
     unknowns = []
     for name, sensor in model.sensors.items():
         if name not in channels and name != COMMAND:
             continue
         if (relative := sensor.gain_uncertainty) > 0:
-            factor = math.exp(_PRIOR_RANGE * relative)
+            factor = math.exp(SIGNIFICANT * relative)
             unknowns.append(Unknown("gain", name, 1.0, relative, True, (1 / factor, factor)))
         if (deviation := sensor.delay_uncertainty) > 0:
-            limit = min(_PRIOR_RANGE * deviation, LONGEST_DELAY)
+            limit = min(SIGNIFICANT * deviation, LONGEST_DELAY)
             unknowns.append(Unknown("delay", name, 0.0, deviation, True, (-limit, limit)))
     replaced = replaced_errors(model.effects)
     return [u for u in unknowns if (u.kind, u.name) not in replaced]

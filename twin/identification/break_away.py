@@ -11,11 +11,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.stats import norm
 
 from twin.campaigns.rests import ONSET_LEVEL, ONSET_SAMPLES, SAMPLES_BEFORE_ONSET
+from twin.identification.break_away_events import BreakAway, find_break_aways
 from twin.identification.estimates import Estimate, pooled
 from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Start
-from twin.residuals import breakaway
-from twin.residuals.breakaway import BreakAway
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared
 from twin.residuals.static_levels import level_readings
@@ -59,7 +58,7 @@ def static_friction(data: DrivenData, model: Model, starts: Sequence[Start]) -> 
     """
     prepared = data.prepared
     simulated = {(r.recording, r.time): r.level for r in level_readings(data, model, starts)}
-    all_events = breakaway.find_break_aways(model, prepared, starts)
+    all_events = find_break_aways(model, prepared, starts)
     ramps = tuple(e for e in all_events if _ends_slow_ramp(model, prepared[e.recording], e))
     levels = [
         (e.direction * level.value, level.error)

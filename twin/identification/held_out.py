@@ -124,7 +124,7 @@ def _driven_link_errors(
     if prepared.recording.start == "unknown" and data.groups:
         # The driven link oscillates for long: its initial state is fitted to the whole recording.
         bench = Workbench(data, pool)
-        start = minimise(bench, model, [start], start_unknowns([prepared]), iterations=6).starts[0]
+        start = minimise(bench, model, [start], start_unknowns([prepared])).starts[0]
     missing = residual.raw_residual(view, prepared, model, start)
     of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
     return {g.channel: _rms(missing[g.channel][data.weight[g.rows] > 0]) for g in of_link}

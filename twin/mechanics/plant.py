@@ -243,7 +243,8 @@ class Plant(NamedTuple):
         if self.motor.gap <= 0:
             return self
         hub_mobility = float(np.linalg.inv(self.link.inertia[:-1, :-1])[0, 0])
-        frequency = np.sqrt(self.motor.contact_stiffness * (1 / self.motor.inertia + hub_mobility))
+        # A fit may try shares of inertia that leave the hub less than none; its simulation then diverges.
+        frequency = np.sqrt(self.motor.contact_stiffness * (1 / self.motor.inertia + abs(hub_mobility)))
         return self.with_motor(contact_step=float(CONTACT_PHASE / frequency))
 
     def _with_extra(self, inertia: float, place: int) -> Plant:

@@ -28,12 +28,11 @@ from twin.residuals.cell_means import (
 )
 from twin.residuals.filters import GRID, REACH, low_passed
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import Signals, hub_trajectory
+from twin.residuals.view import SETTLING, Signals, hub_trajectory
 from twin.rigs.model import Model
 
 _ITERATIONS = 6
 _RESTART_INTERVAL = 0.1  # s between the instants at which the motor is simulated anew
-_MEMORY = 0.5  # s after which the state at such an instant should not matter any more
 STATIC_MARGIN = 1.2
 """Largest ratio of a rig's static friction to the model's that is reckoned with."""
 
@@ -105,10 +104,10 @@ def _depends_on_past(signals: Signals, hub: _Hub, torque: np.ndarray, noise: flo
 
     A motor that rattles fast has several periodic motions and jumps from one to another; which one it is in says more
     about its past than about the backlash. Simulated anew from the middle of the backlash, it should do the same after
-    `_MEMORY`, to within the noise.
+    `view.SETTLING`, to within the noise.
     """
     differs = np.zeros(len(signals.time), dtype=bool)
-    half = round(_MEMORY / GRID)
+    half = round(SETTLING / GRID)
     for first in range(0, len(signals.time) - half, round(_RESTART_INTERVAL / GRID)):
         part = slice(CELLS * (first + 1), CELLS * min(first + 1 + 2 * half, len(signals.time) + 1))
         change = hub.transmitted(part) - torque[part]

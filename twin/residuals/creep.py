@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from twin.mechanics.state import Motion
+from twin.residuals.filters import GRID, REACH
 from twin.residuals.prepared import Prepared
 from twin.residuals.rest_run import RestRun
 from twin.rigs.model import Model
@@ -22,8 +23,6 @@ from twin.rigs.model import Model
 Onset = tuple[int, int]
 """Sample at which a motion of the hub is first visible, and its direction, +1 or -1."""
 
-_TIME_STEP = 1e-3  # s between the instants of a simulated curve
-_EXTRA_SPAN = 0.06  # s that are simulated behind the readings, for a run that breaks away too late
 _MAX_TRIALS = 10  # levels that are tried until a run breaks away when the rig did
 _MIN_SLOPE = 1e-3  # N m/s, least growth of the torque in the first estimate of the level
 _GAUSS_NEWTON_STEPS = 3  # of the instant of the break-away
@@ -67,7 +66,8 @@ def departure_residual(
 
 def _run_residual(run: RestRun) -> np.ndarray:
     """Readings behind the first instant of a run less simulated ones (n - 1), in multiples of the noise."""
-    dense = np.arange(run.time[0], run.time[-1] + _EXTRA_SPAN, _TIME_STEP)
+    # A run may break away too late, so that it is simulated longer than it was read.
+    dense = np.arange(run.time[0], run.time[-1] + REACH, GRID / 2)
     time, reading = run.time[1:], run.reading[1:]
     travel = run.direction * (reading - reading[: run.end].mean())
     goal = float(np.median(travel[-3:])) / 2
@@ -105,7 +105,7 @@ def _run_on_time(run: RestRun, time: np.ndarray, goal: float, instant: float) ->
         if abs(late) < abs(best):
             best, simulated = late, readings
         low, high = (low, level) if late > 0 else (level, high)
-        if abs(late) < _TIME_STEP / 4 or high - low < 1e-5 * level:
+        if abs(late) < GRID / 8 or high - low < 1e-5 * level:
             break
         if tried and (late - tried[-1][1]) * (level - tried[-1][0]) > 0:
             slope = (level - tried[-1][0]) / (late - tried[-1][1])

@@ -14,12 +14,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin.mechanics.state import Start
-from twin.residuals.filters import BAND, GRID, MOTION_BANDS
+from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH
 from twin.residuals.groups import Group, split_into_blocks
 from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import residual
-from twin.residuals.view import END_MARGIN, SETTLING, before_end
+from twin.residuals.view import SETTLING, before_end
 from twin.rigs.model import Model
 
 BLOCK_SPAN = 1.5
@@ -68,7 +68,7 @@ class DrivenData:
         for i, (view, p) in enumerate(zip(self.views, self.prepared, strict=True)):
             compared = view.time >= view.time[0] + (SETTLING if p.recording.start == "unknown" else 0.0)
             if p.hub is not None:
-                compared &= before_end(view.time, END_MARGIN)
+                compared &= before_end(view.time, REACH)
             masks = {c: view.known[c] & compared for c in view.measured}
             if p.hub is not None:
                 masks["hub_torque"] = view.sliding & compared

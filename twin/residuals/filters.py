@@ -13,7 +13,11 @@ BAND = 25.0
 GRID = 0.002
 """Step of the uniform grid on which signals are filtered [s]."""
 REACH = 0.07
-"""Span to either side of an instant from which the filter takes values [s]."""
+"""Span to either side of an instant from which the filter takes values [s]. Its impulse response decays as
+exp(-pi BAND t), to 0.4 % there. At the end of a recording the filter continues the signal, so that this span is not
+compared."""
+SPLINE_DEGREE = 7
+"""Of `smooth_spline`."""
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
 """Cut-offs of the low-pass on the hub angle that drives the link [Hz]. Large bends make harmonics of the motion, which
 need a wide band, but a noisy sensor does not resolve them: the widest band is taken in which strong accelerations
@@ -57,8 +61,8 @@ def low_pass_gain(frequency: np.ndarray, period: float, band: float = BAND) -> n
 
 
 def smooth_spline(time: np.ndarray, values: np.ndarray) -> BSpline:
-    """Interpolating spline of degree 7 through samples (m) of a band-limited signal, for its second derivative.
+    """Interpolating spline through samples (m) of a band-limited signal, of a degree that suits its second derivative.
 
     The second derivative of a cubic spline is too large by (omega h)^2/12, at 18 Hz and h = 2 ms by 0.4 %.
     """
-    return make_interp_spline(time, values, k=min(7, len(time) - 1 - len(time) % 2))
+    return make_interp_spline(time, values, k=min(SPLINE_DEGREE, len(time) - 1 - len(time) % 2))

@@ -11,12 +11,12 @@ from twin.mechanics import planar
 from twin.mechanics.state import Motion
 from twin.residuals import backlash, stribeck_reversals
 from twin.residuals.cell_means import double_mean, double_mean_torque
-from twin.residuals.filters import BAND, GRID, low_passed
+from twin.residuals.filters import BAND, GRID, REACH, low_passed
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import END_MARGIN, Signals, View, before_end
+from twin.residuals.view import Signals, View, before_end
 from twin.rigs.model import Model
 
-_APPROACH, _SMEARED = 0.3, 0.06  # s before a break-away between which the torque on the resting hub is read
+_APPROACH = 0.3  # s before a break-away from which the torque on the resting hub is read
 _EXTRAPOLATION_ERROR = 0.05  # relative error of a break-away torque that is read this way
 _INVISIBLE = 0.004  # s from a break-away to the first visible motion
 _INSTANT_ERROR = 0.003  # s, of a break-away
@@ -36,7 +36,7 @@ def unmodelled_torque(
     """
     balance = double_mean(required) - hub_law_torque(signals, model, motion) - delivered
     # Later readings of a late sensor are missing: a filter would take the mirror image for them, many noise levels off.
-    read = before_end(signals.time, model.hub_late + END_MARGIN / 2)
+    read = before_end(signals.time, model.hub_late + REACH / 2)
     return low_passed(np.where(read, balance, 0.0), GRID)
 
 
@@ -87,7 +87,7 @@ def break_away_residual(
     laws = _hub_laws(view, model, motion, np.zeros(len(residual)))
     held = low_passed(delivered + laws - required, GRID)
     for k, direction in view.onsets:
-        before = slice(k - int(_APPROACH / GRID), k - int(_SMEARED / GRID))
+        before = slice(k - int(_APPROACH / GRID), k - round(REACH / GRID))
         t = view.time[before] - view.time[k] + _INVISIBLE
         parabola = np.polyfit(t, held[before] * direction, 2)
         level = planar.static_level(model.plant, motion.angles[k, 0], direction)
@@ -110,7 +110,7 @@ def usable_break_aways(
     usable = []
     for k, direction in onsets:
         first = k - int(_APPROACH / GRID)
-        if first < 0 or not stuck[first : k - int(_SMEARED / GRID)].all():
+        if first < 0 or not stuck[first : k - round(REACH / GRID)].all():
             continue
         approach = command[first : max(first + 1, k - 2)]
         if np.abs(np.diff(approach)).max() < 0.02 * np.abs(approach).max():

@@ -24,12 +24,12 @@ from twin.residuals.noise import (
     whitening_filters,
 )
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import END_MARGIN, SETTLING, NoiseModel, Signals, View, before_end, move_link
+from twin.residuals.significance import CERTAIN, SIGNIFICANT
+from twin.residuals.view import SETTLING, NoiseModel, Signals, View, before_end, move_link
 from twin.rigs.model import Model
 
 _MAX_NOISE = 0.5
 """Noise of the acceleration, relative to strong accelerations, up to which a band is not too wide."""
-_SIGNIFICANT = 5.0  # standard errors of the acceleration at a reversal beyond which the hub cannot have stuck
 
 
 def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_BANDS) -> View:
@@ -140,9 +140,7 @@ def hub_signals(
     unclear = stuck | ~read | _may_stick(rate, acceleration, _noise_limits(prepared, band), model)
     settled = _settled(recording, time)
     known = {c: values & settled if c in ON_LINK else values for c, values in known.items()}
-    sliding = (
-        before_end(time, END_MARGIN) & ~binary_dilation(unclear, iterations=round(REACH / GRID)) & settled
-    )
+    sliding = before_end(time, REACH) & ~binary_dilation(unclear, iterations=round(REACH / GRID)) & settled
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in hub.onsets]
     onsets = usable_break_aways(ends, stuck, model.drive(recording).at(time))
     direction = np.where(stuck, 0.0, np.sign(rate))
@@ -200,8 +198,8 @@ def derivative_noise(band: float, period: float, order: int) -> float:
 def _noise_limits(prepared: Prepared, band: float) -> tuple[float, float]:
     """Rate [rad/s] and acceleration [rad/s^2] of the hub below which they may be noise."""
     noise, period = prepared.noise["hub_angle"], prepared.recording.period
-    slow = 3 * noise * derivative_noise(band, period, 1)
-    return slow, _SIGNIFICANT * noise * derivative_noise(band, period, 2)
+    slow = SIGNIFICANT * noise * derivative_noise(band, period, 1)
+    return slow, CERTAIN * noise * derivative_noise(band, period, 2)
 
 
 def _may_stick(

@@ -13,10 +13,10 @@ from twin.campaigns.rests import HubMotion
 from twin.mechanics.planar import STUCK
 from twin.mechanics.state import Guide, Start
 from twin.recording import Recording
+from twin.residuals.significance import CERTAIN
 from twin.rigs.model import Model
 
-_VISIBLE = 4.0  # standard errors: by chance once in 16 000 recordings
-_MIN_READINGS = 4  # of a channel that is compared
+MIN_READINGS = 4  # of a channel that is compared
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared,
     if recording.clamped:
         known.pop("hub_rate", None)
     clean, notes = without_outliers(recording, known)
-    channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= _MIN_READINGS)
+    channels = tuple(c for c in known if np.isfinite(clean[c]).sum() >= MIN_READINGS)
     hub = None
     if "hub_angle" in channels and not clean.clamped:
         hub = rests.classify_hub_motion(clean, known["hub_angle"])
@@ -60,7 +60,7 @@ def prepare(recording: Recording, noise: Mapping[str, float]) -> tuple[Prepared,
 def _off_zero(
     recording: Recording, noise: Mapping[str, float], channels: Sequence[str], hub: HubMotion
 ) -> frozenset[str]:
-    """Channels whose mean reading before the hub first moves is off by `_VISIBLE` standard errors."""
+    """Channels whose mean reading before the hub first moves is off by `CERTAIN` standard errors."""
     moving = np.flatnonzero(hub.observed != STUCK)
     before = slice(moving[0] if len(moving) else None)
     found = set()
@@ -68,7 +68,7 @@ def _off_zero(
         readings = recording[channel][before]
         readings = readings[np.isfinite(readings)]
         error = noise[channel] / np.sqrt(max(len(readings), 1))
-        if len(readings) and abs(float(readings.mean())) > _VISIBLE * error:
+        if len(readings) and abs(float(readings.mean())) > CERTAIN * error:
             found.add(channel)
     return frozenset(found)
 

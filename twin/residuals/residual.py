@@ -7,7 +7,7 @@ import numpy as np
 from twin.mechanics.state import Motion, Start
 from twin.recording import Recording, Sensor
 from twin.residuals import creep
-from twin.residuals.filters import GRID, low_passed
+from twin.residuals.filters import GRID, REACH, low_passed
 from twin.residuals.hub_balance import (
     break_away_residual,
     delivered_torque,
@@ -15,7 +15,7 @@ from twin.residuals.hub_balance import (
     unmodelled_torque,
 )
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import END_MARGIN, NoiseModel, Signals, View, before_end, move_link, whitened
+from twin.residuals.view import NoiseModel, Signals, View, before_end, move_link, whitened
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
 
@@ -92,7 +92,7 @@ def continuous_residual(
     """
     residuals = channel_residual(signals, prepared, model, motion)
     torque = unmodelled_torque(signals, model, motion, required, delivered)
-    read = before_end(signals.time, model.hub_late + END_MARGIN)
+    read = before_end(signals.time, model.hub_late + REACH)
     residuals["hub_torque"] = np.where(signals.sliding & read, torque, 0.0)
     return residuals
 

@@ -13,7 +13,9 @@ import numpy as np
 
 from twin.mechanics.state import Start
 from twin.residuals.data import DrivenData
-from twin.residuals.rest_run import INSTANT_ERROR, LEAD_SPAN, REST_SPAN, RestRun
+from twin.residuals.filters import REACH
+from twin.residuals.rest_run import INSTANT_ERROR, REST_SPAN, RestRun
+from twin.residuals.significance import CERTAIN, FOLLOWS
 from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
 
@@ -22,8 +24,6 @@ _INSTANT_SPAN, _TORQUE_SHARE = 0.02, 0.005
 _GRID_POINTS = 41  # levels of each of two grids
 TWO_SIGMA = 2.0
 """Log likelihood below the maximum up to which a level is within two standard errors."""
-_MAX_RMS = 2.0  # of a run that follows the rig, in multiples of the noise
-_CONTRADICTION = 5.0  # standard errors by which two levels differ for certain
 _BACKLASH_ERROR = 0.01
 """Relative error of a level where there is a backlash: the hub first slips by less than is visible and leaves the flank
 that pushes it, so that it seems to break away at up to 2 % more (virtual rig, flanks of 1000 N m/rad;
@@ -97,11 +97,11 @@ def combined_level(readings: Sequence[Level]) -> Level:
 
     A break-away clearly below another one was none: the hub had been creeping.
     """
-    highest = max(readings, key=lambda level: level.value - _CONTRADICTION * level.error)
+    highest = max(readings, key=lambda level: level.value - CERTAIN * level.error)
     kept = [
         level
         for level in readings
-        if highest.value - level.value < _CONTRADICTION * np.hypot(highest.error, level.error)
+        if highest.value - level.value < CERTAIN * np.hypot(highest.error, level.error)
     ]
     weights = np.array([1 / level.error**2 for level in kept])
     value = float(weights @ [level.value for level in kept] / weights.sum())
@@ -110,7 +110,7 @@ def combined_level(readings: Sequence[Level]) -> Level:
 
 def _link_torque_noise(view: View, end: float) -> float:
     """Standard deviation of the link's torque on the hub by noise, in the rest that ends at an instant [N m]."""
-    rest = (view.time > end - REST_SPAN) & (view.time < end - LEAD_SPAN)
+    rest = (view.time > end - REST_SPAN) & (view.time < end - REACH)
     return float(np.sqrt(np.mean(view.link_torque_noise[rest] ** 2)))
 
 
@@ -139,7 +139,7 @@ def _level(run: RestRun, link_torque_noise: float) -> Level | None:
         costs = np.array([_cost(run, value) for value in values])
         likely = values[costs < costs.min() + TWO_SIGMA]
         centre, half = float(likely.mean()), float(np.ptp(likely)) / 2 + 2 * half / (_GRID_POINTS - 1)
-    if costs.min() > _MAX_RMS**2 * len(run.time) / 2:
+    if costs.min() > FOLLOWS**2 * len(run.time) / 2:
         return None
     # Under a command of steps, levels between the torques of two steps are equally likely.
     error = max(float(np.ptp(likely)) / np.sqrt(12), 2 * half / (_GRID_POINTS - 1))

@@ -26,7 +26,6 @@ from twin.rigs.model import Model
 
 _ITERATIONS, _KEPT = 8, 0.3
 """Fixed-point iterations, and the share of the last one's result that each of them keeps."""
-_LEAST = 1e-9  # rad/s, change of rate that counts as none
 
 
 def friction_torque(signals: Signals, model: Model, motion: Motion) -> np.ndarray:
@@ -70,9 +69,10 @@ def _mean_friction(plant: Plant, angle: np.ndarray, rate: np.ndarray) -> np.ndar
     mean = planar.mean_friction(plant, angle, (rate[1:] + rate[:-1]) / 2, np.diff(rate))
     turned = np.flatnonzero(rate[1:-2] * rate[2:-1] < 0) + 1
     before, behind = rate[turned], rate[turned + 1]
-    slowing = np.abs(before) / np.maximum(np.abs(rate[turned - 1] - before), _LEAST)
-    speeding = np.abs(behind) / np.maximum(np.abs(rate[turned + 2] - behind), _LEAST)
-    share = slowing / (slowing + speeding)
+    # Times to and from the reversal, |rate| / |acceleration|, both times the product of the accelerations.
+    slowing = np.abs(before * (rate[turned + 2] - behind))
+    speeding = np.abs(behind * (rate[turned - 1] - before))
+    share = slowing / np.maximum(slowing + speeding, np.finfo(float).tiny)
     at = angle[turned]
     to_rest = planar.mean_friction(plant, at, before / 2, -before)
     from_rest = planar.mean_friction(plant, at, behind / 2, behind)

@@ -14,7 +14,7 @@ from scipy.fft import irfft, rfft
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
 from twin.residuals import creep
-from twin.residuals.filters import GRID, MOTION_BANDS, smooth_spline
+from twin.residuals.filters import GRID, MOTION_BANDS, SPLINE_DEGREE, smooth_spline
 from twin.residuals.motion_cache import LinkMotion, MotionCache
 from twin.residuals.prepared import Prepared
 from twin.residuals.ringing import Ringing
@@ -24,11 +24,9 @@ from twin.rigs.simulate import initial_state
 PADDING = int(3.0 / GRID)
 """Samples by which a residual is continued on either side before it is whitened: 3 s."""
 _CACHED_MOTIONS = 12  # of each recording
-_MIN_SPLINE_POINTS = 8
-END_MARGIN = 0.06
-"""Span at the end of a recording that is not compared [s]: the filters continue the signal by its mirror image."""
 SETTLING = 0.5
-"""Span that is not compared where the state of the link is unknown [s]: at the start of a moving rig, after a gap."""
+"""Span after which an unknown state no longer matters [s]: of the link at the start of a moving rig or behind a gap, of
+a motor in its play. Not compared until then."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +166,7 @@ def hub_trajectory(signals: Signals, model: Model) -> HubTrajectory:
     if np.array_equal(angle, signals.reading):
         return HubTrajectory(angle, signals.rate, signals.acceleration, signals.direction)
     read = before_end(signals.time, model.hub_late)
-    read[:_MIN_SPLINE_POINTS] = True
+    read[: SPLINE_DEGREE + 1] = True
     spline = smooth_spline(signals.time[read], angle[read])
     last = signals.time[read][-1]
     at, beyond = np.minimum(signals.time, last), np.maximum(signals.time - last, 0.0)

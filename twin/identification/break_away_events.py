@@ -55,15 +55,6 @@ def find_break_aways(model: Model, prepared: Sequence[Prepared], starts: Sequenc
     ]
 
 
-def level_by_direction(events: Sequence[BreakAway]) -> dict[int, float]:
-    """Break-away torque of each direction that has events, +1 and -1: that of the most slowly growing torque [N m].
-
-    The more slowly the torque grows, the less an error of the instant matters.
-    """
-    by_direction = {d: [e for e in events if e.direction == d] for d in (1, -1)}
-    return {d: abs(min(own, key=lambda e: e.slope).torque) for d, own in by_direction.items() if own}
-
-
 def _with_held_hub(model: Model, prepared: Prepared, start: Start) -> Motion:
     """Motion of a model whose hub rests whenever the measured one does, under whatever torque."""
     # Friction that falls from the static level would hold the hub in motion too.
