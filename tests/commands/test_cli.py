@@ -68,7 +68,7 @@ def test_diagnose_writes_a_folder_named_after_the_campaign(run, campaign):
     assert files(Path("bench-diagnosis")) == FOLDER_HOLDS
     for name in WRITTEN:
         assert f"bench-diagnosis/{name}" in output
-    assert "cable-torsion" in output
+    assert "cable torsion" in output
     assert "augmented.xml leaves out: break-away friction" in output
 
 

@@ -799,7 +799,7 @@ def test_with_three_effects_every_column_of_the_terminal_is_whole_at_80_characte
     budget = diagnosis.predictions["bang-bang-90.csv"].budget["hub_angle"]
     noise = labels.number(180 / np.pi * budget.noise, 2)
     assert any(line.startswith(" hub angle") and line.rstrip().endswith(noise) for line in lines)
-    assert any(line.startswith(f"1 {names[0]} ") for line in lines)
+    assert any(line.startswith(f"1 {labels.words(names[0])} ") for line in lines)
 
 
 def test_budget_leads_terminal_and_page_and_names_each_effect(diagnosis):

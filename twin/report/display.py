@@ -94,12 +94,12 @@ def budget_columns(diagnosis: Diagnosis) -> list[str]:
 
 
 def parameter_rows(effect: AdoptedEffect) -> list[tuple[str, str, str, str]]:
-    """Returns (name, value with standard error, unit, degrees or "") of each parameter of an effect."""
+    """Returns (name in words, value with standard error, unit, degrees or "") of each parameter of an effect."""
     rows = []
     for name, value in effect.parameters.items():
         si = effect.units.get(name, "")
         shown = with_error(value, effect.standard_errors.get(name), labels.PAGE_DIGITS)
-        rows.append((name, shown, unit(si), angle_in_degrees(value, si)))
+        rows.append((labels.words(name), shown, unit(si), angle_in_degrees(value, si)))
     return rows
 
 

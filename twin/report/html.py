@@ -113,10 +113,7 @@ def _effect(effect: AdoptedEffect) -> dict[str, Any]:
     return {
         "name": labels.sentence(labels.words(effect.name)),
         "meaning": meaning(effect.name),
-        "parameters": [
-            (labels.words(name), value, unit, degrees)
-            for name, value, unit, degrees in display.parameter_rows(effect)
-        ],
+        "parameters": display.parameter_rows(effect),
     }
 
 
