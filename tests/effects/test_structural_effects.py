@@ -19,8 +19,7 @@ GAUGES = {
 }
 NOISE = {"hub_angle": QUIET.hub_noise, "strain_base": QUIET.strain_noise, "strain_mid": QUIET.strain_noise}
 SEEN = dict(zip(("strain_base", "strain_mid"), sensors.TORSION_STRAIN, strict=True))
-FLANKS = {"contact_stiffness": plant.CONTACT_STIFFNESS, "contact_loss": 0.8}
-"""As lossy as the rig's flanks, whose linear dampers have a damping ratio of 0.2."""
+FLANKS = {"contact_stiffness": plant.CONTACT_STIFFNESS, "contact_damping": plant.CONTACT_LOSS}
 
 # Effect, parameters, and how far apart the two may be in noise levels (rms): the plain chain is 0.2 off, and
 # each contact in a play makes more of what went before.

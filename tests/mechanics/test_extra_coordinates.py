@@ -6,12 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 from plants import changed, torque_of
-from scipy.optimize import brentq
 
 from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import build
 from twin.mechanics.mujoco_chain import MujocoChain
-from twin.mechanics.plant import CONTACT_LOSS, CONTACT_STEP, declared_plant
+from twin.mechanics.plant import CONTACT_DAMPING, CONTACT_STEP, declared_plant
 from twin.residuals.filters import low_passed
 from twin.rigs import preset
 
@@ -66,19 +65,19 @@ def test_motor_crosses_the_gap_before_the_hub_moves():
     assert rates[2, 0] > 0.1
 
 
-@pytest.mark.parametrize("loss", [CONTACT_LOSS, 0.05, 2.0])
-def test_motor_comes_back_from_a_flank_as_hunt_and_crossley_let_it(loss):
-    # Where the depth is zero, v/c - log(1 + c v)/c^2 is the same before and after the impact.
-    plant = PLANT.with_backlash(0.01, MOTOR, 1000.0, loss)
-    phi, omega = np.append(REST, 0.0), np.append(REST, 2.0)
-    time = np.array([0.0, 0.0025 + 0.004])  # the free way to the flank, and out of the contact of some 1.6 ms
+@pytest.mark.parametrize("ratio", [CONTACT_DAMPING, 0.01, 0.8])
+@pytest.mark.parametrize("rate", [0.5, 2.0])
+def test_motor_comes_back_from_a_flank_as_spring_and_damper_let_it(ratio, rate):
+    plant = PLANT.with_backlash(0.01, MOTOR, 1000.0, ratio)
+    phi, omega = np.append(REST, 0.0), np.append(REST, rate)
+    # The free way to the flank, and out of the contact of some 1.6 ms.
+    time = np.array([0.0, 0.005 / rate + 0.004])
     _, rates, _ = planar.simulate(plant, *NO_DRIVE, time, phi, omega, 0, True, 2e-6)
-    back = brentq(lambda v: _energy(v, loss) - _energy(2.0, loss), -(1 - 1e-9) / loss, -1e-3)
-    assert rates[-1, -1] == pytest.approx(back, rel=1e-3)
-
-
-def _energy(rate, loss):
-    return rate / loss - math.log1p(loss * rate) / loss**2
+    # The flank is left where k d + c d' is zero, at the phase p of the decay d = exp(-z p/s) sin p, s^2 = 1 - z^2.
+    s = math.sqrt(1 - ratio**2)
+    p = math.pi - math.atan2(2 * ratio * s, 1 - 2 * ratio**2)
+    back = math.exp(-ratio * p / s) * (math.cos(p) - ratio / s * math.sin(p))
+    assert rates[-1, -1] == pytest.approx(rate * back, rel=1e-3)
 
 
 def test_play_passes_on_what_the_hub_takes():

@@ -15,7 +15,7 @@ from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain, planar
-from twin.mechanics.plant import CONTACT_LOSS
+from twin.mechanics.plant import CONTACT_DAMPING
 from twin.mechanics.state import Motion
 from twin.residuals import hub_balance, static_levels
 from twin.residuals.data import DrivenData
@@ -96,7 +96,11 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
     campaign = read_campaign(tmp_path / "rig")
     shape = chain.fit_shape(campaign.rig, 5)
     known = {
-        "backlash": {**play["backlash"], "contact_loss": CONTACT_LOSS, "contact_stiffness": RIG_STIFFNESS}
+        "backlash": {
+            **play["backlash"],
+            "contact_damping": CONTACT_DAMPING,
+            "contact_stiffness": RIG_STIFFNESS,
+        }
     }
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
     prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from twin.effects.base import Effect, EffectParameter
-from twin.mechanics.plant import CONTACT_LOSS, CONTACT_STIFFNESS
+from twin.mechanics.plant import CONTACT_DAMPING, CONTACT_STIFFNESS
 
 
 class Backlash(Effect):
@@ -16,7 +16,7 @@ class Backlash(Effect):
     of a gear motor with its back-EMF: a resting motor then leaves the hub free within the play. Otherwise friction acts
     on the hub, as that of its bearing. All other torques act on the hub.
 
-    A flank in contact is a spring with a damper that grows with the depth, both fitted: see `planar.contact_torque`.
+    A flank in contact is a spring with a damper, both fitted: see `planar.contact_torque`.
     """
 
     name = "backlash"
@@ -43,11 +43,16 @@ class Backlash(Effect):
             inverse=True,
             possible=(1.0, 1e5),
         ),
-        EffectParameter("contact_loss", "s/rad", CONTACT_LOSS, (0.02, 2.0), 0.03, possible=(0.0, 10.0)),
+        EffectParameter("contact_damping", "1", CONTACT_DAMPING, (0.01, 2.0), 0.03, possible=(0.0, 10.0)),
         EffectParameter("friction_on_motor", "1", 0.0, (0.0, 1.0), 1.0, choice=True),
     )
     linearisable = False
-    undefined_at_neutral = ("motor_inertia_share", "contact_stiffness", "contact_loss", "friction_on_motor")
+    undefined_at_neutral = (
+        "motor_inertia_share",
+        "contact_stiffness",
+        "contact_damping",
+        "friction_on_motor",
+    )
     # A narrow gap only delays the hub; a wide one sets it free of the motor.
     smooth_at_neutral = False
     # A wide gap with a light motor and a narrow one with a heavy motor are alike: the likelihood has a local maximum at
@@ -55,7 +60,7 @@ class Backlash(Effect):
     search_multiples = tuple(np.geomspace(1, 300, 13).tolist())
 
     def starts(self, rig):
-        own = {"gap": 2e-3, "contact_stiffness": CONTACT_STIFFNESS, "contact_loss": CONTACT_LOSS}
+        own = {"gap": 2e-3, "contact_stiffness": CONTACT_STIFFNESS, "contact_damping": CONTACT_DAMPING}
         shares = (0.2, 0.3, 0.4, 0.5, 0.65)
         return tuple(
             {**own, "motor_inertia_share": share, "friction_on_motor": placed}
@@ -73,6 +78,6 @@ class Backlash(Effect):
             p["gap"],
             p["motor_inertia_share"] * plant.hub_inertia,
             p.get("contact_stiffness", CONTACT_STIFFNESS),
-            p.get("contact_loss", CONTACT_LOSS),
+            p.get("contact_damping", CONTACT_DAMPING),
             p.get("friction_on_motor", 0.0) == 1.0,
         )

@@ -100,7 +100,7 @@ def _split(tasks: Sequence[Task], times: np.ndarray, shares: int) -> list[list[i
     """Indices of the tasks in `shares` parts that take about the same time, given that of each task.
 
     The tasks of a recording stay together, and with the same part from one call to the next, as far as this allows:
-    motions that are simulated for one of them serve others, see `twin.residuals.motion_cache`.
+    motions that are simulated for one of them serve others, see `twin.residuals.cache`.
     """
     order = sorted(range(len(tasks)), key=lambda k: tasks[k][0])
     middle = np.cumsum(times[order]) - times[order] / 2

@@ -226,7 +226,7 @@ def _regression_rows(prepared: Prepared, view: View, model: Model, start: Start)
     if not kept.any():
         return None
     # The measured motion has passed one low-pass more than the torque.
-    torque = low_passed(double_mean_torque(model, prepared.recording, t), float(t[1] - t[0]), view.band)
+    torque = low_passed(double_mean_torque(model.drive(prepared.recording), t), float(t[1] - t[0]), view.band)
     right = low(torque + effect_torque(model, t, hub) - reaction)
     block = ((t - t[0]) / _BLOCK).astype(int)
     return _RegressionRows(columns[kept], right[kept], hub.rate[kept], block[kept])

@@ -176,7 +176,7 @@ def _signals(prepared: Prepared, view: View, model: Model) -> np.ndarray:
     bends = [
         resample.resample_channel(prepared.recording, g, t)[0] / h for g, h in zip(names, half, strict=True)
     ]
-    drive = double_mean_torque(model, prepared.recording, t) + effect_torque(
+    drive = double_mean_torque(model.drive(prepared.recording), t) + effect_torque(
         model, t, hub_trajectory(view, model)
     )
     impulse = _integral(drive, t)

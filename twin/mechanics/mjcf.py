@@ -202,9 +202,7 @@ def _add_rotor(spec: mujoco.MjSpec, plant: Plant) -> None:
 def _add_play(spec: mujoco.MjSpec, plant: Plant) -> None:
     """Adds the flanks of a backlash as limits of a tendon.
 
-    Stiffness and damping of a MuJoCo constraint are per effective inertia, here that of motor and hub in series. The
-    damper is constant, so that the rebound is that of the flank at 1 rad/s only: a share 2 c v/3 of the speed v is lost
-    there, and pi times its damping ratio here, both to first order.
+    Stiffness and damping of a MuJoCo constraint are per effective inertia, here that of motor and hub in series.
     """
     play = spec.add_tendon(name="play", group=5)
     play.wrap_joint("rotor", 1.0)
@@ -212,9 +210,7 @@ def _add_play(spec: mujoco.MjSpec, plant: Plant) -> None:
     play.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     play.range = [-plant.motor.gap / 2, plant.motor.gap / 2]
     together = 1 / (1 / plant.motor.inertia + 1 / plant.link.inertia[0, 0])
-    stiffness = plant.motor.contact_stiffness / together
-    ratio = min(2 * plant.motor.contact_loss / (3 * math.pi), 1.0)
-    play.solref_limit = [-stiffness, -2 * ratio * math.sqrt(stiffness)]
+    play.solref_limit = [-plant.motor.contact_stiffness / together, -plant.motor.contact_damping / together]
 
 
 def torque_joint(torque: HubTorque, plant: Plant) -> str:

@@ -109,34 +109,29 @@ def _rubbing(plant, size):
 def contact_torque(plant, play, rate):
     """Contact torque [N m] of the motor on the hub; `play` is motor less hub angle [rad], `rate` its rate [rad/s].
 
-    A flank that is pressed by d has the torque k d (1 + c d'), and never pulls: its damping grows with the depth, so
-    that the torque does not jump at an impact (K. H. Hunt and F. R. E. Crossley, Journal of Applied Mechanics 42,
-    1975, 440-445).
+    A flank that is pressed by d has the torque k d + c d', and never pulls: the shaft with linear spring and damper of
+    M. Nordin and P.-O. Gutman, Automatica 38, 2002, 1633-1649. The share of the speed with which it rebounds is the
+    same at every speed.
     """
     beyond = abs(play) - 0.5 * plant.motor.gap
     if beyond <= 0.0:
         return 0.0
     side = 1.0 if play > 0.0 else -1.0
-    return (
-        side * plant.motor.contact_stiffness * beyond * max(1.0 + plant.motor.contact_loss * side * rate, 0.0)
-    )
+    return side * max(plant.motor.contact_stiffness * beyond + plant.motor.contact_damping * side * rate, 0.0)
 
 
 @_inlined
 def _contact_step(plant, phi, omega, acc):
     """Largest step [s] of an integration while the motor touches a flank; `acc` are the accelerations.
 
-    Both the frequency w of the contact and the rate c d w^2 at which its damper slows it are resolved alike. Where the
-    motor is pressed on the flank and hardly oscillates there, the step has to be stable and no more.
+    Where the motor is pressed on the flank and hardly oscillates there, the step has to be stable and no more.
     """
     last = phi.size - 1
     beyond = abs(phi[last] - phi[0]) - 0.5 * plant.motor.gap
     step = plant.motor.contact_step
-    damped = CONTACT_PHASE * plant.motor.contact_loss * beyond
-    turn = step / CONTACT_PHASE  # 1/w
+    turn = step / CONTACT_PHASE
     swing = math.hypot((omega[last] - omega[0]) * turn, (acc[last] - acc[0]) * turn * turn)
-    longest = step if damped <= step else step**2 / damped
-    return longest * STABLE_PHASE / CONTACT_PHASE if swing < SETTLED_SWING * beyond else longest
+    return step * STABLE_PHASE / CONTACT_PHASE if swing < SETTLED_SWING * beyond else step
 
 
 @_inlined

@@ -21,6 +21,7 @@ with length 0 and no first moment for each of the k appended coordinates.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -34,16 +35,13 @@ IMMOVABLE = 1e9
 
 CONTACT_STIFFNESS = 100.0
 """Contact stiffness of the flanks of a backlash [N m/rad] unless it is fitted: 0.2 N m compress them by 0.1 degrees."""
-CONTACT_LOSS = 0.3
-"""Damping of a flank over its torque [s/rad] unless it is fitted: a rebound from 1 rad/s with 0.83 of it.
-
-A start of fits. The flanks of the virtual rig, with their constant damper, are followed with 0.8
-(tests/effects/test_structural_effects.py).
-"""
+CONTACT_DAMPING = 0.3
+"""Damping ratio of the motor on a flank of a held hub [1] unless it is fitted: a rebound with 0.43 of the speed."""
 CONTACT_STEP = 1e-4
 """Largest step of an integration that does not locate impacts [s]: an impact takes about 2 ms."""
 CONTACT_PHASE = 0.5
-"""Step on a flank of the backlash times the frequency of the contact [1]: the error of a Runge-Kutta step is 3e-4."""
+"""Step on a flank of the backlash times the frequency of the contact, or the rate at which its damper slows it [1]: the
+error of a Runge-Kutta step is 3e-4."""
 
 
 class Link(NamedTuple):
@@ -130,7 +128,7 @@ class Motor(NamedTuple):
     gap: float = 0.0  # rad, whole backlash between motor and hub
     inertia: float = 0.0  # kg m^2, of a motor with backlash; included in `Link.inertia`
     contact_stiffness: float = CONTACT_STIFFNESS  # N m/rad, of the flanks
-    contact_loss: float = CONTACT_LOSS  # s/rad, damping of a flank over its torque
+    contact_damping: float = 0.0  # N m s/rad, of the flanks
     contact_step: float = np.inf  # s, largest integration step while the motor is on a flank
 
 
@@ -180,7 +178,7 @@ class Plant(NamedTuple):
         gap: float,
         motor_inertia: float,
         stiffness: float = CONTACT_STIFFNESS,
-        loss: float = CONTACT_LOSS,
+        damping_ratio: float = CONTACT_DAMPING,
         friction_on_motor: bool = False,
     ) -> Plant:
         """Returns a plant with backlash between motor and hub.
@@ -189,13 +187,19 @@ class Plant(NamedTuple):
           gap: whole backlash [rad].
           motor_inertia: the motor's share of the hub's inertia [kg m^2].
           stiffness: of the flanks [N m/rad].
-          loss: damping of a flank over its torque [s/rad].
+          damping_ratio: of the motor on a flank of a held hub [1].
           friction_on_motor: whether dry friction acts on the motor, not on the hub.
         """
         behind = self._with_extra(motor_inertia, len(self.link.lengths)).with_friction(
             on_motor=friction_on_motor
         )
-        motor = {"gap": gap, "inertia": motor_inertia, "contact_stiffness": stiffness, "contact_loss": loss}
+        damping = 2 * damping_ratio * math.sqrt(stiffness * motor_inertia)
+        motor = {
+            "gap": gap,
+            "inertia": motor_inertia,
+            "contact_stiffness": stiffness,
+            "contact_damping": damping,
+        }
         return behind.with_motor(**motor)._with_contact_step()
 
     def without_motor(self) -> Plant:
@@ -244,8 +248,11 @@ class Plant(NamedTuple):
             return self
         hub_mobility = float(np.linalg.inv(self.link.inertia[:-1, :-1])[0, 0])
         # A fit may try shares of inertia that leave the hub less than none; its simulation then diverges.
-        frequency = np.sqrt(self.motor.contact_stiffness * (1 / self.motor.inertia + abs(hub_mobility)))
-        return self.with_motor(contact_step=float(CONTACT_PHASE / frequency))
+        mobility = 1 / self.motor.inertia + abs(hub_mobility)
+        fastest = max(
+            math.sqrt(self.motor.contact_stiffness * mobility), self.motor.contact_damping * mobility
+        )
+        return self.with_motor(contact_step=CONTACT_PHASE / fastest)
 
     def _with_extra(self, inertia: float, place: int) -> Plant:
         """Returns a plant with a coordinate inserted at `place`, its inertia [kg m^2] subtracted from the hub's."""

@@ -120,7 +120,7 @@ def _solve(signals: Signals, prepared: Prepared, model: Model) -> tuple[_Hub, np
     """Fixed-point iteration of the equation above: the hub, and the mean torque (c) on it in each cell [N m]."""
     motion, plant = hub_trajectory(signals, model), model.plant
     measured = interpolated_in_cells(motion.acceleration)
-    drive = mean_torque_in_cells(model, prepared.recording, signals.time)
+    drive = mean_torque_in_cells(model.drive(prepared.recording), signals.time)
     hub = _Hub(plant, cell_length(signals.time), measured, interpolated_in_cells(motion.angle), drive, 0.0)
     torque = hub.transmitted()
     mobility = 1 / (plant.hub_inertia - plant.motor.inertia)

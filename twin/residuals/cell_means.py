@@ -15,17 +15,16 @@ import functools
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from twin.recording import Recording
-from twin.rigs.model import Model
+from twin.effects.base import Drive
 
 CELLS = 9
 """Cells of a grid step, an odd number, so that a cell is centred on each instant."""
 _TAPS = 8  # instants of an interpolating polynomial
 
 
-def double_mean_torque(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
+def double_mean_torque(drive: Drive, time: np.ndarray) -> np.ndarray:
     """Double mean (m) of the torque that the drive delivers, about each instant of a uniform grid (m) [N m]."""
-    return double_mean_of_cells(mean_torque_in_cells(model, recording, time))
+    return double_mean_of_cells(mean_torque_in_cells(drive, time))
 
 
 def cell_length(time: np.ndarray) -> float:
@@ -56,10 +55,10 @@ def _interpolation_weights() -> np.ndarray:
     )
 
 
-def mean_torque_in_cells(model: Model, recording: Recording, time: np.ndarray) -> np.ndarray:
+def mean_torque_in_cells(drive: Drive, time: np.ndarray) -> np.ndarray:
     """Mean torque (c) that the drive delivers in each cell of a uniform grid (m) [N m]."""
     edges = np.arange(-CELLS, (len(time) + 1) * CELLS + 1) - 0.5
-    return np.diff(model.drive(recording).impulse(time[0] + edges * cell_length(time))) / cell_length(time)
+    return np.diff(drive.impulse(time[0] + edges * cell_length(time))) / cell_length(time)
 
 
 def double_mean_of_cells(values: np.ndarray) -> np.ndarray:

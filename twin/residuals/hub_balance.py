@@ -124,10 +124,13 @@ def delivered_torque(signals: Signals, prepared: Prepared, model: Model) -> np.n
     It passes the filter of the motion.
     """
     if model.plant.motor.gap > 0:
-        torque = backlash.transmitted_torque(signals, prepared, model)
-    else:
-        torque = double_mean_torque(model, prepared.recording, signals.time)
-    return low_passed(torque, GRID, signals.band)
+        return low_passed(backlash.transmitted_torque(signals, prepared, model), GRID, signals.band)
+    drive = model.drive(prepared.recording)
+
+    def filtered() -> np.ndarray:
+        return low_passed(double_mean_torque(drive, signals.time), GRID, signals.band)
+
+    return signals.torques.get((drive.time, drive.torque, drive.before, drive.lag), filtered)
 
 
 def torque_reading(signals: Signals, prepared: Prepared, model: Model) -> np.ndarray:

@@ -14,9 +14,9 @@ from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from twin.recording import Recording
 from twin.residuals import ringing
+from twin.residuals.cache import Cache
 from twin.residuals.filters import BAND, GRID, low_pass_gain, low_passed, smooth_spline
 from twin.residuals.hub_balance import delivered_torque
-from twin.residuals.motion_cache import MotionCache
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import continuous_residual, scaled
 from twin.residuals.ringing import Ringing, RingingMode
@@ -111,7 +111,7 @@ def _with_hub_noise(
     spline = smooth_spline(signals.time, drawn)
     return replace(
         signals,
-        cache=MotionCache(1),
+        motions=Cache(1),
         reading=signals.reading + drawn,
         rate=signals.rate + spline(signals.time, 1),
         acceleration=signals.acceleration + spline(signals.time, 2),

@@ -14,8 +14,8 @@ from scipy.fft import irfft, rfft
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
 from twin.residuals import creep
+from twin.residuals.cache import Cache, LinkMotion
 from twin.residuals.filters import GRID, MOTION_BANDS, SPLINE_DEGREE, smooth_spline
-from twin.residuals.motion_cache import LinkMotion, MotionCache
 from twin.residuals.prepared import Prepared
 from twin.residuals.ringing import Ringing
 from twin.rigs.model import Model
@@ -23,7 +23,7 @@ from twin.rigs.simulate import initial_state
 
 PADDING = int(3.0 / GRID)
 """Samples by which a residual is continued on either side before it is whitened: 3 s."""
-_CACHED_MOTIONS = 12  # of each recording
+_CACHED_MOTIONS, _CACHED_TORQUES = 12, 4  # of each recording
 SETTLING = 0.5
 """Span after which an unknown state no longer matters [s]: of the link at the start of a moving rig or behind a gap, of
 a motor in its play. Not compared until then."""
@@ -45,7 +45,8 @@ class Signals:
       with_gaps: strain with missing readings -> readings before the filter, gaps interpolated (m).
       settled: whether no reading of the hub is missing there or less than `SETTLING` before (m); empty where it is
         clamped.
-      cache: simulated motions of the link.
+      motions: simulated motions of the link.
+      torques: torques of the drive, see `hub_balance.delivered_torque`.
     """
 
     time: np.ndarray
@@ -60,7 +61,8 @@ class Signals:
     band: float = MOTION_BANDS[0]
     with_gaps: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     settled: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
-    cache: MotionCache = field(default_factory=lambda: MotionCache(_CACHED_MOTIONS), repr=False)
+    motions: Cache[LinkMotion] = field(default_factory=lambda: Cache(_CACHED_MOTIONS), repr=False)
+    torques: Cache[np.ndarray] = field(default_factory=lambda: Cache(_CACHED_TORQUES), repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +121,7 @@ def filtered(values: np.ndarray, gain: np.ndarray) -> np.ndarray:
 def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:
     """Motion of the link under the measured hub, and the torque on the hub that it requires (m) [N m].
 
-    Models that differ in drive and hub alone share their motions, see `motion_cache`.
+    Models that differ in drive and hub alone share their motions, see `cache`.
     """
     hub = hub_trajectory(signals, model)
     phi, omega = initial_state(model, prepared.recording, start)
@@ -134,7 +136,7 @@ def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) 
         return planar.simulate_prescribed_hub(plant, signals.time, *motion, *first, model.stable_step)
 
     inputs = (*plant.link, model.step, hub.angle, phi, omega)
-    angles, rates, required = signals.cache.get(inputs, simulated)
+    angles, rates, required = signals.motions.get(inputs, simulated)
     return Motion.from_coordinates(signals.time, angles, rates, hub.direction, len(phi)), required
 
 

@@ -1,8 +1,8 @@
-"""Cache of simulated motions of the link under a measured hub.
+"""Cache of parts of a simulation that many models share.
 
 Candidates that act on drive and hub alone move the link exactly as the model that they are added to: its motion depends
-on `twin.mechanics.plant.Link`, the motion of the hub and the initial state alone. Entries are found by comparing these
-values, not a hash of them.
+on `twin.mechanics.plant.Link`, the motion of the hub and the initial state alone. Models that differ in the rig alone
+have the same drive. Entries are found by comparing these values, not a hash of them.
 """
 
 from __future__ import annotations
@@ -10,29 +10,31 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable
+from typing import Generic, TypeVar
 
 import numpy as np
 
 LinkMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Angles (m, n + 1) [rad] and rates (m, n + 1) [rad/s] of the segments, required torque on the hub (m) [N m]."""
+T = TypeVar("T")
 
 
-class MotionCache:
-    """The last simulated motions by their inputs; safe to share between threads."""
+class Cache(Generic[T]):
+    """The last results by their inputs; safe to share between threads."""
 
     def __init__(self, most: int) -> None:
-        """Keeps at most this number of motions and drops the oldest."""
+        """Keeps at most this number of results and drops the oldest."""
         self._most = most
-        self._known: OrderedDict[Hashable, LinkMotion] = OrderedDict()
+        self._known: OrderedDict[Hashable, T] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, inputs: Iterable[float | np.ndarray], simulate: Callable[[], LinkMotion]) -> LinkMotion:
-        """The motion with these inputs, simulated if it is not in the cache."""
+    def get(self, inputs: Iterable[float | np.ndarray], compute: Callable[[], T]) -> T:
+        """The result with these inputs, computed if it is not in the cache."""
         key = tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in inputs)
         with self._lock:
             known = self._known.get(key)
         if known is None:
-            known = simulate()
+            known = compute()
             with self._lock:
                 self._known[key] = known
                 while len(self._known) > self._most:
@@ -41,4 +43,4 @@ class MotionCache:
 
     def __reduce__(self):
         # A copy in another process begins empty.
-        return MotionCache, (self._most,)
+        return Cache, (self._most,)
