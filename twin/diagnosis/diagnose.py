@@ -157,7 +157,7 @@ def _searched_to_end(
 def _searched_on(state: SearchState, more: bool, progress: Progress, false_alarm_rate: float) -> SearchState:
     """The state after the remaining rounds of the search."""
     for _ in range(MOST_ROUNDS - 1):
-        if not more or len(state.adopted) == MOST_EFFECTS:
+        if not more or len(state.adopted) == MOST_EFFECTS or not _can_gain(state):
             break
         tried = state.best
         state, more = next_round(state, progress, false_alarm_rate)
