@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import start_unknowns
-from twin.estimation.workbench import GuidedData, Workbench
+from twin.estimation.workbench import DIVERGED, GuidedData, Workbench
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.residuals.filters import REACH
@@ -118,7 +118,7 @@ def _bend_residual(view: View, prepared: Prepared, model: Model, start: Start) -
     for name in names:
         values = residuals[name][inside & (view.sliding if name == "hub_torque" else view.known[name])]
         pieces.append((values - values.mean()) / view.noise[name] if len(values) else values)
-    return np.clip(np.nan_to_num(np.concatenate(pieces), nan=1e6), -1e6, 1e6)
+    return np.clip(np.nan_to_num(np.concatenate(pieces), nan=DIVERGED), -DIVERGED, DIVERGED)
 
 
 def _with_bend(start: Start, x: np.ndarray) -> Start:

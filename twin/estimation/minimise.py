@@ -163,7 +163,7 @@ def _damped_step(
         system = normal[np.ix_(free, free)] + np.diag(ridge[free])
         move[free] = -np.linalg.lstsq(system, gradient[free], rcond=None)[0]
         beyond = free & ((x + move < low) | (x + move > high))
-        at_edge = beyond & ((np.abs(x - low) < 1e-15) | (np.abs(x - high) < 1e-15))
+        at_edge = beyond & ((x <= low) | (x >= high))
         if not at_edge.any():
             break
         free &= ~at_edge

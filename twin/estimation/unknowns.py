@@ -21,6 +21,8 @@ from twin.rigs.model import Model
 
 _NOT_FITTED = ("torque_limit",)  # declared parameters that are known exactly: a setting of the amplifier
 
+_ANY = -1e3, 1e3  # of an angle [rad] or a rate
+
 Kind = Literal["rig", "effect", "clock", "gain", "delay", "start"]
 Key = tuple[Kind, str, str, int | None, int | None]
 
@@ -187,12 +189,12 @@ def start_unknowns(prepared: Sequence[Prepared]) -> list[Unknown]:
             continue
         if p.hub is not None:
             angle, rate = p.noise["hub_angle"], 30 * p.noise["hub_angle"]
-            unknowns.append(Unknown("start", "hub_angle", p.start.hub_angle, angle, False, (-1e3, 1e3), i))
-            unknowns.append(Unknown("start", "hub_rate", p.start.hub_rate, rate, False, (-1e3, 1e3), i))
+            unknowns.append(Unknown("start", "hub_angle", p.start.hub_angle, angle, False, _ANY, i))
+            unknowns.append(Unknown("start", "hub_rate", p.start.hub_rate, rate, False, _ANY, i))
         for mode in (0, 1):
             bend, rate = p.start.bend[mode], p.start.bend_rate[mode]
             unknowns.append(Unknown("start", "bend", bend, 1e-4, False, (-1.0, 1.0), i, index=mode))
-            unknowns.append(Unknown("start", "bend_rate", rate, 1e-2, False, (-1e2, 1e2), i, index=mode))
+            unknowns.append(Unknown("start", "bend_rate", rate, 1e-2, False, _ANY, i, index=mode))
     return unknowns
 
 

@@ -177,9 +177,8 @@ def _local(channel: str, residual: np.ndarray, time: np.ndarray) -> np.ndarray:
     angle, the change over `CHANGE_SPAN` is taken, scaled to the noise of one reading.
     """
     if channel == "hub_angle":
-        earlier = np.maximum(np.searchsorted(time, time - CHANGE_SPAN + 1e-9), 0)
         first = time < time[0] + CHANGE_SPAN
-        residual = np.where(first, residual, (residual - residual[earlier]) / np.sqrt(2))
+        residual = np.where(first, residual, (residual - residual[_earlier(time)]) / np.sqrt(2))
     return np.clip(np.nan_to_num(residual, nan=0.0), -DIVERGED, DIVERGED)
 
 
@@ -208,8 +207,12 @@ def _comparable(channel: str, recording: Recording) -> np.ndarray:
     if channel != "hub_angle":
         return blank
     time = recording.time
-    earlier = blank[np.searchsorted(time, time - CHANGE_SPAN + 1e-9)]
-    return blank + np.where(time < time[0] + CHANGE_SPAN, 0.0, earlier)
+    return blank + np.where(time < time[0] + CHANGE_SPAN, 0.0, blank[_earlier(time)])
+
+
+def _earlier(time: np.ndarray) -> np.ndarray:
+    """Index of the sample `CHANGE_SPAN` before each (m), of the first one where there is none."""
+    return np.searchsorted(time, time - CHANGE_SPAN + 1e-9)
 
 
 def reversal_weights(bench: Workbench, fit: Fit) -> np.ndarray:
