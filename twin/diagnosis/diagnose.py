@@ -43,8 +43,6 @@ from twin.residuals.significance import FOLLOWS
 
 MOST_EFFECTS = 3
 """Effects that are adopted at most."""
-MOST_ROUNDS = 6
-"""Rounds of the search at most: more than effects, because revision may remove an effect."""
 FALSE_ALARM_RATE = 0.01
 _MOST_WORKERS = 1024  # threads; the largest machines have some hundred processors
 
@@ -156,7 +154,8 @@ def _searched_to_end(
 
 def _searched_on(state: SearchState, more: bool, progress: Progress, false_alarm_rate: float) -> SearchState:
     """The state after the remaining rounds of the search."""
-    for _ in range(MOST_ROUNDS - 1):
+    # More rounds than effects: revision may remove an effect.
+    for _ in range(2 * MOST_EFFECTS - 1):
         if not more or len(state.adopted) == MOST_EFFECTS or not _can_gain(state):
             break
         tried = state.best

@@ -30,8 +30,6 @@ WORSE = (
     "There is no lookup, because the one that was fitted predicts the held-out recordings worse than none."
 )
 
-_LEAST_SHARE = 0.05  # of the variance that a variable has to explain, cross-validated between recordings
-
 
 def fit_patch(
     campaign: Campaign,
@@ -84,7 +82,7 @@ def patch_of_worst_channel(state: SearchState, residuals: Mapping[str, Unexplain
             continue
         unexplained = residuals[channel]
         for variable, share in sorted(dependence.step_shares(unexplained).items(), key=lambda pair: -pair[1]):
-            if share < _LEAST_SHARE:
+            if share < dependence.DEPENDS:
                 break
             values = unexplained.variables[variable]
             lookup = patch.fit_lookup(unexplained.values, values, unexplained.recording, channel, variable)
@@ -121,7 +119,7 @@ def why_no_patch(
     explained = [
         channel
         for channel, unexplained in residuals.items()
-        if dependence.step_shares(unexplained).get(first, 0.0) >= _LEAST_SHARE
+        if dependence.step_shares(unexplained).get(first, 0.0) >= dependence.DEPENDS
     ]
     if not explained and first == "time":
         return "There is no lookup, because the residuals differ at the same instant of different recordings."

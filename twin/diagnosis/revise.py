@@ -40,7 +40,6 @@ from twin.residuals.significance import SIGNIFICANT
 
 _CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which such a fit decides
 _CLOSE = 0.8  # share of the best score of a round from which another candidate may replace the adopted one
-_FUNCTION_PARAMETERS = 2  # hyperparameters of a smooth function: standard deviation and length scale
 _DIFFERENCE = 1e-4  # step of a difference quotient relative to the value
 _AT_END = 1e-3  # relative distance within which a parameter is at its bound
 
@@ -298,7 +297,8 @@ def replace_function_by_effect(state: SearchState) -> SearchState | None:
     smooth, last = remainder.significant_function(state), state.last
     if smooth is None or remainder.large_residuals(state) or last is None or not _has_fitted_best(last):
         return None
-    least = max(smooth.evidence - candidates.penalty(_FUNCTION_PARAMETERS, state.bench), last.by_chance)
+    # A smooth function has two hyperparameters: standard deviation and length scale.
+    least = max(smooth.evidence - candidates.penalty(2, state.bench), last.by_chance)
     # Candidates that could not be adopted were not fitted to convergence.
     ranked = contest.fit_to_convergence(state.bench, state.best, last.ranked)
     choice = ranked[0]

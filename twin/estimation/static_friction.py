@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin.estimation.chain_limit import ROUGH, STEP
 from twin.estimation.fit import Fit
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import costs_at
@@ -25,7 +26,6 @@ from twin.residuals.data import DrivenData
 from twin.residuals.static_levels import TWO_SIGMA, Level
 from twin.rigs.model import Model
 
-_SEGMENTS, _STEP = 6, 1e-3  # of the chain and integration [s] of the grid search
 _DIRECTIONS = {"static_friction": (1, -1), "static_positive": (1,), "static_negative": (-1,)}
 """Static level -> directions of motion in which it acts."""
 _GRIDS = ((0.06, 25), (0.006, 25), (0.001, 11))
@@ -133,7 +133,7 @@ def _grid_search(
       indices: of the unknowns to search for.
       errors: receives their standard errors, by index.
     """
-    model = best.model.replace(shape=chain.fit_shape(best.model.rig, _SEGMENTS), step=_STEP)
+    model = best.model.replace(shape=chain.fit_shape(best.model.rig, ROUGH[0]), step=STEP)
     for reach, count in _GRIDS:
         remaining = list(indices)
         while remaining:
