@@ -273,7 +273,10 @@ def _largest(bench: Workbench, fit: Fit) -> float:
 
 
 def _can_gain(state: SearchState) -> bool:
-    """Whether the misfit exceeds the least score: no effect can gain more than the misfit."""
+    """Whether the misfit exceeds the least score: an effect explains no more than what is left.
+
+    The likelihood also grows where residuals below the noise level shrink further; that explains nothing.
+    """
     return state.bench.misfit(state.best.residual) > rules.MODEL_ERROR_SCORE
 
 
@@ -285,7 +288,7 @@ def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) 
     progress("permutation test")
     draws = permutation.permutation_scores(bench, current, explored.slopes)
     by_chance, ranked = permutation.threshold(draws, false_alarm_rate), explored.ranked
-    if ranked and ranked[0].score > rules.MODEL_ERROR_SCORE:
+    if ranked and ranked[0].score > rules.MODEL_ERROR_SCORE and _can_gain(state):
         ranked = contest.fit_to_convergence(bench, current, ranked, progress)
         better = contest.better_calibration(bench, current, ranked[0])
         if better is not None:

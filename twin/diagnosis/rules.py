@@ -143,9 +143,9 @@ ADOPTION: tuple[Rule[Trial], ...] = (
     ),
     Rule(
         "exceeds-model-error",
-        "Is the score larger than by the discretisation error of the model and of the effects adopted before?",
-        "penalised log-likelihood ratio [nat]",
-        lambda t: t.candidate.score,
+        "Is what it explains larger than by the discretisation error of the model and of the effects adopted before?",
+        "penalised log-likelihood ratio, at most the misfit that was left [nat]",
+        lambda t: min(t.candidate.score, t.bench.misfit(t.base.residual)),
         lambda t: least_score(t.gained),
         f"the larger of {MODEL_ERROR_SCORE:g} and {100 * MODEL_ERROR_SHARE:g} % of the sum of earlier scores",
         "measured",
