@@ -223,15 +223,17 @@ def continued_on_output_errors(
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
-    They are used where the noise of the hub sensor dominates, or where driven data leave much, output errors are
-    explained and leave less; not to replace those of a play, whose impacts take ten times as many steps.
+    They are used where the noise of the hub sensor dominates, or where they are explained, and leave less than driven
+    data that are not: with rough sensors they tell parameters many times better. Not to replace those of a play, whose
+    impacts take ten times as many steps.
     """
     if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
         return on_output_errors(state, more, math.inf, progress)
-    explained = _largest(state.bench, state.best) < FOLLOWS
-    if explained or _has_play(state.best):
+    if _has_play(state.best):
         return state, more
-    return on_output_errors(state, more, state.bench.misfit(state.best.residual), progress, FOLLOWS)
+    explained = _largest(state.bench, state.best) < FOLLOWS
+    most = math.inf if explained else state.bench.misfit(state.best.residual)
+    return on_output_errors(state, more, most, progress, FOLLOWS)
 
 
 def _has_play(fit: Fit) -> bool:
