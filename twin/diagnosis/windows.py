@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin.estimation.refine import MIN_GAIN
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
 from twin.recording import Recording
@@ -32,7 +33,7 @@ longer, the less the noise of a rough hub sensor matters, and the more the error
 _NEAR = 0.02  # s before and behind the start of a window in which the hub has to be read
 _SAME = 1e-9  # s, difference of instants by rounding
 _LONG_BEFORE = 1e3  # s, when the drive has settled
-_MOST_STEPS = 4  # of a fit to the readings before a window
+_MOST_STEPS = 3  # of a fit to the readings before a window
 _STEP = 0.1  # of difference quotients, in standard deviations of the driven state
 _FITTED = ("hub_angle", "hub_rate", "strain_base", "strain_mid", "tip_deflection")
 """Channels to which the state is fitted; an acceleration or a torque says little about it."""
@@ -201,15 +202,16 @@ def _start(run: _DrivenRun, row: int) -> tuple[int, np.ndarray]:
 def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
     """Shift (6) of the state at a row, fitted to the readings before another row by Gauss-Newton steps.
 
-    It is a Bayesian estimate, `run.scale` its prior: the likeliest of the steps. None if none of them follows the
-    readings. A hub that sticks or a play makes the misfit discontinuous, so that a step may raise it.
+    It is a Bayesian estimate, `run.scale` its prior. A hub that sticks or a play makes the misfit discontinuous: the
+    steps end where one does not lower it. None if the model does not follow the readings then.
     """
     readings_off = _misfit_between(run, row, until)
     if readings_off is None:
         return None
     count = len(run.scale)
     free = np.delete(np.arange(count), [1] if run.driven.modes[row] == 0 else [])
-    x, now, likeliest, least = np.zeros(count), readings_off(np.zeros(count)), None, np.inf
+    x, now = np.zeros(count), readings_off(np.zeros(count))
+    likeliest, least, follows = x, np.inf, False
     for _ in range(_MOST_STEPS):
         r = np.concatenate(now)
         moved = [np.concatenate(readings_off(x + step)) for step in _STEP * np.eye(count)[free]]
@@ -220,9 +222,10 @@ def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
         x[free] -= np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r + x[free])
         now = readings_off(x)
         cost = sum(float(off @ off) for off in now) + float(x @ x)
-        if cost < least and all(np.mean(off**2) < FOLLOWS**2 for off in now):
-            likeliest, least = x, cost
-    return None if likeliest is None else likeliest * run.scale
+        if cost > least - 2 * MIN_GAIN:
+            break
+        likeliest, least, follows = x, cost, all(np.mean(off**2) < FOLLOWS**2 for off in now)
+    return likeliest * run.scale if follows else None
 
 
 def _misfit_between(run: _DrivenRun, row: int, until: int) -> Callable[[np.ndarray], list[np.ndarray]] | None:
