@@ -28,7 +28,7 @@ from twin.rigs import preset
 
 SWINGS = (0.0, planar.SETTLED_SWING, 0.02, 0.1)
 INSTANTS = (1.0, 2.0, 6.0)  # s
-FLANKS = (  # gap [rad], stiffness [N m/rad], loss [s/rad], friction on the motor
+FLANKS = (  # gap [rad], stiffness [N m/rad], damping ratio [1], friction on the motor
     (0.02, 400.0, 0.3, True),
     (0.02, 400.0, 0.3, False),
     (0.01, 2000.0, 0.1, True),

@@ -14,9 +14,8 @@ _BESIDE_GAP = 0.02  # s on either side of a gap or jump that are left out with i
 _STRETCH = 50
 """Samples of a stretch: of white noise, the size of as many fourth differences is known to a sixth, of the median of 20
 stretches to a twentieth. Of 20 to 200 samples it is the same, see tests/campaigns/test_noise_of_readings.py."""
-_ROUNDING = (
-    1e-9  # of the range of a signal: above that of doubles, below the step of a converter of 24 bits, 6e-8
-)
+_ROUNDING = 1e-9
+"""Of the range of a signal: above that of doubles, below the step of a converter of 24 bits, 6e-8."""
 _OUTLIER = 12.0  # noise standard deviations from the neighbours, beyond which a single sample is an outlier
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from twin.estimation.fit import Fit
 from twin.estimation.unknowns import Unknown, model_at
-from twin.estimation.workbench import CORRELATION_TIME, DIVERGED
+from twin.estimation.workbench import CORRELATION_TIME, finite
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.rigs.model import BREAK_AWAY_CHANGE, Model
@@ -172,7 +172,7 @@ def _compared(channel: str, time: np.ndarray, sigma: float) -> Compared:
     earlier = np.searchsorted(time, time - _ANGLE_SPAN)
 
     def change(run: np.ndarray, other: np.ndarray) -> np.ndarray:
-        values = np.clip(np.nan_to_num((run - other) / sigma, nan=DIVERGED), -DIVERGED, DIVERGED)
+        values = finite((run - other) / sigma)
         return (values - values[earlier]) / np.sqrt(2) if channel == "hub_angle" else values
 
     return change

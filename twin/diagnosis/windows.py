@@ -33,7 +33,8 @@ longer, the less the noise of a rough hub sensor matters, and the more the error
 _NEAR = 0.02  # s before and behind the start of a window in which the hub has to be read
 _SAME = 1e-9  # s, difference of instants by rounding
 _LONG_BEFORE = 1e3  # s, when the drive has settled
-_MOST_STEPS = 3  # of a fit to the readings before a window
+_MOST_STEPS = 3
+"""Of the fit to the readings before a window: one leaves more where a hub sticks (tests/diagnosis/test_windows.py)."""
 _STEP = 0.1  # of difference quotients, in standard deviations of the driven state
 _FITTED = ("hub_angle", "hub_rate", "strain_base", "strain_mid", "tip_deflection")
 """Channels to which the state is fitted; an acceleration or a torque says little about it."""

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import start_unknowns
-from twin.estimation.workbench import DIVERGED, GuidedData, Workbench
+from twin.estimation.workbench import GuidedData, Workbench, finite
 from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.residuals.filters import REACH
@@ -43,8 +43,7 @@ def first_state(model: Model, prepared: Prepared, pool: ResidualPool) -> Start:
         return sensor_corrected_start(model, prepared, prepared.start)
     short = with_bend(_head(prepared, _FREE_RUN_SPAN), model)
     bench = Workbench(GuidedData([short]), pool)
-    unknowns = start_unknowns([short])
-    return minimise(bench, model, [short.start], unknowns).starts[0]
+    return minimise(bench, model, [short.start], start_unknowns([short])).starts[0]
 
 
 def with_bend(prepared: Prepared, model: Model) -> Prepared:
@@ -118,7 +117,7 @@ def _bend_residual(view: View, prepared: Prepared, model: Model, start: Start) -
     for name in names:
         values = residuals[name][inside & (view.sliding if name == "hub_torque" else view.known[name])]
         pieces.append((values - values.mean()) / view.noise[name] if len(values) else values)
-    return np.clip(np.nan_to_num(np.concatenate(pieces), nan=DIVERGED), -DIVERGED, DIVERGED)
+    return finite(np.concatenate(pieces))
 
 
 def _with_bend(start: Start, x: np.ndarray) -> Start:

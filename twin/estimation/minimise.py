@@ -15,9 +15,10 @@ from twin.mechanics.state import Start
 from twin.rigs.model import Model
 
 QUICK_ITERATIONS = 8
-"""Of a fit that begins near its minimum, or from which is judged whether one to convergence is worth it."""
+"""At most, of a fit that begins near its minimum or only shows whether one to convergence is worth it; a fit ends where
+an iteration saves less than its tolerance."""
 FAR_ITERATIONS = 20
-"""Of a fit that may begin far from its minimum."""
+"""At most, of a fit that may begin far from its minimum."""
 _TRIALS = 5  # dampings that are tried with a Jacobian by differences, each at least ten times the one before
 _BROYDEN_STEPS = 4  # steps with an updated Jacobian before the next one by differences
 _OPTIMISM = 3.0  # gain per remaining iteration that is still thought possible, in multiples of the last one's

@@ -28,6 +28,11 @@ DIVERGED = 1e6
 """Residual of a simulation that is no longer finite [noise levels]."""
 
 
+def finite(residual: np.ndarray) -> np.ndarray:
+    """A residual of any shape [noise levels], at most `DIVERGED`, and that where it is no number."""
+    return np.clip(np.nan_to_num(residual, nan=DIVERGED), -DIVERGED, DIVERGED)
+
+
 class Data(ResidualData, Protocol):
     """Recordings as residuals; n rows in all.
 
@@ -100,7 +105,7 @@ class Workbench:
             for group in self.data.groups:
                 if group.recording == i:
                     rows = group.rows
-                    part = np.clip(np.nan_to_num(parts[group.channel], nan=DIVERGED), -DIVERGED, DIVERGED)
+                    part = finite(parts[group.channel])
                     results[index][rows] = (part - self.defect[rows]) * self.weight[rows]
         return results
 

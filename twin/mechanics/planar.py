@@ -129,7 +129,7 @@ def _contact_step(plant, phi, omega, acc):
     last = phi.size - 1
     beyond = abs(phi[last] - phi[0]) - 0.5 * plant.motor.gap
     step = plant.motor.contact_step
-    turn = step / CONTACT_PHASE
+    turn = step / CONTACT_PHASE  # reciprocal of its frequency or damping rate
     swing = math.hypot((omega[last] - omega[0]) * turn, (acc[last] - acc[0]) * turn * turn)
     return step * STABLE_PHASE / CONTACT_PHASE if swing < SETTLED_SWING * beyond else step
 

@@ -36,7 +36,9 @@ IMMOVABLE = 1e9
 CONTACT_STIFFNESS = 100.0
 """Contact stiffness of the flanks of a backlash [N m/rad] unless it is fitted: 0.2 N m compress them by 0.1 degrees."""
 CONTACT_DAMPING = 0.3
-"""Damping ratio of the motor on a flank of a held hub [1] unless it is fitted: a rebound with 0.43 of the speed."""
+"""Damping ratio of the motor on a flank of a held hub [1] unless it is fitted: a rebound with 0.45 of the speed.
+
+Where fits of it begin."""
 CONTACT_STEP = 1e-4
 """Largest step of an integration that does not locate impacts [s]: an impact takes about 2 ms."""
 CONTACT_PHASE = 0.5

@@ -113,7 +113,7 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
             _add_row(
                 table,
                 plain,
-                _numbered(diagnosis, number, effect.name) if first else "",
+                _numbered(diagnosis, number, labels.words(effect.name)) if first else "",
                 name,
                 value,
                 beside,
@@ -123,8 +123,8 @@ def _effects_table(diagnosis: Diagnosis, plain: bool) -> Table:
 
 
 def _numbered(diagnosis: Diagnosis, number: int, name: str) -> str:
-    """An effect's name in words, with its number where there are several."""
-    return f"{number} {labels.words(name)}" if _has_several(diagnosis) else labels.words(name)
+    """An effect's name, with its number where there are several."""
+    return f"{number} {name}" if _has_several(diagnosis) else name
 
 
 def _gap(diagnosis: Diagnosis) -> int:

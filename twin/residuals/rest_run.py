@@ -17,13 +17,14 @@ from twin.mechanics.planar import STUCK
 from twin.mechanics.plant import IMMOVABLE, Plant
 from twin.mechanics.state import Motion
 from twin.recording import Recording
-from twin.residuals.filters import REACH
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model
 from twin.rigs.simulate import delivered_torque, sensor_readings
 
 REST_SPAN = 0.2
 """Span before a break-away in which the hub has to rest [s]."""
+LEAD_SPAN = 0.06
+"""Span before a break-away from which a run is simulated, and behind it [s]: the filter's response is at 1 % there."""
 _MIN_READINGS = 8  # behind the break-away, to determine its instant
 INSTANT_ERROR = 5e-4
 """Error of the instant of a break-away by the model, noise apart [s]."""
@@ -76,10 +77,10 @@ class RestRun:
         rest = (time > end - REST_SPAN) & (time <= end)
         if time[0] > end - REST_SPAN or not (hub.tight[rest] == STUCK).all():
             return None
-        row = int(np.searchsorted(motion.time, end - REACH))
-        again = np.flatnonzero((time > end) & (time < end + REACH) & (hub.observed == STUCK))
+        row = int(np.searchsorted(motion.time, end - LEAD_SPAN))
+        again = np.flatnonzero((time > end) & (time < end + LEAD_SPAN) & (hub.observed == STUCK))
         known = np.isfinite(recording["hub_angle"])
-        rows = np.flatnonzero((time > motion.time[row]) & (time < end + REACH) & known)
+        rows = np.flatnonzero((time > motion.time[row]) & (time < end + LEAD_SPAN) & known)
         rows = rows[rows < again[0]] if len(again) else rows
         if (rows > last).sum() < _MIN_READINGS or (rows <= last).sum() < 2:
             return None

@@ -5,4 +5,6 @@ SIGNIFICANT = 3.0
 CERTAIN = 5.0
 """Standard deviations of the largest of many deviations that counts: by chance once in 1.7 million each."""
 FOLLOWS = 2.0
-"""Root mean square residual of a channel [noise levels] up to which a model follows its readings."""
+"""Root mean square residual of a channel [noise levels] up to which a model follows its readings.
+
+Measured on rigs with nothing missing, as the rule `worst-residual` of `twin.diagnosis.rules` says."""
