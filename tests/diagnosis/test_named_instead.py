@@ -16,7 +16,7 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     """A search whose last round adopted nothing: its best score, and the evidence of a function."""
     base = SimpleNamespace(model=SimpleNamespace(effects={}))
     fit = SimpleNamespace(model=SimpleNamespace(effects={"cogging": {}}))
-    bench = SimpleNamespace()
+    bench = SimpleNamespace(penalty=lambda count: PENALTY * count / 2)
     candidate = Candidate(("cogging",), fit, score)
     law = SimpleNamespace(variable="hub_angle")
     smooth = SimpleNamespace(evidence=evidence, law=law) if evidence else None
@@ -27,7 +27,6 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     monkeypatch.setattr(contest, "refit_in_fine_limit", lambda bench, found: (bench, found))
     monkeypatch.setattr(contest, "refit_with_own_noise", lambda bench, base, found: (bench, found))
     monkeypatch.setattr(candidates, "score_gain", lambda *_: score if fine is None else fine)
-    monkeypatch.setattr(candidates, "penalty", lambda count, bench: PENALTY * count / 2)
     taken = {"adopted": candidate, "bench": bench} if adopted else {}
     start = SimpleNamespace(base=base, bench=bench, declared=SimpleNamespace(effects={}))
     return SearchState(start, (Round((candidate,), BY_CHANCE, 30.0, **taken),))

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin.diagnosis import diagnose, remainder
+from twin.diagnosis import remainder
 from twin.residuals.groups import Group
 
 ROWS, INDEPENDENT = 1000, 100.0
@@ -93,22 +93,3 @@ def test_a_lone_recording_is_named_though_it_is_no_verdict():
 def test_a_channel_that_is_quieter_than_declared_is_told():
     found = seen({"strain_base": [0.1, 0.12, 1.0], "strain_mid": [0.8, 0.9, 0.7], "departure": [0.1]})
     assert remainder.overstated_noise(found) == {"strain_base": pytest.approx(0.12, rel=0.01)}
-
-
-@pytest.mark.parametrize(
-    ("sizes", "adopted", "most"),
-    [
-        ({"hub_torque": [3.0, 3.0]}, (), np.inf),
-        ({"hub_torque": [3.0, 3.0]}, ("cable-torsion",), np.inf),
-        # Explained, since a single recording may be odd.
-        ({"hub_torque": [3.0, 1.0, 1.0]}, (), 7.0),
-        ({"hub_torque": [3.0, 1.0, 1.0]}, ("cable-torsion",), None),
-        ({"hub_torque": [1.2, 1.0, 1.0], "break_away": [3.0]}, (), None),
-    ],
-)
-def test_output_errors_are_asked_where_driven_data_leave_something(sizes, adopted, most):
-    state = seen(sizes)
-    state.adopted = adopted
-    state.bench.sizes = lambda residual: [size for of_channel in sizes.values() for size in of_channel]
-    state.bench.misfit = lambda residual: 7.0
-    assert diagnose.most_left(state) == most

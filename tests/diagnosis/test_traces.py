@@ -42,7 +42,7 @@ def torque(prepared, monkeypatch, adopted=(), best=PLAIN, unexplained=()):
         base=SimpleNamespace(model=PLAIN), best=SimpleNamespace(model=best), adopted=adopted
     )
     with ResidualPool(1) as pool:
-        return traces.held_out_torque(state, prepared, pool)
+        return traces.held_out_torque(PLAIN, traces.lacking_models(state), prepared, pool)
 
 
 def test_what_a_model_without_the_cable_lacks_is_its_torque(prepared, monkeypatch):

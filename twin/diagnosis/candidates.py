@@ -77,11 +77,6 @@ class Candidate:
         return replace(self, fit=replace(self.fit, jacobian=self.fit.jacobian.astype(np.float32)))
 
 
-def penalty(parameters: int, bench: Workbench) -> float:
-    """Penalty of this number of parameters: each half the log of the number of independent samples (Schwarz, 1978)."""
-    return 0.5 * parameters * float(np.log(max(bench.count.sum(), 2.0)))
-
-
 def candidate_names(model: Model, channels: set[str]) -> list[str]:
     """Names of effects that are not in the model and have a parameter that these channels can identify."""
     names = []
@@ -217,7 +212,7 @@ def score_test(bench: Workbench, base: Fit, slopes: Slopes) -> float:
 def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] = ()) -> Slopes:
     """Derivatives of the residual at neutral, one along each ray; of a wave, at the highest of these peaks."""
     effect = REGISTRY[name]
-    penalised = penalty(len(effect.free_parameters(effect.neutral(base.model.declared))), bench)
+    penalised = bench.penalty(len(effect.free_parameters(effect.neutral(base.model.declared))))
     if effect.wave is not None:
         columns = wave_slopes(bench, base, name, peaks)
         comparisons, level = (peaks[0].comparisons, peaks[0].level) if peaks else (1, 1.0)
@@ -368,7 +363,7 @@ def score_gain(bench: Workbench, base: Fit, result: Fit) -> float:
     """
     added = len(result.unknowns) - len(base.unknowns)
     gained = max(base.cost - result.cost, 0.0) if _is_resolved(bench, base, result) else 0.0
-    return gained - penalty(added, bench)
+    return gained - bench.penalty(added)
 
 
 def _is_resolved(bench: Workbench, base: Fit, result: Fit) -> bool:

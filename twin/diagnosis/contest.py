@@ -115,9 +115,10 @@ def fit_fully(
       goal: cost that it has to come below; the fit is given up where it would not.
     """
     before = candidate.fit
-    result = minimise(
-        bench, before.model, before.starts, before.unknowns, first, None, FULL_ITERATIONS, goal=goal
-    )
+    # What is less than the error of the model decides nothing.
+    tolerance = rules.MODEL_ERROR_SHARE * max(candidate.score, rules.MODEL_ERROR_SCORE)
+    at = before.model, before.starts, before.unknowns, first
+    result = minimise(bench, *at, iterations=FULL_ITERATIONS, tolerance=tolerance, goal=goal)
     return Candidate(candidate.effects, result, candidates.score_gain(bench, base, result))
 
 

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from twin.campaigns.campaign import Campaign
 from twin.diagnosis import rules
-from twin.diagnosis.candidates import SLOPE_FACTOR, candidate_names, penalty
+from twin.diagnosis.candidates import SLOPE_FACTOR, candidate_names
 from twin.diagnosis.rays import point_on_ray, rays, visible_length
 from twin.effects import REGISTRY, Effect, EffectParameter
 from twin.estimation.calibrate import declared_fit
@@ -85,7 +85,7 @@ def sizes(bench: Workbench, base: Fit, name: str) -> Iterator[Detectable]:
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
     free = len(effect.free_parameters(neutral))
-    factor = math.sqrt(2 * (rules.MODEL_ERROR_SCORE + penalty(free, bench)))
+    factor = math.sqrt(2 * (rules.MODEL_ERROR_SCORE + bench.penalty(free)))
     moves: dict[str, list[_Move]] = {name: [] for name in _sized(effect, bench)}
     for ray in rays(bench, effect, neutral, base.model):
         length, change = visible_length(bench, base, name, neutral, ray, SLOPE_FACTOR)

@@ -38,7 +38,6 @@ from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.recording import HUB_TORQUE, ON_LINK
-from twin.residuals.data import EVENT_CHANNELS
 from twin.residuals.significance import FOLLOWS
 
 MOST_EFFECTS = 3
@@ -114,29 +113,16 @@ def search(
     first = first_round(campaign, pool, progress, false_alarm_rate)
     first = continued_on_output_errors(*first, progress)
     state = _searched_to_end(*first, progress, false_alarm_rate)
-    most = most_left(state)
-    if state.on_output_errors or most is None:
+    if state.on_output_errors or HUB_TORQUE not in remainder.unexplained_channels(state):
         return state
     begun = SearchState(state.start, state.adopting[:1])
     # Driven data smooth the motion of the hub, and an impact with it: what is missing in its balance may be hidden.
     progress("searching once more, with output errors")
-    begun, more = on_output_errors(begun, True, most, progress)
+    begun, more = on_output_errors(begun, True, progress)
     if not begun.on_output_errors:
         return state
     other = _searched_to_end(begun, more, progress, false_alarm_rate)
     return state if remainder.unexplained_channels(other) else other
-
-
-def most_left(state: SearchState) -> float | None:
-    """Misfit up to which output errors take the place of the driven data of a search [nat]; None if they do not.
-
-    Any, where these leave the balance of the hub unexplained; their own, where nothing was found and a block is off.
-    """
-    if HUB_TORQUE in remainder.unexplained_channels(state):
-        return math.inf
-    sizes = zip(state.bench.groups, state.bench.sizes(state.best.residual), strict=True)
-    off = any(s >= FOLLOWS for g, s in sizes if g.channel not in EVENT_CHANNELS)
-    return state.bench.misfit(state.best.residual) if off and not state.adopted else None
 
 
 def _searched_to_end(
@@ -223,17 +209,16 @@ def continued_on_output_errors(
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
-    They are used where the noise of the hub sensor dominates, or where they are explained, and leave less than driven
-    data that are not: with rough sensors they tell parameters many times better. Not to replace those of a play, whose
+    They are used where the noise of the hub sensor dominates, or where they are explained, and not clearly less than
+    the driven data: with rough sensors they tell parameters many times better. Not to replace those of a play, whose
     impacts take ten times as many steps.
     """
     if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
-        return on_output_errors(state, more, math.inf, progress)
+        return on_output_errors(state, more, progress)
     if _has_play(state.best):
         return state, more
-    explained = _largest(state.bench, state.best) < FOLLOWS
-    most = math.inf if explained else state.bench.misfit(state.best.residual)
-    return on_output_errors(state, more, most, progress, FOLLOWS)
+    left = state.bench.misfit(state.best.residual)
+    return on_output_errors(state, more, progress, FOLLOWS, left + rules.decisive_difference(left))
 
 
 def _has_play(fit: Fit) -> bool:
@@ -241,23 +226,23 @@ def _has_play(fit: Fit) -> bool:
 
 
 def on_output_errors(
-    state: SearchState, more: bool, most: float, progress: Progress, largest: float = math.inf
+    state: SearchState, more: bool, progress: Progress, largest: float = math.inf, most: float = math.inf
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
     Args:
       state: of the search.
       more: whether to go on where output errors are not used.
-      most: misfit above which output errors are not used [nat].
       progress: called with a message.
       largest: residual of a block from which on output errors are not used [noise levels].
+      most: misfit above which they are not used [nat].
     """
     progress("fitting output errors")
-    found = output_error.fit_output_error(state.bench, state.best, most)
+    found = output_error.fit_output_error(state.bench, state.best, largest)
     if found is None:
         return state, more
     bench, fit = found
-    if bench.misfit(fit.residual) > most or _largest(bench, fit) >= largest:
+    if bench.sizes(fit.residual).max(initial=0.0) >= largest or bench.misfit(fit.residual) > most:
         return state, more
     if state.adopted:
         *earlier, last = state.adopting
@@ -267,11 +252,6 @@ def on_output_errors(
         state = replace(state, start=replace(state.start, bench=bench, base=fit))
     more = _can_gain(state)
     return (replace(state, rounds=state.adopting) if more else state), more
-
-
-def _largest(bench: Workbench, fit: Fit) -> float:
-    """Largest residual that a fit leaves in any block [noise levels]."""
-    return float(bench.sizes(fit.residual).max(initial=0.0))
 
 
 def _can_gain(state: SearchState) -> bool:
@@ -355,9 +335,7 @@ def _with_covariance(bench: Workbench, best: Fit) -> Fit:
     Where the common scale of inertias and stiffnesses is determined by their declared uncertainty alone, the optimiser
     stops before the minimum.
     """
-    smooth, by_roughness = refine.jacobian_and_roughness(bench, best)
-    if refine.predicted_gain(bench, smooth) > refine.MIN_GAIN:
-        smooth, by_roughness = refine.jacobian_and_roughness(bench, refine.refined_fit(bench, smooth))
+    smooth, by_roughness = refine.refined_with_roughness(bench, best)
     sure = jackknife.with_jackknife_covariance(bench, smooth)
     return replace(sure, covariance=sure.covariance + by_roughness)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,7 +20,7 @@ from twin.diagnosis.error_budget import (
     zero_of,
 )
 from twin.diagnosis.state import SearchState
-from twin.diagnosis.traces import held_out_torque
+from twin.diagnosis.traces import held_out_torque, lacking_models
 from twin.diagnosis.windows import simulate_windows
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
@@ -34,6 +34,32 @@ from twin.rigs.model import BREAK_AWAY_CHANGE, Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
 
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """A recording, and what its prediction takes.
+
+    Attributes:
+      prepared, left_out: the recording, and notes on what was left out of it.
+      role: whether it was fitted or held out.
+      models: the declared, the calibrated and the final one.
+      between: the models after each adopted effect but the last.
+      effects: names of the adopted effects.
+      lacking: models whose lacking torque is shown; none for a recording that was fitted.
+      has_budget: whether the recording evaluates the answer.
+      has_windows: whether the final model is simulated in windows without a budget.
+    """
+
+    prepared: Prepared
+    left_out: tuple[str, ...]
+    role: Literal["fit", "holdout"]
+    models: Sequence[Model]
+    between: Sequence[Model]
+    effects: Sequence[str]
+    lacking: Sequence[Model]
+    has_budget: bool
+    has_windows: bool
+
+
 def predict(
     campaign: Campaign, state: SearchState, polished: FinalModels, pool: ResidualPool
 ) -> dict[str, Prediction]:
@@ -42,43 +68,60 @@ def predict(
     Recordings that evaluate the answer, the held-out ones or, without any, all, get an error budget. Fitted ones beside
     held-out ones get the errors of the final model in windows where held-out ones can contradict it.
     """
-    noise = noise_levels(campaign)
+    noise, held_out = noise_levels(campaign), campaign.holdout()
     models = (polished.declared, polished.calibrated.model, polished.augmented.model)
-    between = models_between(state)
-    predictions: dict[str, Prediction] = {}
-    compared: dict[str, tuple[Prepared, Model, Start, Recording]] = {}
-    held_out = campaign.holdout()
+    between, lacking = models_between(state), lacking_models(state)
     can_contradict = bool(held_out) and not remainder.unexplained_channels(state)
-    roles: tuple[tuple[Literal["fit", "holdout"], tuple[Recording, ...]], ...] = (
-        ("fit", campaign.fit),
-        ("holdout", held_out),
+    recordings, given = (*campaign.fit, *held_out), list[_Given]()
+    for k, recording in enumerate(recordings):
+        is_held_out = k >= len(campaign.fit)
+        one = _Given(
+            *prepare_clean(recording, campaign.sensors, state.start.clock, noise),
+            "holdout" if is_held_out else "fit",
+            models,
+            between,
+            state.names,
+            lacking if is_held_out else (),
+            has_budget=is_held_out or not held_out,
+            has_windows=can_contradict,
+        )
+        given.append(one)
+    # Those with a budget take longest.
+    order = sorted(range(len(given)), key=lambda k: not given[k].has_budget)
+    done = dict(zip(order, pool.spread(_predicted, [given[k] for k in order]), strict=True))
+    return {r.name: replace(done[k], measured=r) for k, r in enumerate(recordings)}
+
+
+def _predicted(given: _Given, pool: ResidualPool) -> Prediction:
+    """The prediction of a recording."""
+    prepared, models = given.prepared, given.models
+    starts = first_states(models, prepared, pool)
+    runs = free_runs(models, starts, prepared, pool)
+    before, calibrated, after, *nearby = runs
+    with_zero = [c for c in prepared.channels if has_unknown_zero(models[-1], prepared, c)]
+    errors = {c: channel_error(prepared, c, runs[:3], nearby, c in with_zero) for c in prepared.channels}
+    zeros = {m: unknown_zeros(prepared, run, with_zero) for m, run in zip(MODELS, runs[:3], strict=True)}
+    simulated = list(zip(models, starts, runs[:3], strict=True))
+    budget, windows = dict[str, ChannelBudget](), dict[str, ModelError]()
+    if given.has_budget:
+        budget = error_budget(given.effects, simulated, given.between, prepared, pool)
+        windows = {c: b.after for c, b in budget.items()}
+    elif given.has_windows:
+        windows = _errors(prepared, *simulated[-1])
+    torque = held_out_torque(models[1], given.lacking, prepared, pool) if given.lacking else None
+    return Prediction(
+        given.role,
+        prepared.recording,
+        before,
+        calibrated,
+        after,
+        errors,
+        given.left_out,
+        budget,
+        windows,
+        torque,
+        zeros,
     )
-    for role, recordings in roles:
-        evaluated = role == "holdout" or not held_out
-        for recording in recordings:
-            prepared, left_out = prepare_clean(recording, campaign.sensors, state.start.clock, noise)
-            starts = first_states(models, prepared, pool)
-            runs = free_runs(models, starts, prepared, pool)
-            before, calibrated, after, *nearby = runs
-            with_zero = [c for c in prepared.channels if has_unknown_zero(models[-1], prepared, c)]
-            errors = {
-                c: channel_error(prepared, c, runs[:3], nearby, c in with_zero) for c in prepared.channels
-            }
-            zeros = {
-                m: unknown_zeros(prepared, run, with_zero) for m, run in zip(MODELS, runs[:3], strict=True)
-            }
-            simulated = list(zip(models, starts, runs[:3], strict=True))
-            budget = error_budget(state.names, simulated, between, prepared, pool) if evaluated else {}
-            torque = held_out_torque(state, prepared, pool) if role == "holdout" else None
-            windows = {c: b.after for c, b in budget.items()}
-            if can_contradict and not evaluated:
-                compared[recording.name] = (prepared, *simulated[-1])
-            predictions[recording.name] = Prediction(
-                role, recording, before, calibrated, after, errors, left_out, budget, windows, torque, zeros
-            )
-    final = pool.map(lambda run: _errors(*run), compared.values())
-    changed = {name: replace(predictions[name], windows=w) for name, w in zip(compared, final, strict=True)}
-    return predictions | changed
 
 
 def models_between(state: SearchState) -> list[Model]:

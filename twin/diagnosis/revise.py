@@ -87,7 +87,7 @@ def _exchanged(state: SearchState) -> SearchState:
             tried[other.name] = other.fit.model.effects[other.name]
             result = refit(state, tried, QUICK_ITERATIONS, state.best)
             fewer = len(closest.unknowns) - len(result.unknowns)
-            gained = closest.cost - result.cost + candidates.penalty(fewer, state.bench)
+            gained = closest.cost - result.cost + state.bench.penalty(fewer)
             judgement = REPLACEABLE.judge(Standing(gained, earlier.ranked[0].score))
             if not judgement.passed:
                 best, closest = [n for n in tried if n not in state.known], result
@@ -298,7 +298,7 @@ def replace_function_by_effect(state: SearchState) -> SearchState | None:
     if smooth is None or remainder.large_residuals(state) or last is None or not _has_fitted_best(last):
         return None
     # A smooth function has two hyperparameters: standard deviation and length scale.
-    least = max(smooth.evidence - candidates.penalty(2, state.bench), last.by_chance)
+    least = max(smooth.evidence - state.bench.penalty(2), last.by_chance)
     # Candidates that could not be adopted were not fitted to convergence.
     ranked = contest.fit_to_convergence(state.bench, state.best, last.ranked)
     choice = ranked[0]
@@ -421,7 +421,7 @@ def with_whole_orders(bench: Workbench, best: Fit) -> Fit:
     for u in best.unknowns:
         if _is_order(u):
             whole = _at_whole(bench, best, u)
-            if whole.cost < best.cost + candidates.penalty(1, bench):
+            if whole.cost < best.cost + bench.penalty(1):
                 best = whole
     return best
 

@@ -10,7 +10,7 @@ Where they do decide it, a soft spring pulls the simulated hub to the measured o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from twin.estimation import chain_limit, loss, refine
 from twin.estimation.first_state import first_state, with_bend
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import FAR_ITERATIONS, minimise
+from twin.estimation.minimise import FAR_ITERATIONS, QUICK_ITERATIONS, minimise
 from twin.estimation.slopes import cost_of, difference_jacobian, first_steps
 from twin.estimation.unknowns import Unknown, start_unknowns
 from twin.estimation.workbench import CORRELATION_TIME, FreeData, Workbench, layout
@@ -37,7 +37,7 @@ from twin.rigs.simulate import simulate
 
 _HUB_SHARE = 0.9
 """Share of the variance of a channel's noise from which its own noise does not matter."""
-_PERIODS = 0.5, 1.0, 2.0, np.inf
+_PERIODS = 0.5, 1.0, 2.0
 """Periods in which the rig oscillates about the measured hub, see `OutputErrorData` [s]."""
 _DAMPING_RATIOS = 0.5, 0.0
 """Damping ratios of these oscillations: an error is gone after a period, or lasts where the rig has no damping."""
@@ -48,13 +48,13 @@ class OutputErrorData(FreeData):
 
     Attributes:
       driven: the same recordings, the link driven by the measured hub.
-      period: in which the rig oscillates about the measured hub [s]; infinite in free runs.
+      period, damping_ratio: of the rig's oscillation about the measured hub [s], [1]; infinite in free runs.
       spring: between the simulated hub and the measured one.
     """
 
     def __init__(self, driven: DrivenData, model: Model, period: float = np.inf, damping_ratio: float = 0.0):
         """Takes the recordings of driven data, a model for which the spring is made, period and damping ratio."""
-        self.driven, self.period = driven, period
+        self.driven, self.period, self.damping_ratio = driven, period, damping_ratio
         self.spring = spring_of(model.plant, period, damping_ratio)
         self.prepared = driven.prepared
         self.groups, self.weight = layout(self.prepared, lambda channel, recording: recording[channel])
@@ -64,6 +64,16 @@ class OutputErrorData(FreeData):
             for g in self.groups
             for block in split_into_blocks([g], self.weight, max(1, round(BLOCK_SPAN / periods[g.recording])))
         )
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the simulations run freely."""
+        return self.period == np.inf
+
+    def is_stiffer(self, period: float, damping_ratio: float) -> bool:
+        """Whether the spring is stiffer than one of this period [s], or as stiff and of another damping ratio [1]."""
+        other = damping_ratio != self.damping_ratio and not self.is_free
+        return self.period < period or (self.period == period and other)
 
     def counts(self) -> np.ndarray:
         """Number of independent samples in each block (g): one per `CORRELATION_TIME`."""
@@ -128,7 +138,22 @@ def on_driven_data(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     return driven, replace(fit, residual=r, size=driven.sizes(r), cost=cost, jacobian=J)
 
 
-def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[Workbench, Fit] | None:
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A fit to output errors with a spring, or without one.
+
+    Attributes:
+      data: the output errors.
+      bench: for these.
+      fit: the model fitted to them.
+    """
+
+    data: OutputErrorData
+    bench: Workbench
+    fit: Fit
+
+
+def fit_output_error(bench: Workbench, fit: Fit, largest: float = np.inf) -> tuple[Workbench, Fit] | None:
     """The output errors of the recordings of a bench, and the model of a fit fitted to them.
 
     Of the springs, the one with the largest likelihood is taken, as the gain of an observer is estimated (Ljung 1999,
@@ -136,18 +161,14 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
     model.
 
     Args:
-      bench: the data; of output errors, the search for a spring begins with the period of theirs.
+      bench: the data; of output errors, the search for a spring begins with theirs.
       fit: the model, and where the fit starts.
-      most: misfit that may be left [nat]; None where the fit does not come near that.
+      largest: residual of a block that may be left [noise levels]; None where the fit does not come near that.
     """
-    start = _as_start(bench, fit)
-    least = bench.data.period if isinstance(bench.data, OutputErrorData) else 0.0
-    ratios = _DAMPING_RATIOS if least < np.inf else (0.0,)
-    softened = [_softened(bench, start, ratio, most, least) for ratio in ratios]
-    found = [path for path in softened if path is not None]
-    if not found:
+    best = _likeliest_run(bench, fit, largest)
+    if best is None:
         return None
-    free, fitted = min(found, key=lambda path: path[1].cost)
+    free, fitted = best.bench, _fitted(best.bench, best.fit)
     exact, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
@@ -157,24 +178,63 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
     return (exact, corrected) if corrected.cost <= fitted.cost else (free, fitted)
 
 
-def _softened(
-    bench: Workbench, start: Fit, damping_ratio: float, most: float, least: float
-) -> tuple[Workbench, Fit] | None:
-    """The likeliest of fits with springs of one damping ratio, each begun at the one before it, from the stiffest on.
+def _likeliest_run(bench: Workbench, fit: Fit, largest: float) -> _Run | None:
+    """The likeliest of rough fits with springs, and without; arguments as `fit_output_error`.
 
-    It ends where a softer spring is less likely. Arguments as `fit_output_error`, `least` the shortest period
-    [s]; None where the first leaves too much.
+    Each begins at the likeliest before it. The spring softens as long as that is likelier, and once more with the other
+    damping ratio. A free run has two parameters less than a spring, and may be less likely by their penalty.
     """
-    best: tuple[Workbench, Fit] | None = None
-    for period in (p for p in _PERIODS if p >= least):
-        data = OutputErrorData(driven_data(bench), start.model, period, damping_ratio)
-        free = Workbench(data, bench.pool)
-        goal = best[1].cost if best else most + float(free.count.sum()) * loss.loss(np.ones(1)).item()
-        fitted = _fitted(free, best[1] if best else start, goal)
-        if fitted.cost >= goal:
-            break
-        best = free, fitted
-    return best
+    best = _with_own_spring(bench, fit)
+    for ratio in _DAMPING_RATIOS:
+        for period in _PERIODS:
+            if best is None or best.data.is_stiffer(period, ratio):
+                run = _rough_run(bench, fit, largest, best, period, ratio)
+                if run is None:
+                    break
+                best = run
+    if best is None or best.data.is_free:
+        return best
+    return _rough_run(bench, fit, largest, best, np.inf, 0.0, best.bench.penalty(2)) or best
+
+
+def _with_own_spring(bench: Workbench, fit: Fit) -> _Run | None:
+    """A fit to output errors, with their spring; None of one to driven data."""
+    if not isinstance(bench.data, OutputErrorData):
+        return None
+    data = OutputErrorData(bench.data.driven, fit.model, bench.data.period, bench.data.damping_ratio)
+    free = Workbench(data, bench.pool)
+    [r] = free.residuals([(fit.model, fit.starts, None)])
+    cost = cost_of(free, fit.unknowns, fit.values, r)
+    return _Run(data, free, replace(fit, residual=r, size=free.sizes(r), cost=cost))
+
+
+def _rough_run(
+    bench: Workbench,
+    fit: Fit,
+    largest: float,
+    best: _Run | None,
+    period: float,
+    ratio: float,
+    less: float = 0.0,
+) -> _Run | None:
+    """A rough fit with a spring; None where it is not likelier than the best before it.
+
+    Args:
+      bench, fit, largest: as `fit_output_error`, for the first fit.
+      best: where a later one begins.
+      period, ratio: of the spring [s], [1].
+      less: by how much it may be less likely [nat].
+    """
+    data = OutputErrorData(driven_data(bench), fit.model, period, ratio)
+    free = Workbench(data, bench.pool)
+    if best is None:
+        start = _as_start(bench, fit)
+        goal = float(free.count.sum() * loss.loss(np.array(largest)))
+    else:
+        start, goal = best.fit, best.fit.cost + less
+    # A spring forgets the initial state.
+    fitted = (_fitted if best is None or data.is_free else _minimised)(free, start, goal)
+    return _Run(data, free, fitted) if fitted.cost < goal else None
 
 
 def _as_start(bench: Workbench, fit: Fit) -> Fit:
@@ -211,10 +271,10 @@ def _with_states(fit: Fit, states: Sequence[Start]) -> Fit:
     return replace(fit, starts=tuple(states), values=values)
 
 
-def _fitted(free: Workbench, fit: Fit, goal: float = np.inf) -> Fit:
+def _fitted(free: Workbench, fit: Fit, goal: float | None = None) -> Fit:
     """The model fitted to output errors, from the fit on and, where these are likelier, from other initial states.
 
-    It is given up where its cost would stay above the goal.
+    Arguments as `_minimised`.
     """
     fitted = _minimised(free, fit, goal)
     states, gained = _likelier_states(free, fitted)
@@ -223,9 +283,12 @@ def _fitted(free: Workbench, fit: Fit, goal: float = np.inf) -> Fit:
     return min(fitted, _minimised(free, _with_states(fitted, states), goal), key=lambda f: f.cost)
 
 
-def _minimised(free: Workbench, fit: Fit, goal: float) -> Fit:
-    at = fit.model, fit.starts, fit.unknowns, fit.values
-    return minimise(free, *at, iterations=FAR_ITERATIONS, goal=goal)
+def _minimised(free: Workbench, fit: Fit, goal: float | None = None) -> Fit:
+    """The model fitted to output errors; with a goal to 1 nat, and given up where its cost would stay above that."""
+    at = free, fit.model, fit.starts, fit.unknowns, fit.values
+    if goal is None:
+        return minimise(*at, iterations=FAR_ITERATIONS)
+    return minimise(*at, iterations=QUICK_ITERATIONS, tolerance=1.0, goal=goal)
 
 
 def _value(u: Unknown, value: float, states: Sequence[Start]) -> float:

@@ -43,6 +43,19 @@ def refined_fit(bench: Workbench, base: Fit) -> Fit:
     return _fit_at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
 
 
+def refined_with_roughness(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
+    """As `jacobian_and_roughness`, after Gauss-Newton steps to convergence."""
+    smooth, roughness = jacobian_and_roughness(bench, base)
+    for _ in range(_MAX_STEPS):
+        if predicted_gain(bench, smooth) <= MIN_GAIN:
+            break
+        before, nearer = smooth.cost, _gauss_newton_step(bench, smooth)
+        smooth, roughness = jacobian_and_roughness(bench, nearer)
+        if before - smooth.cost < MIN_GAIN:
+            break
+    return smooth, roughness
+
+
 def predicted_gain(bench: Workbench, base: Fit) -> float:
     """Reduction of the cost that a Gauss-Newton step predicts: g' H^-1 g / 2, half the squared Newton decrement."""
     information, gradient = normal_equations(bench, base)

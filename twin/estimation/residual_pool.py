@@ -10,8 +10,8 @@ import multiprocessing
 import os
 import threading
 import time
-from collections import OrderedDict
-from collections.abc import Sequence
+from collections import OrderedDict, deque
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol, TypeVar
@@ -34,6 +34,7 @@ Task = tuple[int, Model, Start]
 Parts = dict[str, np.ndarray]
 """Channel -> residual (m) of a recording."""
 T = TypeVar("T")
+ItemT = TypeVar("ItemT")
 
 
 class ResidualData(Protocol):
@@ -74,6 +75,29 @@ class ResidualPool(ThreadPoolExecutor):
             done.update(zip(share, computed, strict=True))
         self._learn_times(data, [(tasks[k][0], seconds) for k, (_, seconds) in done.items()])
         return [done[k][0] for k in range(len(tasks))]
+
+    def spread(self, function: Callable[[ItemT, ResidualPool], T], items: Sequence[ItemT]) -> list[T]:
+        """The result of a function of each item and a pool of one, here and in the processes, as these become free.
+
+        Args:
+          function: of a module, which a process can import.
+          items: the longest first.
+        """
+        waiting, results = deque(range(len(items))), dict[int, T]()
+
+        def work(compute: Callable[[Callable[[ItemT, ResidualPool], T], ItemT], T]) -> None:
+            while True:
+                try:
+                    k = waiting.popleft()
+                except IndexError:
+                    return
+                results[k] = compute(function, items[k])
+
+        others = [self.submit(work, helper.call) for helper in self._helpers]
+        work(_call)
+        for other in others:
+            other.result()
+        return [results[k] for k in range(len(items))]
 
     def _learn_times(self, data: ResidualData, taken: Sequence[tuple[int, float]]) -> None:
         """Keeps the mean time [s] of the tasks of each recording, half of it that of the last ones."""
@@ -117,6 +141,12 @@ def _compute(data: ResidualData, tasks: Sequence[Task]) -> list[tuple[Parts, flo
     return done
 
 
+def _call(function: Callable[[ItemT, ResidualPool], T], item: ItemT) -> T:
+    """The result of a function of an item and a pool of one thread."""
+    with threadpool_limits(1), ResidualPool(1) as pool:
+        return function(item, pool)
+
+
 class _Helper:
     """A process that computes residuals, and the data that it keeps."""
 
@@ -137,6 +167,13 @@ class _Helper:
                 ended: Future[list[tuple[Parts, float]]] = Future()
                 ended.set_exception(error)
                 return ended
+
+    def call(self, function: Callable[[ItemT, ResidualPool], T], item: ItemT) -> T:
+        """The result of a function, see `ResidualPool.spread`."""
+        try:
+            return self._process.submit(_call, function, item).result()
+        except BrokenProcessPool:  # the process has ended
+            return _call(function, item)
 
     def release(self) -> None:
         """Makes the process forget its data, and offers it to the next pool."""

@@ -125,6 +125,10 @@ class Workbench:
         """The misfit of a residual (n) in each block (g)."""
         return self.count * np.maximum(loss.loss(self.sizes(residual)) - 0.5, 0.0)
 
+    def penalty(self, parameters: int) -> float:
+        """Penalty of this number of parameters: each half the log of the number of samples (Schwarz, 1978) [nat]."""
+        return 0.5 * parameters * float(np.log(max(self.count.sum(), 2.0)))
+
 
 class GuidedData:
     """Residuals of guided simulations: the hub sticks and slides when the measured hub does."""
