@@ -1,12 +1,9 @@
 """The torque that a model lacks in a recording that was not fitted."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from twin.diagnosis import traces
-from twin.estimation.residual_pool import ResidualPool
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.recording import GAUGES, Recording, Sensor
@@ -36,17 +33,12 @@ def prepared():
     return prepare(given.replace(channels={"torque_command": command, **measured}), NOISE)[0]
 
 
-def torque(prepared, monkeypatch, adopted=(), best=PLAIN, unexplained=()):
-    monkeypatch.setattr(traces.remainder, "unexplained_channels", lambda state: unexplained)
-    state = SimpleNamespace(
-        base=SimpleNamespace(model=PLAIN), best=SimpleNamespace(model=best), adopted=adopted
-    )
-    with ResidualPool(1) as pool:
-        return traces.held_out_torque(PLAIN, traces.lacking_models(state), prepared, pool)
+def torque(prepared, *lacking):
+    return traces.held_out_torque(PLAIN, [(model, Start()) for model in lacking], prepared)
 
 
-def test_what_a_model_without_the_cable_lacks_is_its_torque(prepared, monkeypatch):
-    found = torque(prepared, monkeypatch, adopted=("cable-torsion",), best=CABLED)
+def test_what_a_model_without_the_cable_lacks_is_its_torque(prepared):
+    found = torque(prepared, PLAIN, CABLED)
     angle = np.interp(found.time, prepared.recording.time, prepared.recording["hub_angle"])
     cable = -CABLE["stiffness"] * (angle - CABLE["rest_angle"])
     assert len(found.time) > 300
@@ -56,16 +48,16 @@ def test_what_a_model_without_the_cable_lacks_is_its_torque(prepared, monkeypatc
     assert np.corrcoef(found.fitted, cable)[0, 1] > 0.98
 
 
-def test_where_residuals_are_unexplained_it_is_what_the_final_model_lacks(prepared, monkeypatch):
-    found = torque(prepared, monkeypatch, ("cable-torsion",), CABLED, unexplained=("hub_torque",))
+def test_where_residuals_are_unexplained_it_is_what_the_final_model_lacks(prepared):
+    found = torque(prepared, CABLED)
     assert found.fitted is None
-    lacking = torque(prepared, monkeypatch)
+    lacking = torque(prepared, PLAIN)
     assert np.median(np.abs(found.values)) < 0.5 * np.median(np.abs(lacking.values))
 
 
-def test_a_locked_hub_has_no_torque_balance(prepared, monkeypatch):
+def test_a_locked_hub_has_no_torque_balance(prepared):
     time = prepared.recording.time
     strain = 1e-4 * np.cos(8 * time)
     channels = {"torque_command": 0 * time, "strain_base": strain}
     locked = Recording("decay.csv", time, channels, True, "open", 0.03)
-    assert torque(prepare(locked, NOISE)[0], monkeypatch) is None
+    assert torque(prepare(locked, NOISE)[0], PLAIN) is None

@@ -156,6 +156,8 @@ def test_a_first_state_that_a_wrong_model_left_in_another_minimum_is_found_anew(
     values = np.array(
         [getattr(lost, u.name) if u.index is None else getattr(lost, u.name)[u.index] for u in unknowns]
     )
-    fit = replace(fit_of(free, model), starts=(lost,), unknowns=unknowns, values=values)
+    plain = fit_of(free, model)
+    slopes = np.zeros((len(plain.residual), len(unknowns)))
+    fit = replace(plain, starts=(lost,), unknowns=unknowns, values=values, jacobian=slopes)
     _, found = fit_output_error(free, fit)
     assert found.size.max() < 1.2

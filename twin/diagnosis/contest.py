@@ -46,7 +46,7 @@ def fit_to_convergence(
     rest = [c for c in ranked if c not in contenders]
     refined = list[Candidate]()
     for c in contenders:
-        refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined)))
+        refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined), c.fit.jacobian))
     left = min(bench.misfit(c.fit.residual) for c in refined)
     if left > rules.LEAST_SHARE * bench.misfit(base.residual):
         for k, c in enumerate(refined):
@@ -103,7 +103,12 @@ def prefer_closer_free_runs(bench: Workbench, ranked: list[Candidate]) -> list[C
 
 
 def fit_fully(
-    bench: Workbench, base: Fit, candidate: Candidate, first: np.ndarray, goal: float = np.inf
+    bench: Workbench,
+    base: Fit,
+    candidate: Candidate,
+    first: np.ndarray,
+    goal: float = np.inf,
+    jacobian: np.ndarray | None = None,
 ) -> Candidate:
     """The candidate fitted with all unknowns free.
 
@@ -113,12 +118,15 @@ def fit_fully(
       candidate: what is fitted.
       first: (p) values to start from.
       goal: cost that it has to come below; the fit is given up where it would not.
+      jacobian: (n x p) of these data there, if it is known.
     """
     before = candidate.fit
     # What is less than the error of the model decides nothing.
     tolerance = rules.MODEL_ERROR_SHARE * max(candidate.score, rules.MODEL_ERROR_SCORE)
     at = before.model, before.starts, before.unknowns, first
-    result = minimise(bench, *at, iterations=FULL_ITERATIONS, tolerance=tolerance, goal=goal)
+    result = minimise(
+        bench, *at, iterations=FULL_ITERATIONS, tolerance=tolerance, goal=goal, first_jacobian=jacobian
+    )
     return Candidate(candidate.effects, result, candidates.score_gain(bench, base, result))
 
 

@@ -82,7 +82,7 @@ def unexplained_residuals(bench: Workbench, fit: Fit) -> dict[str, Unexplained]:
     data = output_error.driven_data(bench)
     bench, fit = output_error.on_driven_data(bench, fit)
     fit = replace(fit, model=with_fine_chain(fit.model))
-    recordings = [_in_recording(bench, data, fit, i) for i in range(len(data.prepared))]
+    recordings = list(bench.pool.map(lambda i: _in_recording(bench, data, fit, i), range(len(data.prepared))))
     channels = dict.fromkeys(channel for parts in recordings for channel in parts)
     modes = np.concatenate([fit.model.chain.modes(boundary)[0] for boundary in ("clamped", "free")])
     resonances = tuple(modes[modes > 0] / (2 * np.pi))

@@ -209,7 +209,7 @@ def continued_on_output_errors(
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
-    They are used where the noise of the hub sensor dominates, or where they are explained, and not clearly less than
+    They are used where the noise of the hub sensor dominates, or where they are explained and leave less misfit than
     the driven data: with rough sensors they tell parameters many times better. Not to replace those of a play, whose
     impacts take ten times as many steps.
     """
@@ -217,8 +217,7 @@ def continued_on_output_errors(
         return on_output_errors(state, more, progress)
     if _has_play(state.best):
         return state, more
-    left = state.bench.misfit(state.best.residual)
-    return on_output_errors(state, more, progress, FOLLOWS, left + rules.decisive_difference(left))
+    return on_output_errors(state, more, progress, FOLLOWS)
 
 
 def _has_play(fit: Fit) -> bool:
@@ -226,7 +225,7 @@ def _has_play(fit: Fit) -> bool:
 
 
 def on_output_errors(
-    state: SearchState, more: bool, progress: Progress, largest: float = math.inf, most: float = math.inf
+    state: SearchState, more: bool, progress: Progress, largest: float = math.inf
 ) -> tuple[SearchState, bool]:
     """The state with its last fit repeated on output errors, and whether to go on.
 
@@ -234,11 +233,12 @@ def on_output_errors(
       state: of the search.
       more: whether to go on where output errors are not used.
       progress: called with a message.
-      largest: residual of a block from which on output errors are not used [noise levels].
-      most: misfit above which they are not used [nat].
+      largest: residual of a block from which on output errors are not used [noise levels]; if it is finite, they also
+        have to leave less misfit than the data of the last fit.
     """
     progress("fitting output errors")
-    found = output_error.fit_output_error(state.bench, state.best, largest)
+    most = state.bench.misfit(state.best.residual) if largest < math.inf else math.inf
+    found = output_error.fit_output_error(state.bench, state.best, most)
     if found is None:
         return state, more
     bench, fit = found

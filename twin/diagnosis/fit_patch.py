@@ -69,7 +69,7 @@ def fit_patch(
         }
 
     ready = [prepare_clean(r, campaign.sensors, state.start.clock, noise)[0] for r in campaign.holdout()]
-    starts = [first_state.first_state(model, prepared, pool) for prepared in ready]
+    starts = first_state.first_states(model, ready, pool)
     unit = CHANNEL_UNITS["motor_torque"] if lookup.channel == HUB_TORQUE else CHANNEL_UNITS[lookup.channel]
     gains = dict(zip((p.recording.name for p in ready), pool.map(errors, ready, starts), strict=True))
     return Patched(lookup, unit, gains)

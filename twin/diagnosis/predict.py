@@ -20,7 +20,7 @@ from twin.diagnosis.error_budget import (
     zero_of,
 )
 from twin.diagnosis.state import SearchState
-from twin.diagnosis.traces import held_out_torque, lacking_models
+from twin.diagnosis.traces import held_out_torque
 from twin.diagnosis.windows import simulate_windows
 from twin.estimation import first_state
 from twin.estimation.calibrate import noise_levels, prepare_clean
@@ -44,7 +44,7 @@ class _Given:
       models: the declared, the calibrated and the final one.
       between: the models after each adopted effect but the last.
       effects: names of the adopted effects.
-      lacking: models whose lacking torque is shown; none for a recording that was fitted.
+      lacking: which of the models lack the torque that is shown; none for a recording that was fitted.
       has_budget: whether the recording evaluates the answer.
       has_windows: whether the final model is simulated in windows without a budget.
     """
@@ -55,7 +55,7 @@ class _Given:
     models: Sequence[Model]
     between: Sequence[Model]
     effects: Sequence[str]
-    lacking: Sequence[Model]
+    lacking: Sequence[int]
     has_budget: bool
     has_windows: bool
 
@@ -70,8 +70,8 @@ def predict(
     """
     noise, held_out = noise_levels(campaign), campaign.holdout()
     models = (polished.declared, polished.calibrated.model, polished.augmented.model)
-    between, lacking = models_between(state), lacking_models(state)
-    can_contradict = bool(held_out) and not remainder.unexplained_channels(state)
+    between, unexplained = models_between(state), bool(remainder.unexplained_channels(state))
+    lacking = (2,) if unexplained else (1, 2) if state.adopted else (1,)
     recordings, given = (*campaign.fit, *held_out), list[_Given]()
     for k, recording in enumerate(recordings):
         is_held_out = k >= len(campaign.fit)
@@ -83,7 +83,7 @@ def predict(
             state.names,
             lacking if is_held_out else (),
             has_budget=is_held_out or not held_out,
-            has_windows=can_contradict,
+            has_windows=bool(held_out) and not unexplained,
         )
         given.append(one)
     # Those with a budget take longest.
@@ -108,7 +108,8 @@ def _predicted(given: _Given, pool: ResidualPool) -> Prediction:
         windows = {c: b.after for c, b in budget.items()}
     elif given.has_windows:
         windows = _errors(prepared, *simulated[-1])
-    torque = held_out_torque(models[1], given.lacking, prepared, pool) if given.lacking else None
+    lacking = [(models[k], starts[k]) for k in given.lacking]
+    torque = held_out_torque(models[1], lacking, prepared) if lacking else None
     return Prediction(
         given.role,
         prepared.recording,

@@ -7,12 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.diagnosis import remainder
 from twin.diagnosis.answer import Trace
 from twin.diagnosis.dependence import TRAVEL, Unexplained, travel, unexplained_residuals, variance_shares
 from twin.diagnosis.state import SearchState
-from twin.estimation.first_state import first_state
-from twin.estimation.residual_pool import ResidualPool
+from twin.mechanics.state import Start
 from twin.recording import HUB_TORQUE
 from twin.residuals.data import DrivenData
 from twin.residuals.prepared import Prepared
@@ -65,39 +63,29 @@ def final_traces(
     )
 
 
-def lacking_models(state: SearchState) -> tuple[Model, ...]:
-    """Models whose lacking torque is shown: the calibrated one, and the one with the adopted effects if there are any.
-
-    Where residuals stay unexplained, the final model alone.
-    """
-    if remainder.unexplained_channels(state):
-        return (state.best.model,)
-    return (state.base.model, state.best.model) if state.adopted else (state.base.model,)
-
-
 def held_out_torque(
-    calibrated: Model, lacking: Sequence[Model], prepared: Prepared, pool: ResidualPool
+    calibrated: Model, lacking: Sequence[tuple[Model, Start]], prepared: Prepared
 ) -> Trace | None:
     """Torque on the hub that a model lacks in a recording which was not fitted; None where it cannot be estimated.
 
+    As on the fit recordings: what the calibrated model lacks, with the part of it that the adopted effects explain;
+    where residuals stay unexplained, what the final model lacks.
+
     Args:
       calibrated: the model that defines the filters.
-      lacking: of `lacking_models`; of two, the difference is what the second explains.
+      lacking: the model and its state at the first sample; of two, the difference is what the second explains.
       prepared: the recording.
-      pool: where residuals are computed, for its initial state.
     """
     data = DrivenData([prepared], calibrated)
     rows = next((g.rows for g in data.groups if g.channel == HUB_TORQUE), None)
     if rows is None or data.weight[rows].sum() < FEWEST:
         return None
     keep, view = data.weight[rows] > 0, data.views[0]
-
-    def lacking_torque(model: Model) -> np.ndarray:
-        start = first_state(model, prepared, pool)
-        return raw_residual(view, prepared, with_fine_chain(model), start)[HUB_TORQUE][keep]
-
+    values, *others = (
+        raw_residual(view, prepared, with_fine_chain(model), start)[HUB_TORQUE][keep]
+        for model, start in lacking
+    )
     time = view.time[keep] - view.time[0]
-    values, *others = map(lacking_torque, lacking)
     fitted = values - others[0] if others else None
     return Trace(HUB_TORQUE, time, values, {}, np.zeros(len(time), dtype=int), time, fitted=fitted)
 

@@ -216,7 +216,7 @@ def _rough_calibration(
     if any(p.recording.start == "unknown" for p in data.prepared):
         # The bend of a moving link is estimated with its frequencies: those of the declared link may be far off.
         near = model_at(model, unknowns, x)
-        bench = Workbench(DrivenData([first_state.with_bend(p, near) for p in data.prepared], near), pool)
+        bench = Workbench(DrivenData(first_state.with_bends(data.prepared, near, pool), near), pool)
         starts, unknowns = tuple(p.start for p in bench.prepared), _all_unknowns(model, bench, given)
         bench, _ = chain_limit.without_discretisation_error(bench, near, starts, chain_limit.ROUGH)
         nearer = {u.name: float(v) for u, v in zip(unknowns, x, strict=True) if u.kind == "rig"}

@@ -6,6 +6,7 @@ the first moments.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,24 @@ def first_state(model: Model, prepared: Prepared, pool: ResidualPool) -> Start:
     short = with_bend(_head(prepared, _FREE_RUN_SPAN), model)
     bench = Workbench(GuidedData([short]), pool)
     return minimise(bench, model, [short.start], start_unknowns([short])).starts[0]
+
+
+def first_states(model: Model, recordings: Sequence[Prepared], pool: ResidualPool) -> list[Start]:
+    """The `first_state` of each recording, found side by side."""
+    return pool.spread(_first_state_of, [(model, p) for p in recordings])
+
+
+def _first_state_of(given: tuple[Model, Prepared], pool: ResidualPool) -> Start:
+    return first_state(*given, pool)
+
+
+def with_bends(recordings: Sequence[Prepared], model: Model, pool: ResidualPool) -> list[Prepared]:
+    """Each recording `with_bend`, found side by side."""
+    return pool.spread(_with_bend_of, [(p, model) for p in recordings])
+
+
+def _with_bend_of(given: tuple[Prepared, Model], pool: ResidualPool) -> Prepared:
+    return with_bend(*given)
 
 
 def with_bend(prepared: Prepared, model: Model) -> Prepared:

@@ -72,7 +72,7 @@ def minimise(
         before, enough = at.cost, tolerance * max(1.0, 1e-3 * at.cost)
         given = first_jacobian if iteration == 0 else None
         if given is not None:
-            J = given
+            J = np.asarray(given, dtype=float)
         else:
             J, steps = difference_jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
         mistaken = np.inf

@@ -16,7 +16,7 @@ from typing import cast
 import numpy as np
 
 from twin.estimation import chain_limit, loss, refine
-from twin.estimation.first_state import first_state, with_bend
+from twin.estimation.first_state import first_states, with_bends
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import FAR_ITERATIONS, QUICK_ITERATIONS, minimise
 from twin.estimation.slopes import cost_of, difference_jacobian, first_steps
@@ -153,7 +153,7 @@ class _Run:
     fit: Fit
 
 
-def fit_output_error(bench: Workbench, fit: Fit, largest: float = np.inf) -> tuple[Workbench, Fit] | None:
+def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[Workbench, Fit] | None:
     """The output errors of the recordings of a bench, and the model of a fit fitted to them.
 
     Of the springs, the one with the largest likelihood is taken, as the gain of an observer is estimated (Ljung 1999,
@@ -163,12 +163,12 @@ def fit_output_error(bench: Workbench, fit: Fit, largest: float = np.inf) -> tup
     Args:
       bench: the data; of output errors, the search for a spring begins with theirs.
       fit: the model, and where the fit starts.
-      largest: residual of a block that may be left [noise levels]; None where the fit does not come near that.
+      most: misfit that the first spring may leave [nat]; None where the fit does not come near that.
     """
-    best = _likeliest_run(bench, fit, largest)
+    best = _likeliest_run(bench, fit, most)
     if best is None:
         return None
-    free, fitted = best.bench, _fitted(best.bench, best.fit)
+    free, fitted = best.bench, _fitted(best.bench, best.fit, jacobian=best.fit.jacobian)
     exact, _ = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
@@ -178,7 +178,7 @@ def fit_output_error(bench: Workbench, fit: Fit, largest: float = np.inf) -> tup
     return (exact, corrected) if corrected.cost <= fitted.cost else (free, fitted)
 
 
-def _likeliest_run(bench: Workbench, fit: Fit, largest: float) -> _Run | None:
+def _likeliest_run(bench: Workbench, fit: Fit, most: float) -> _Run | None:
     """The likeliest of rough fits with springs, and without; arguments as `fit_output_error`.
 
     Each begins at the likeliest before it. The spring softens as long as that is likelier, and once more with the other
@@ -188,13 +188,13 @@ def _likeliest_run(bench: Workbench, fit: Fit, largest: float) -> _Run | None:
     for ratio in _DAMPING_RATIOS:
         for period in _PERIODS:
             if best is None or best.data.is_stiffer(period, ratio):
-                run = _rough_run(bench, fit, largest, best, period, ratio)
+                run = _rough_run(bench, fit, most, best, period, ratio)
                 if run is None:
                     break
                 best = run
     if best is None or best.data.is_free:
         return best
-    return _rough_run(bench, fit, largest, best, np.inf, 0.0, best.bench.penalty(2)) or best
+    return _rough_run(bench, fit, most, best, np.inf, 0.0, best.bench.penalty(2)) or best
 
 
 def _with_own_spring(bench: Workbench, fit: Fit) -> _Run | None:
@@ -211,7 +211,7 @@ def _with_own_spring(bench: Workbench, fit: Fit) -> _Run | None:
 def _rough_run(
     bench: Workbench,
     fit: Fit,
-    largest: float,
+    most: float,
     best: _Run | None,
     period: float,
     ratio: float,
@@ -220,7 +220,7 @@ def _rough_run(
     """A rough fit with a spring; None where it is not likelier than the best before it.
 
     Args:
-      bench, fit, largest: as `fit_output_error`, for the first fit.
+      bench, fit, most: as `fit_output_error`, for the first fit.
       best: where a later one begins.
       period, ratio: of the spring [s], [1].
       less: by how much it may be less likely [nat].
@@ -229,7 +229,7 @@ def _rough_run(
     free = Workbench(data, bench.pool)
     if best is None:
         start = _as_start(bench, fit)
-        goal = float(free.count.sum() * loss.loss(np.array(largest)))
+        goal = most + float(free.count.sum() * loss.loss(np.ones(())))
     else:
         start, goal = best.fit, best.fit.cost + less
     # A spring forgets the initial state.
@@ -241,7 +241,7 @@ def _as_start(bench: Workbench, fit: Fit) -> Fit:
     """The fit; one to driven data, with the initial states of output errors."""
     if isinstance(bench.data, OutputErrorData):
         return fit
-    return _with_states(fit, [first_state(fit.model, p, bench.pool) for p in bench.prepared])
+    return _with_states(fit, first_states(fit.model, bench.prepared, bench.pool))
 
 
 def _likelier_states(bench: Workbench, fit: Fit) -> tuple[list[Start], float]:
@@ -253,7 +253,7 @@ def _likelier_states(bench: Workbench, fit: Fit) -> tuple[list[Start], float]:
     Returns:
       The states, and the misfit that they save [nat].
     """
-    anew = [with_bend(p, fit.model) for p in bench.prepared]
+    anew = with_bends(bench.prepared, fit.model, bench.pool)
     unknowns = start_unknowns(anew)
     if not unknowns:
         return list(fit.starts), 0.0
@@ -271,24 +271,34 @@ def _with_states(fit: Fit, states: Sequence[Start]) -> Fit:
     return replace(fit, starts=tuple(states), values=values)
 
 
-def _fitted(free: Workbench, fit: Fit, goal: float | None = None) -> Fit:
+def _fitted(free: Workbench, fit: Fit, goal: float | None = None, jacobian: np.ndarray | None = None) -> Fit:
     """The model fitted to output errors, from the fit on and, where these are likelier, from other initial states.
 
     Arguments as `_minimised`.
     """
-    fitted = _minimised(free, fit, goal)
+    fitted = _minimised(free, fit, goal, jacobian)
     states, gained = _likelier_states(free, fitted)
     if gained < refine.MIN_GAIN:
         return fitted
-    return min(fitted, _minimised(free, _with_states(fitted, states), goal), key=lambda f: f.cost)
+    again = _minimised(free, _with_states(fitted, states), goal, fitted.jacobian)
+    return min(fitted, again, key=lambda f: f.cost)
 
 
-def _minimised(free: Workbench, fit: Fit, goal: float | None = None) -> Fit:
-    """The model fitted to output errors; with a goal to 1 nat, and given up where its cost would stay above that."""
+def _minimised(
+    free: Workbench, fit: Fit, goal: float | None = None, jacobian: np.ndarray | None = None
+) -> Fit:
+    """The model fitted to output errors, from the fit on.
+
+    Args:
+      free: the output errors.
+      fit: where the fit begins.
+      goal: the fit is made to 1 nat, and given up where its cost would stay above this; to convergence without one.
+      jacobian: (n x p) near there, if it is known.
+    """
     at = free, fit.model, fit.starts, fit.unknowns, fit.values
     if goal is None:
-        return minimise(*at, iterations=FAR_ITERATIONS)
-    return minimise(*at, iterations=QUICK_ITERATIONS, tolerance=1.0, goal=goal)
+        return minimise(*at, iterations=FAR_ITERATIONS, first_jacobian=jacobian)
+    return minimise(*at, iterations=QUICK_ITERATIONS, tolerance=1.0, goal=goal, first_jacobian=jacobian)
 
 
 def _value(u: Unknown, value: float, states: Sequence[Start]) -> float:

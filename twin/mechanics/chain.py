@@ -27,6 +27,7 @@ DEFAULT_SEGMENTS = 8
 """Number of hinges. `twin check` compares the chain's modes, statics and friction with the exact beam."""
 SHAPE_PARAMETERS = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
 """Parameters of a rig on which the proportions of its chain depend."""
+_CACHED = 64  # chains and rows that are kept: most unknowns of a fit leave the chain as it is
 _TARGET_MODES = 3
 """Modes of each boundary condition, free and clamped, that the fit targets."""
 # Weights of the fit's residuals [1], chosen: of relative errors in units of 1e-3, and of log ratios to equal segments.
@@ -43,9 +44,11 @@ _DIFFERENCE_STEP = 1e-4
 regularisation, and the solution depends on the kind of processor."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ChainShape:
     """Proportions of a chain, relative to the link's length, mass and EI/l; lengths and masses each sum to 1.
+
+    Equal proportions are equal, and the same key of a cache, in every process.
 
     Attributes:
       lengths: (n + 1) of the segments, from the hub axis to the tip.
@@ -62,14 +65,24 @@ class ChainShape:
         """Number of hinges n; the n + 1 rigid parts are half a segment, n - 1 whole ones, half a segment."""
         return len(self.stiffnesses)
 
+    @functools.cached_property
+    def _key(self) -> tuple[bytes, ...]:
+        return tuple(values.tobytes() for values in (self.lengths, self.masses, self.stiffnesses))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ChainShape) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
     def is_uniform(self) -> bool:
         """Whether all hinges are equally stiff, as those of `uniform_shape`."""
         return bool(np.ptp(self.stiffnesses) < 1e-9 * self.stiffnesses[0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chain:
-    """A chain with its dimensions, SI units; n hinges.
+    """A chain with its dimensions, SI units; n hinges. One object stands for a rig in all models that have it.
 
     Attributes:
       shape: its proportions.
@@ -104,9 +117,12 @@ class Chain:
         """Mass matrix of the straight chain in relative coordinates (n + 1 x n + 1) [kg m^2]."""
         return _relative(self.inertia)
 
+    @functools.lru_cache(maxsize=_CACHED)  # noqa: B019
     def modes(self, boundary: Boundary = "free") -> tuple[np.ndarray, np.ndarray]:
-        """Returns frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n) in relative coordinates."""
-        return _modes(self.mass_matrix(), self.stiffness, boundary)
+        """Returns frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n) in relative coordinates, read-only."""
+        frequencies, shapes = _modes(self.mass_matrix(), self.stiffness, boundary)
+        frequencies.flags.writeable = shapes.flags.writeable = False
+        return frequencies, shapes
 
     def damping_ratios(self, boundary: Boundary = "free") -> np.ndarray:
         """Returns the damping ratio of each mode (n) [1]; coupling of modes by damping is neglected."""
@@ -130,6 +146,7 @@ class Chain:
         system = np.block([[np.zeros((n, n)), np.eye(n)], [-pliant * self.stiffness, -pliant @ self.damping]])
         return float(np.abs(np.linalg.eigvals(system)).max())
 
+    @functools.lru_cache(maxsize=_CACHED)  # noqa: B019 - the chains that it keeps are few and small
     def with_slower_modes(self, step: float) -> Chain:
         """Returns the chain with inertia added to its fast modes, so that it is stable with this step [s].
 
@@ -166,8 +183,13 @@ def build(
       segments: number of hinges, at least 2.
       shape: proportions to use; by default those fitted to this rig.
     """
-    if shape is None:
-        shape = fit_shape(rig, segments)
+    values = tuple(float(rig[name]) for name in (*SHAPE_PARAMETERS, "damping_ratio"))
+    return _built(values, fit_shape(rig, segments) if shape is None else shape)
+
+
+@functools.lru_cache(maxsize=_CACHED)
+def _built(values: tuple[float, ...], shape: ChainShape) -> Chain:
+    rig = dict(zip((*SHAPE_PARAMETERS, "damping_ratio"), values, strict=True))
     lengths = rig["length"] * shape.lengths
     masses = rig["linear_density"] * rig["length"] * shape.masses
     stiffness = rig["bending_stiffness"] / rig["length"] * shape.stiffnesses
@@ -279,6 +301,12 @@ def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarra
     """
     if chain.rigid is not None:
         return row_with_root_compliance(chain, curvature_row(chain.rigid, rig, x))
+    return _curvature_row(chain, tuple(float(rig[name]) for name in SHAPE_PARAMETERS), x)
+
+
+@functools.lru_cache(maxsize=_CACHED)
+def _curvature_row(chain: Chain, values: tuple[float, ...], x: float) -> np.ndarray:
+    rig = dict(zip(SHAPE_PARAMETERS, values, strict=True))
     bends: list[np.ndarray] = []
     curvatures: list[float] = []
     weights: list[float] = []
