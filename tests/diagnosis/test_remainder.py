@@ -1,11 +1,14 @@
 """When the residual of a channel is more than noise and a right model leave."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from twin.diagnosis import remainder
+from twin.diagnosis import diagnose, remainder
+from twin.diagnosis.state import SearchState
+from twin.estimation import output_error
 from twin.residuals.groups import Group
 
 ROWS, INDEPENDENT = 1000, 100.0
@@ -93,3 +96,28 @@ def test_a_lone_recording_is_named_though_it_is_no_verdict():
 def test_a_channel_that_is_quieter_than_declared_is_told():
     found = seen({"strain_base": [0.1, 0.12, 1.0], "strain_mid": [0.8, 0.9, 0.7], "departure": [0.1]})
     assert remainder.overstated_noise(found) == {"strain_base": pytest.approx(0.12, rel=0.01)}
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A search without effects: its data and its calibration."""
+
+    bench: SimpleNamespace
+    base: SimpleNamespace
+
+
+@pytest.mark.parametrize(
+    ("size", "misfit", "used"), [(1.5, 90.0, True), (1.5, 110.0, False), (2.5, 90.0, False)]
+)
+def test_output_errors_are_used_where_they_are_explained_and_leave_less(monkeypatch, size, misfit, used):
+    """A stick may leave them explained with a wrong friction, and then more than driven data."""
+
+    def data(size, misfit):
+        return SimpleNamespace(sizes=lambda r: np.array([size]), misfit=lambda r: misfit)
+
+    fit = SimpleNamespace(residual=np.zeros(1))
+    state = SearchState(Begun(data(1.2, 100.0), fit))
+    free = data(size, misfit)
+    monkeypatch.setattr(output_error, "fit_output_error", lambda bench, fit, most: (free, fit))
+    after, _ = diagnose.on_output_errors(state, True, lambda text: None, 2.0)
+    assert (after.bench is free) == used

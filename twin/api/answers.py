@@ -97,13 +97,22 @@ class Diagnosis:
         return Table.of_rows(("effect", "parameter", "value", "standard_error", "unit"), rows)
 
     def ranking(self) -> Table:
-        """All candidates of the first round, their scores, and the rule by which each was turned down."""
+        """All candidates of the first round, each with the round that came nearest to adopting it.
+
+        Columns: effect, round, its score there, and the rule by which it was turned down; no rule of an adopted one. A
+        candidate that no round fitted has the score of its score test, and no round.
+        """
         turned_down = {name: self.answer.failed_rule(name) for name, _ in self.answer.ranking}
         rows = [
-            (name, score, rule.judgement.rule if (rule := turned_down[name]) is not None else None)
-            for name, score in self.answer.ranking
+            (
+                name,
+                self.answer.nearest_round(name),
+                self.answer.score(name),
+                failed.judgement.rule if (failed := turned_down[name]) is not None else None,
+            )
+            for name, _ in self.answer.ranking
         ]
-        return Table.of_rows(("effect", "score", "turned_down_by"), rows)
+        return Table.of_rows(("effect", "round", "score", "turned_down_by"), rows)
 
     def plot(self, recording: str | None = None) -> go.Figure:
         """Every channel of a recording, measured, before and after; by default the first held-out one.

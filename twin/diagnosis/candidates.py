@@ -71,10 +71,10 @@ class Candidate:
         return self.name in self.fit.model.effects
 
     def stored(self) -> Candidate:
-        """The candidate with its Jacobian in single precision: a search keeps dozens, each of up to 100 MB."""
+        """The candidate without its Jacobian, which later rounds do not use: a search keeps dozens, of up to 100 MB."""
         if not self.is_fitted:
             return self
-        return replace(self, fit=replace(self.fit, jacobian=self.fit.jacobian.astype(np.float32)))
+        return replace(self, fit=replace(self.fit, jacobian=self.fit.jacobian[:0].copy()))
 
 
 def candidate_names(model: Model, channels: set[str]) -> list[str]:

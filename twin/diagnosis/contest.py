@@ -46,7 +46,8 @@ def fit_to_convergence(
     rest = [c for c in ranked if c not in contenders]
     refined = list[Candidate]()
     for c in contenders:
-        refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined), c.fit.jacobian))
+        known = c.fit.jacobian if len(c.fit.jacobian) else None
+        refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined), known))
     left = min(bench.misfit(c.fit.residual) for c in refined)
     if left > rules.LEAST_SHARE * bench.misfit(base.residual):
         for k, c in enumerate(refined):
