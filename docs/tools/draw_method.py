@@ -60,7 +60,7 @@ def missing_torque(axes: Axes, diagnosis: twin.Diagnosis, theme: Theme) -> None:
 
 def scores(axes: Axes, diagnosis: twin.Diagnosis, theme: Theme) -> None:
     """Scores of the best candidates of the first round, and the least score that counts."""
-    best = [(row["effect"], row["score"]) for row in diagnosis.ranking().rows()][:4][::-1]
+    best = diagnosis.answer.ranking[:4][::-1]
     colours = [theme.blue if name == diagnosis.effects[0].name else theme.fill for name, _ in best]
     bars = axes.barh(
         [name for name, _ in best], [score for _, score in best], color=colours, edgecolor=theme.faint

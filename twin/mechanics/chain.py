@@ -27,7 +27,7 @@ DEFAULT_SEGMENTS = 8
 """Number of hinges. `twin check` compares the chain's modes, statics and friction with the exact beam."""
 SHAPE_PARAMETERS = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
 """Parameters of a rig on which the proportions of its chain depend."""
-_CACHED = 64  # chains and rows that are kept: most unknowns of a fit leave the chain as it is
+_CACHED = 64  # shapes, chains and rows that are kept: more than a fit has unknowns that change them
 _TARGET_MODES = 3
 """Modes of each boundary condition, free and clamped, that the fit targets."""
 # Weights of the fit's residuals [1], chosen: of relative errors in units of 1e-3, and of log ratios to equal segments.
@@ -117,7 +117,7 @@ class Chain:
         """Mass matrix of the straight chain in relative coordinates (n + 1 x n + 1) [kg m^2]."""
         return _relative(self.inertia)
 
-    @functools.lru_cache(maxsize=_CACHED)  # noqa: B019
+    @functools.lru_cache(maxsize=_CACHED)  # noqa: B019 - the chains that it keeps are few and small
     def modes(self, boundary: Boundary = "free") -> tuple[np.ndarray, np.ndarray]:
         """Returns frequencies (n) [rad/s] and mass-normalised shapes (n + 1 x n) in relative coordinates, read-only."""
         frequencies, shapes = _modes(self.mass_matrix(), self.stiffness, boundary)
@@ -257,7 +257,7 @@ def fit_shape(rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS) -> Cha
     return _fit_shape(tuple(rig[name] for name in SHAPE_PARAMETERS), segments)
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=_CACHED)
 def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
     length, density, _, hub_inertia, tip_mass, tip_inertia = values
     # Units of the link's length, mass and bending stiffness.
