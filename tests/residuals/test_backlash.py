@@ -54,7 +54,9 @@ def test_width_is_where_what_is_left_is_least(gap):
     with ResidualPool(1) as pool:
         bench = Workbench(data, pool)
         starts = [p.start for p in data.prepared]
-        bench, _ = chain_limit.without_discretisation_error(bench, _model(0.0), starts, chain_limit.PRECISE)
+        bench, _ = chain_limit.without_discretisation_error(
+            bench, _model(0.0), starts, (*chain_limit.STANDARD, 20)
+        )
         widths = gap * np.array([0.0, 0.9, 0.95, 1.0, 1.05, 1.1])
         costs = [bench.cost(r) for r in bench.residuals([(_model(w), starts, None) for w in widths])]
     assert widths[np.argmin(costs)] == gap

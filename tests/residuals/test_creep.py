@@ -213,9 +213,9 @@ def test_what_the_filter_takes_from_a_hub_that_turns_round_is_put_back(monkeypat
         return np.std((low_passed(hub_balance.hub_law_torque(signals, twin, motion), GRID) - exact)[100:-100])
 
     put_back = error()
-    monkeypatch.setattr(stribeck_reversals, "_ITERATIONS", 1)
+    monkeypatch.setattr(stribeck_reversals, "FIXED_POINT_STEPS", 1)
     once = error()
-    monkeypatch.setattr(stribeck_reversals, "_ITERATIONS", 0)
+    monkeypatch.setattr(stribeck_reversals, "FIXED_POINT_STEPS", 0)
     assert put_back < 0.5 * once < 0.5 * error()
     assert put_back < 0.03 * np.std(exact)
 

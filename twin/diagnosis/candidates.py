@@ -29,16 +29,18 @@ from twin.estimation.unknowns import Unknown, effect_unknowns, model_and_starts_
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
+from twin.residuals.numerics import ROUNDING
 from twin.residuals.prepared import shortest_period
 from twin.rigs.channel_errors import replaced_errors, with_replaced_errors
 from twin.rigs.model import Model
 
-_MOST_FITTED, _LEAST_FITTED = 6, 3
-"""Candidates fitted a round: those with a positive score test, within these numbers."""
+CONTENDERS = 3
+"""Candidates that are fitted to convergence at most. As many at least are fitted before, and twice as many at most: of
+these, those with a positive score test."""
 STRAIN = 2.0
 """Standard deviations from its declared value beyond which a calibrated parameter is suspect."""
 SLOPE_FACTOR = 15.0
-"""A finite difference may change the residual by up to this factor more or less than `_VISIBLE_CHANGE`."""
+"""A finite difference may change the residual by up to this factor more or less than by one noise level."""
 _PROMISING = 0.5
 """Share of the misfit that a score has to reach for the round to need no candidates of large size; and of the best
 score that one of these has to gain, nothing else being fitted, to be fitted."""
@@ -115,7 +117,7 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     slopes = {name: effect_slopes(bench, base, name, peaks.get(name, ())) for name in names}
     tested = {name: score_test(bench, base, slopes[name]) for name in names}
     best_first = sorted(names, key=lambda name: -tested[name])
-    count = int(np.clip(sum(score > 0 for score in tested.values()), _LEAST_FITTED, _MOST_FITTED))
+    count = int(np.clip(sum(score > 0 for score in tested.values()), CONTENDERS, 2 * CONTENDERS))
     chosen = [
         n
         for k, n in enumerate(best_first)
@@ -222,7 +224,7 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
     for ray in rays(bench, effect, neutral, base.model):
         length, change = visible_length(bench, base, name, neutral, ray, SLOPE_FACTOR)
         if change is not None:
-            size = max(float(np.std(change)), 1e-12)
+            size = max(float(np.std(change)), ROUNDING)
             changes.append(change / size)
             point = point_on_ray(effect, neutral, ray, length)
             coefficients.append(np.array(effect.linear_coefficients(point or neutral)) / size)
@@ -244,7 +246,7 @@ def wave_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -
         ray = {p.name: values[p.name] - neutral[p.name] for p in effect.parameters}
         _, change = visible_length(bench, base, name, neutral, ray, SLOPE_FACTOR)
         if change is not None:
-            columns.append(change / max(float(np.std(change)), 1e-12))
+            columns.append(change / max(float(np.std(change)), ROUNDING))
     return np.column_stack(columns) if columns else np.zeros((len(base.residual), 0))
 
 

@@ -9,26 +9,21 @@ import numpy as np
 
 from twin import labels
 from twin.diagnosis import candidates, rules
-from twin.diagnosis.candidates import Candidate
+from twin.diagnosis.candidates import CONTENDERS, Candidate
 from twin.diagnosis.judgement import Judgement, judge_all, passes
 from twin.diagnosis.rules import Trial
 from twin.estimation import chain_limit
 from twin.estimation.calibrate import with_noise_of
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import minimise
+from twin.estimation.minimise import FAR_ITERATIONS, minimise
 from twin.estimation.static_friction import with_static_levels
 from twin.estimation.workbench import FreeData, Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
 from twin.rigs.model import Model
 
-CONTENDERS = 3
-"""Largest number of candidates that are fitted to convergence."""
-_LEAST_SHARE = 0.3  # share of the best score that a candidate needs to be fitted to convergence
 _CLEARLY = 0.1  # difference in the mean log size of free-run errors that decides
 _SAME_FREQUENCY = 2e-3  # relative change of a clamped frequency within the width of its resonance
-FULL_ITERATIONS = 12
-"""Iterations of a fit to convergence."""
 
 
 def fit_to_convergence(
@@ -40,8 +35,7 @@ def fit_to_convergence(
     large residuals have little weight, so that a fit can converge to a local minimum. A fit is given up where it would
     stay behind the best by more than `rules.decisive_difference`.
     """
-    best = ranked[0].score
-    contenders = [c for c in ranked[:CONTENDERS] if c.score > _LEAST_SHARE * best]
+    contenders = [c for c in ranked[:CONTENDERS] if c.score > 0]
     progress(f"comparing {', '.join(labels.words(c.name) for c in contenders)}")
     rest = [c for c in ranked if c not in contenders]
     refined = list[Candidate]()
@@ -49,7 +43,7 @@ def fit_to_convergence(
         known = c.fit.jacobian if len(c.fit.jacobian) else None
         refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined), known))
     left = min(bench.misfit(c.fit.residual) for c in refined)
-    if left > rules.LEAST_SHARE * bench.misfit(base.residual):
+    if left > rules.MODEL_SHARE * bench.misfit(base.residual):
         for k, c in enumerate(refined):
             goal = min(c.fit.cost, _most_cost(refined))
             other = fit_fully(bench, base, c, _from_declared(c.fit), goal)
@@ -126,7 +120,7 @@ def fit_fully(
     tolerance = rules.MODEL_ERROR_SHARE * max(candidate.score, rules.MODEL_ERROR_SCORE)
     at = before.model, before.starts, before.unknowns, first
     result = minimise(
-        bench, *at, iterations=FULL_ITERATIONS, tolerance=tolerance, goal=goal, first_jacobian=jacobian
+        bench, *at, iterations=FAR_ITERATIONS, tolerance=tolerance, goal=goal, first_jacobian=jacobian
     )
     return Candidate(candidate.effects, result, candidates.score_gain(bench, base, result))
 
@@ -146,7 +140,7 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
             first[k] = instead.get(u.name, first[k])
     goal = base.cost - rules.decisive_difference(best.score)
     at = bench, base.model, base.starts, base.unknowns, first
-    again = minimise(*at, iterations=FULL_ITERATIONS, goal=goal, first_jacobian=base.jacobian)
+    again = minimise(*at, iterations=FAR_ITERATIONS, goal=goal, first_jacobian=base.jacobian)
     return again if again.cost < goal else None
 
 

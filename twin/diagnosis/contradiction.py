@@ -13,7 +13,7 @@ import numpy as np
 
 from twin.diagnosis.answer import Contradiction, Prediction
 from twin.diagnosis.error_budget import ModelError
-from twin.diagnosis.rules import LEFT_SHARE
+from twin.diagnosis.rules import MODEL_SHARE
 from twin.residuals.significance import FOLLOWS
 
 
@@ -21,7 +21,7 @@ def contradictions(predictions: Mapping[str, Prediction], has_effects: bool) -> 
     """The contradictions in held-out recordings, the largest over its limit first.
 
     Where a model is right, its errors in held-out windows are as those in fitted ones. Of the median window and of the
-    whole run, less what a right effect may leave (`LEFT_SHARE`), both are larger than `FOLLOWS` times the noise,
+    whole run, less what a right effect may leave (`MODEL_SHARE`), both are larger than `FOLLOWS` times the noise,
     and than `FOLLOWS` times the median window of the worst fit recording, where that is explained itself, or
     than the errors of the calibrated model.
 
@@ -70,7 +70,7 @@ def _fitted(predictions: Mapping[str, Prediction], channel: str) -> list[float]:
 
 def _excess(after: ModelError, before: ModelError) -> float:
     """Size of an error [SI] less the share of the error of the declared model that a right effect may leave."""
-    return float(np.sqrt(max(_size(after) ** 2 - (LEFT_SHARE * _size(before)) ** 2, 0.0)))
+    return float(np.sqrt(max(_size(after) ** 2 - (MODEL_SHARE * _size(before)) ** 2, 0.0)))
 
 
 def _size(error: ModelError) -> float:

@@ -2,9 +2,9 @@
 
 A function of one variable, or of two, is fitted to the residuals as a step function. Its share of the variance is
 cross-validated: the steps that predict one recording are means over the others. The variables are hub angle and rate,
-commanded torque, time since the recording began, tip rate and the strains. An oscillation at one frequency, a
-parameter that drifts during a recording, and rare impacts count as dependence on time. The travel of the hub since its
-last reversal is the variable of hysteresis.
+commanded torque, time since the recording began, tip rate and the strains. A parameter that drifts during a recording,
+and rare impacts count as dependence on time. The travel of the hub since its last reversal is the variable of
+hysteresis.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.fft import next_fast_len, rfft, rfftfreq
 
+from twin.diagnosis.rules import MODEL_SHARE
 from twin.estimation import output_error
 from twin.estimation.fit import Fit
 from twin.estimation.loss import ADEQUATE_RMS
-from twin.estimation.workbench import Workbench
+from twin.estimation.workbench import CORRELATION_TIME, Workbench
 from twin.recording import HUB_TORQUE
 from twin.residuals import residual
-from twin.residuals.data import EVENT_CHANNELS, DrivenData
-from twin.residuals.filters import BAND, GRID
+from twin.residuals.data import BLOCK_SPAN, EVENT_CHANNELS, DrivenData
+from twin.residuals.filters import GRID
+from twin.residuals.numerics import ROUNDING
 from twin.residuals.view import View, move_link
 from twin.rigs.model import with_fine_chain
 
@@ -32,21 +33,8 @@ _BINS = (16, 100)
 _COARSE = 8
 """Bins of each variable of a step function of two, and of the time in which a parameter drifts."""
 _PAIR_FACTOR = 1.5
-"""A pair has to explain this many times the share of the best single variable, and `DEPENDS` more."""
-_FEWEST = 20  # samples of the other recordings from which the mean of a bin is taken
-_STRETCH = 0.75  # s, parts for a cross-validation within recordings
-_LONGEST_GAP = 0.01  # s without a residual, across which the travel of the hub is not followed
-_LOWEST_FREQUENCY = 0.3  # Hz, of an oscillation
-_MODE_WIDTH = 0.15  # relative distance from a mode of the model within which a peak may be that mode
-_RESOLUTION = 1.5  # smallest difference of two frequencies, times the duration of the recordings
-_NEIGHBOURHOOD, _PROMINENCE = 1.0, 20.0
-"""A spectral line is this many times the median power within this distance [Hz]."""
-_CLIP = 4.0
-"""Residuals are clipped at this many times their median size, so that one event is no oscillation."""
-_IMPACT = 0.05  # s, pieces of time in which impacts are sought
-_RARE = 0.2  # largest share of the pieces that have impacts
-DEPENDS = 0.05
-"""Share of the variance from which residuals depend on a variable."""
+"""A pair has to explain this many times the share of the best single variable, and `MODEL_SHARE` more."""
+_RARE = 0.2  # largest share of a recording that has impacts
 TRAVEL = "hub_travel"
 """Travel of the hub since its last reversal [rad], the variable of hysteresis."""
 
@@ -61,7 +49,6 @@ class Unexplained:
       recording: (n) index of the recording.
       time: (n) [s], concatenated, too.
       white: (n) the whitened residuals, in noise units.
-      resonances: frequencies of the modes of the model, hub clamped and free [Hz].
       slopes: parameter -> (n) derivative of `white`; of the torque balance of the hub alone.
     """
 
@@ -70,7 +57,6 @@ class Unexplained:
     recording: np.ndarray
     time: np.ndarray
     white: np.ndarray
-    resonances: tuple[float, ...] = ()
     slopes: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
@@ -84,12 +70,10 @@ def unexplained_residuals(bench: Workbench, fit: Fit) -> dict[str, Unexplained]:
     fit = replace(fit, model=with_fine_chain(fit.model))
     recordings = list(bench.pool.map(lambda i: _in_recording(bench, data, fit, i), range(len(data.prepared))))
     channels = dict.fromkeys(channel for parts in recordings for channel in parts)
-    modes = np.concatenate([fit.model.chain.modes(boundary)[0] for boundary in ("clamped", "free")])
-    resonances = tuple(modes[modes > 0] / (2 * np.pi))
-    return {c: _joined([parts[c] for parts in recordings if c in parts], resonances) for c in channels}
+    return {c: _joined([parts[c] for parts in recordings if c in parts]) for c in channels}
 
 
-def _joined(parts: Sequence[Unexplained], resonances: tuple[float, ...]) -> Unexplained:
+def _joined(parts: Sequence[Unexplained]) -> Unexplained:
     """The residuals of one channel of all recordings."""
     shared = set.intersection(*(set(part.variables) for part in parts))
     return Unexplained(
@@ -98,7 +82,6 @@ def _joined(parts: Sequence[Unexplained], resonances: tuple[float, ...]) -> Unex
         np.concatenate([part.recording for part in parts]),
         np.concatenate([part.time for part in parts]),
         np.concatenate([part.white for part in parts]),
-        resonances,
         {name: np.concatenate([part.slopes[name] for part in parts]) for name in parts[0].slopes},
     )
 
@@ -158,7 +141,7 @@ def _slopes(fit: Fit, rows: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def strongest_variables(channels: Sequence[Unexplained]) -> tuple[str, ...]:
-    """Variables that explain at least `DEPENDS` of the variance of a channel, the largest share first.
+    """Variables that explain at least `MODEL_SHARE` of the variance of a channel, the largest share first.
 
     If there is none and the residuals of a channel are rare impacts, it is time.
     """
@@ -166,7 +149,7 @@ def strongest_variables(channels: Sequence[Unexplained]) -> tuple[str, ...]:
     for unexplained in channels:
         for name, share in variance_shares(unexplained):
             best[name] = max(best.get(name, 0.0), share)
-    ranked = tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > DEPENDS)
+    ranked = tuple(name for name, share in sorted(best.items(), key=lambda p: -p[1]) if share > MODEL_SHARE)
     return ranked or (("time",) if any(map(_has_rare_impacts, channels)) else ())
 
 
@@ -176,22 +159,20 @@ def variance_shares(unexplained: Unexplained) -> list[tuple[str, float]]:
     By a step function of each variable, cross-validated between recordings. Both variables of a pair get the share of
     the pair if it is much larger than that of either, as of friction that decreases with time. If no variable explains
     anything, as when a fault shows in one recording only, the cross-validation is between stretches of all recordings,
-    and the travel of the hub is one more variable. Time also gets the share of an oscillation or of a drifting
-    parameter if it is larger.
+    and the travel of the hub is one more variable. Time also gets the share of a drifting parameter if it is larger.
     """
     if not np.any(unexplained.values) or not unexplained.variables:
         return []
     shares = step_shares(unexplained)
     pair, of_pair = _best_pair(unexplained)
-    if of_pair > DEPENDS + _PAIR_FACTOR * max(shares.values()):
+    if of_pair > MODEL_SHARE + _PAIR_FACTOR * max(shares.values()):
         alone = _within_recordings(unexplained, shares)
         # The variable with the larger share by itself comes first.
         shares |= {name: of_pair + 1e-3 * alone[name] for name in pair}
-    if max(shares.values()) < DEPENDS:
+    if max(shares.values()) < MODEL_SHARE:
         shares = _within_recordings(unexplained, shares)
     if "time" in shares:
-        drift = parameter_drift(unexplained)[1]
-        shares["time"] = max(shares["time"], _share_of_oscillation(unexplained), drift)
+        shares["time"] = max(shares["time"], parameter_drift(unexplained)[1])
     return sorted(shares.items(), key=lambda pair: -pair[1])
 
 
@@ -201,12 +182,12 @@ def step_shares(unexplained: Unexplained) -> dict[str, float]:
 
 
 def _within_recordings(unexplained: Unexplained, shares: Mapping[str, float]) -> dict[str, float]:
-    """The shares, and that of the travel, replaced by those cross-validated between stretches if above `DEPENDS`."""
+    """The shares, and that of the travel; those cross-validated between stretches where above `MODEL_SHARE`."""
     with_travel = {name: unexplained.variables[name] for name in shares} | travel(unexplained)
     shares = dict.fromkeys(with_travel, 0.0) | dict(shares)
     unexplained = replace(unexplained, variables=with_travel)
-    by_stretch = _shares(unexplained, np.floor(unexplained.time / _STRETCH).astype(int))
-    return {name: by_stretch[name] if by_stretch[name] > DEPENDS else s for name, s in shares.items()}
+    by_stretch = _shares(unexplained, np.floor(unexplained.time / (BLOCK_SPAN / 2)).astype(int))
+    return {name: by_stretch[name] if by_stretch[name] > MODEL_SHARE else s for name, s in shares.items()}
 
 
 def travel(unexplained: Unexplained) -> dict[str, np.ndarray]:
@@ -215,7 +196,7 @@ def travel(unexplained: Unexplained) -> dict[str, np.ndarray]:
         return {}
     angle, rate = unexplained.variables["hub_angle"], unexplained.variables["hub_rate"]
     reversal = np.diff(np.sign(rate)) != 0
-    gap = (np.diff(unexplained.time) > _LONGEST_GAP) | (np.diff(unexplained.recording) != 0)
+    gap = (np.diff(unexplained.time) > 2 * GRID) | (np.diff(unexplained.recording) != 0)
     begins = np.append(True, reversal | gap)
     first = np.maximum.accumulate(np.where(begins, np.arange(len(angle)), 0))
     return {TRAVEL: angle - angle[first]}
@@ -268,11 +249,9 @@ def _share_in_cells(
     slope = np.ones(len(values)) if slope is None else slope
     here = part * count + cell
     size = (part.max() + 1) * count
-    sums, squares, counts = (
-        np.bincount(here, w, size).reshape(-1, count) for w in (values * slope, slope**2, None)
-    )
-    others, samples = squares.sum(0) - squares, counts.sum(0) - counts
-    determined = (samples > _FEWEST) & (others > 0)
+    sums, squares = (np.bincount(here, w, size).reshape(-1, count) for w in (values * slope, slope**2))
+    others = squares.sum(0) - squares
+    determined = others > ROUNDING * squares.sum()
     means = np.where(determined, (sums.sum(0) - sums) / np.where(determined, others, 1.0), 0.0)
     remaining = np.sum((values - means.ravel()[here] * slope) ** 2)
     return max(0.0, 1 - float(remaining / np.sum(values**2)))
@@ -298,69 +277,12 @@ def parameter_drift(unexplained: Unexplained) -> tuple[str, float]:
     return max(shares.items(), key=lambda pair: pair[1], default=("", 0.0))
 
 
-def _share_of_oscillation(unexplained: Unexplained) -> float:
-    """Share of the variance by a sine in each recording, its frequency from the spectra of the others.
-
-    It counts only in a recording whose own spectrum has its maximum there, and only if the others show a sharp line: a
-    fault of the link spreads over the neighbourhood of a resonance. Frequencies near a mode of the model are left out,
-    because any fault of the link excites it.
-    """
-    masks = [unexplained.recording == i for i in np.unique(unexplained.recording)]
-    inside = [k for k in masks if np.ptp(unexplained.time[k]) > 0]
-    if len(inside) < 2:
-        return 0.0
-    time = [unexplained.time[k] - unexplained.time[k][0] for k in inside]
-    size = next_fast_len(2 * round(max(t[-1] for t in time) / GRID) + 2)
-    frequency = rfftfreq(size, GRID)
-    sought = (frequency > _LOWEST_FREQUENCY) & (frequency < BAND)
-    resolution = _RESOLUTION / float(np.median([t[-1] for t in time]))
-    for mode in unexplained.resonances:
-        sought &= np.abs(frequency - mode) > max(_MODE_WIDTH * mode, resolution)
-    if not sought.any():
-        return 0.0
-    white = unexplained.white
-    power = np.array([_power(white[k], t, size) for k, t in zip(inside, time, strict=True)])[:, sought]
-    clip = _CLIP * float(np.median(np.abs(white)))
-    gained = 0.0
-    for k, t, own in zip(inside, time, power, strict=True):
-        line = _line(frequency[sought], own, power.sum(0) - own, float(t[-1]))
-        if line is not None:
-            phase = 2 * np.pi * line * t
-            columns = np.column_stack([np.cos(phase), np.sin(phase)])
-            clipped = np.clip(white[k], -clip, clip)
-            gained += clipped @ columns @ np.linalg.lstsq(columns, clipped, rcond=None)[0]
-    return float(gained / np.sum(np.clip(white, -clip, clip) ** 2))
-
-
-def _line(frequency: np.ndarray, own: np.ndarray, others: np.ndarray, duration: float) -> float | None:
-    """Frequency [Hz] of the line in the spectrum of the others that the own spectrum shows, too; None without one.
-
-    Args:
-      frequency: (f) [Hz].
-      own, others: (f) power of one recording, and of all others.
-      duration: of the recording [s].
-    """
-    line = frequency[np.argmax(others)]
-    near = np.abs(frequency - line) < _NEIGHBOURHOOD
-    same = abs(frequency[np.argmax(own)] - line) < _RESOLUTION / duration
-    if not same or others.max() < _PROMINENCE * np.median(others[near]):
-        return None
-    return line
-
-
-def _power(white: np.ndarray, time: np.ndarray, size: int) -> np.ndarray:
-    """Periodogram of residuals (m) at instants of the grid (m) [s], zero-padded in gaps and at the end."""
-    signal = np.zeros(size)
-    signal[np.round(time / GRID).astype(int)] = white
-    return np.abs(rfft(signal)) ** 2 / len(white)
-
-
 def _has_rare_impacts(unexplained: Unexplained) -> bool:
     """Whether most of the variance is in a few short pieces of time, and all other pieces are noise.
 
     It is conclusive only if no variable explains a channel: a hub that hits a stop causes such residuals of strains.
     """
-    _, piece = np.unique(np.floor(unexplained.time / _IMPACT), return_inverse=True)
+    _, piece = np.unique(np.floor(unexplained.time / CORRELATION_TIME), return_inverse=True)
     count, power = np.bincount(piece), np.bincount(piece, unexplained.white**2)
     quietest = np.argsort(power / count)
     size = np.sqrt(np.cumsum(power[quietest]) / np.cumsum(count[quietest]))

@@ -33,9 +33,10 @@ from twin.errors import checked_count, checked_number
 from twin.estimation import jackknife, output_error, refine, static_friction
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import minimise
+from twin.estimation.minimise import FAR_ITERATIONS, minimise
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
+from twin.executors.processes import MOST_PROCESSES
 from twin.progress import Progress, silent
 from twin.recording import HUB_TORQUE, ON_LINK
 from twin.residuals.significance import FOLLOWS
@@ -43,7 +44,6 @@ from twin.residuals.significance import FOLLOWS
 MOST_EFFECTS = 3
 """Effects that are adopted at most."""
 FALSE_ALARM_RATE = 0.01
-_MOST_WORKERS = 1024  # threads; the largest machines have some hundred processors
 
 
 def diagnose(
@@ -65,7 +65,7 @@ def diagnose(
     """
     checked_rate(false_alarm_rate)
     if workers is not None:
-        checked_count("workers", workers, 1, _MOST_WORKERS)
+        checked_count("workers", workers, 1, MOST_PROCESSES)
     began = time.perf_counter()
     with threadpool_limits(1), ResidualPool(workers or os.cpu_count() or 1) as pool:
         state = search(campaign, pool, progress, false_alarm_rate)
@@ -307,9 +307,7 @@ def on_sound_channels(state: SearchState) -> tuple[SearchState, Workbench]:
     if not faulty or faulty == link or faulty & {u.channel for u in _parameters(best.model.effects)}:
         return state, bench
     sound = bench.without_channels(faulty)
-    again = minimise(
-        sound, best.model, best.starts, best.unknowns, best.values, iterations=contest.FULL_ITERATIONS
-    )
+    again = minimise(sound, best.model, best.starts, best.unknowns, best.values, iterations=FAR_ITERATIONS)
     return state.with_last_fit(again), sound
 
 

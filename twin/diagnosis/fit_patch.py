@@ -8,7 +8,7 @@ import numpy as np
 
 from twin import labels
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import dependence, remainder
+from twin.diagnosis import dependence, remainder, rules
 from twin.diagnosis.answer import Patched, Prediction
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.error_budget import rms_error
@@ -82,7 +82,7 @@ def patch_of_worst_channel(state: SearchState, residuals: Mapping[str, Unexplain
             continue
         unexplained = residuals[channel]
         for variable, share in sorted(dependence.step_shares(unexplained).items(), key=lambda pair: -pair[1]):
-            if share < dependence.DEPENDS:
+            if share < rules.MODEL_SHARE:
                 break
             values = unexplained.variables[variable]
             lookup = patch.fit_lookup(unexplained.values, values, unexplained.recording, channel, variable)
@@ -119,7 +119,7 @@ def why_no_patch(
     explained = [
         channel
         for channel, unexplained in residuals.items()
-        if dependence.step_shares(unexplained).get(first, 0.0) >= dependence.DEPENDS
+        if dependence.step_shares(unexplained).get(first, 0.0) >= rules.MODEL_SHARE
     ]
     if not explained and first == "time":
         return "There is no lookup, because the residuals differ at the same instant of different recordings."

@@ -25,6 +25,7 @@ from twin.estimation import loss
 from twin.estimation.fit import Fit
 from twin.estimation.slopes import prior_precision, row_weights
 from twin.estimation.workbench import Workbench
+from twin.residuals.numerics import ROUNDING
 
 DRAWS = 400
 """Number of sign patterns; the smallest false-alarm rate is 1/DRAWS."""
@@ -146,7 +147,7 @@ def _linearised_costs(
     scale = np.sqrt(np.maximum(J.T**2 @ weights, 1e-300))
     J = J / scale
     prior = prior_precision(base.unknowns)[kept]
-    ridge = np.full(J.shape[1], 1e-9)
+    ridge = np.full(J.shape[1], ROUNDING)
     ridge[: len(prior)] += prior / scale[: len(prior)] ** 2
     gradients, products, normal = _group_sums(bench, base.residual, J, weights)
     steps = -np.linalg.solve(normal + np.diag(ridge), (signs @ gradients[0]).T).T

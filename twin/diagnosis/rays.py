@@ -9,10 +9,8 @@ import numpy as np
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.workbench import Workbench
+from twin.residuals.numerics import ROUNDING
 from twin.rigs.model import Model
-
-_VISIBLE_CHANGE = 1.0
-"""Root-mean-square change of the residual that makes an effect visible [noise levels]."""
 
 
 def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
@@ -64,7 +62,7 @@ def visible_length(
     ray: Mapping[str, float],
     tolerance: float = 3.0,
 ) -> tuple[float, np.ndarray | None]:
-    """Length along a ray at which the residual changes by `_VISIBLE_CHANGE`, within a factor, and this change (n).
+    """Length along a ray at which the residual changes by one noise level (rms), within a factor, and this change (n).
 
     The change is None if the ray leaves the bounds.
     """
@@ -76,7 +74,7 @@ def visible_length(
             return length, change
         [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
         change = (r - base.residual) * (1.0 if forward else -1.0)
-        factor = float(np.clip(_VISIBLE_CHANGE / max(np.sqrt(np.mean(change**2)), 1e-9), 1e-3, 1e3))
+        factor = float(np.clip(1 / max(np.sqrt(np.mean(change**2)), ROUNDING), 1e-3, 1e3))
         if 1 / tolerance < factor < tolerance:
             break
         length *= factor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twin.diagnosis.judgement import Judgement, judge_all
-from twin.diagnosis.rules import EXPLANATION, LEFT_SHARE, Leftover, excesses
+from twin.diagnosis.rules import EXPLANATION, MODEL_SHARE, Leftover, excesses
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import loss
 from twin.estimation.fit import Fit
@@ -86,7 +86,7 @@ def _leftovers(state: SearchState) -> dict[str, Leftover]:
     for channel, recordings in _recordings(state.bench).items():
         keys = [(i, channel) for i in recordings]
         # Discretisation leaves a share of the residual that a right effect explains, if the hub is not free.
-        share = 0.0 if state.on_output_errors else LEFT_SHARE
+        share = 0.0 if state.on_output_errors else MODEL_SHARE
         sizes = [float(np.sqrt(max(after[k] ** 2 - (share * before.get(k, 0.0)) ** 2, 0.0))) for k in keys]
         # Standard deviation of the root-mean-square of n standard normal samples: 1/sqrt(2 n).
         deviations = [1 / float(np.sqrt(2 * max(samples[k], 1.0))) for k in keys]

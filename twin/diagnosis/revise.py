@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import approx_fprime
 
 from twin.diagnosis import candidates, contest, remainder, rules
 from twin.diagnosis.candidates import Candidate
@@ -30,7 +31,7 @@ from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation import jackknife
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import QUICK_ITERATIONS, minimise
+from twin.estimation.minimise import FAR_ITERATIONS, QUICK_ITERATIONS, minimise
 from twin.estimation.slopes import normal_equations
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
@@ -38,10 +39,7 @@ from twin.parameters import relative_uncertainty
 from twin.progress import Progress, silent
 from twin.residuals.significance import SIGNIFICANT
 
-_CLEARLY_NEEDED = 10.0  # times the limit of `needed-beside-later` above which such a fit decides
 _CLOSE = 0.8  # share of the best score of a round from which another candidate may replace the adopted one
-_DIFFERENCE = 1e-4  # step of a difference quotient relative to the value
-_AT_END = 1e-3  # relative distance within which a parameter is at its bound
 
 
 def revise(state: SearchState, progress: Progress = silent) -> SearchState:
@@ -67,12 +65,12 @@ def _without_needless(state: SearchState) -> SearchState:
 
 
 def _fit_without(state: SearchState, name: str, least: float) -> Fit:
-    """The fit without one effect; to convergence unless the loss of score is clearly above `least`."""
+    """The fit without one effect; given up where the loss of score would stay above `least`."""
     effects = {n: p for n, p in state.best.model.effects.items() if n != name}
     quick = refit(state, effects, QUICK_ITERATIONS, state.best)
-    if candidates.score_gain(state.bench, quick, state.best) > _CLEARLY_NEEDED * least:
-        return quick
-    return refit(state, effects, contest.FULL_ITERATIONS, quick)
+    fewer = len(state.best.unknowns) - len(quick.unknowns)
+    goal = state.best.cost + least + state.bench.penalty(fewer)
+    return refit(state, effects, FAR_ITERATIONS, quick, goal=goal)
 
 
 def _exchanged(state: SearchState) -> SearchState:
@@ -123,7 +121,7 @@ def _tied_models(state: SearchState, k: int) -> list[Candidate]:
     kept = {n: p for n, p in best.model.effects.items() if n != adopted.name}
     tied = [Candidate((*kept, adopted.name), best, adopted.score)]
     least = adopted.score - rules.decisive_difference(adopted.score)
-    for other in state.adopting[k].ranked[: contest.CONTENDERS]:
+    for other in state.adopting[k].ranked[: candidates.CONTENDERS]:
         if other.score > least and other.is_fitted and other.name not in best.model.effects:
             effects = {**kept, other.name: other.fit.model.effects[other.name]}
             fit = refit(state, effects, QUICK_ITERATIONS, best)
@@ -135,7 +133,7 @@ def _close_candidates(ranked: Sequence[Candidate]) -> list[Candidate]:
     """Fitted candidates of a round whose scores are close to the best."""
     best = ranked[0].score
     least = min(_CLOSE * best, best - rules.decisive_difference(best))
-    return [c for c in ranked[1 : contest.CONTENDERS] if c.score > least and c.is_fitted]
+    return [c for c in ranked[1 : candidates.CONTENDERS] if c.score > least and c.is_fitted]
 
 
 def refit(
@@ -144,6 +142,7 @@ def refit(
     iterations: int,
     near: Fit,
     bench: Workbench | None = None,
+    goal: float = np.inf,
 ) -> Fit:
     """Fits a model with these effects, starting at the values of another fit.
 
@@ -153,6 +152,7 @@ def refit(
       iterations: maximum; with `QUICK_ITERATIONS`, the Jacobian of `near` is kept.
       near: the other fit.
       bench: the data; by default those of the state.
+      goal: see `minimise`.
     """
     bench = bench or state.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
@@ -160,7 +160,7 @@ def refit(
     unknowns = candidates.fit_unknowns(bench, model, state.base)
     first = candidates.initial_values(unknowns, model, state.base, near)
     kept = near.jacobian_columns if iterations == QUICK_ITERATIONS else None
-    return minimise(bench, model, near.starts, unknowns, first, kept, iterations)
+    return minimise(bench, model, near.starts, unknowns, first, kept, iterations, goal=goal)
 
 
 def rebuild(
@@ -182,7 +182,7 @@ def rebuild(
         last = k == len(names) - 1
         effects = {n: fine.model.effects[n] for n in (*state.known, *names[: k + 1])}
         data = bench if last else state.start.bench
-        here = fine if last else refit(state, effects, contest.FULL_ITERATIONS, fine, data)
+        here = fine if last else refit(state, effects, FAR_ITERATIONS, fine, data)
         adopted = Candidate(tuple(effects), here, candidates.score_gain(data, before, here))
         others = (c for c in state.rounds[k].ranked if c.name != name)
         own = bench if last else state.rounds[k].bench
@@ -235,7 +235,7 @@ def _one_of(state: SearchState, told: Sequence[str], names: Sequence[str]) -> tu
 def _fit_of(state: SearchState, names: Sequence[str]) -> Fit:
     """The fit of the model with these of the adopted effects alone."""
     effects = {name: state.best.model.effects[name] for name in (*state.known, *names)}
-    return refit(state, effects, contest.FULL_ITERATIONS, state.best)
+    return refit(state, effects, FAR_ITERATIONS, state.best)
 
 
 def size_in_errors(best: Fit, name: str) -> float:
@@ -267,12 +267,12 @@ def _joint_size(best: Fit, name: str) -> float:
     fitted = [k for k, u in enumerate(best.unknowns) if u.effect == name and not u.inverse]
     if not coefficients.size or not fitted:
         return 0.0
-    columns = []
-    for k in fitted:
-        step = _DIFFERENCE * max(abs(best.values[k]), best.unknowns[k].scale)
-        moved = effect.linear_coefficients({**values, best.unknowns[k].name: best.values[k] + step})
-        columns.append((np.array(moved) - coefficients) / step)
-    J = np.column_stack(columns)
+    names = [best.unknowns[k].name for k in fitted]
+
+    def at(x: np.ndarray) -> np.ndarray:
+        return np.array(effect.linear_coefficients({**values, **dict(zip(names, x.tolist(), strict=True))}))
+
+    J = np.atleast_2d(approx_fprime(best.values[fitted], at))
     covariance = J @ best.covariance[np.ix_(fitted, fitted)] @ J.T
     return float(np.sqrt(max(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients, 0.0)))
 
@@ -280,7 +280,7 @@ def _joint_size(best: Fit, name: str) -> float:
 def is_at_end(u: Unknown, value: float) -> bool:
     """Whether the value of an unknown is at a bound; one of 0 is physical, as of a friction, or of a compliance."""
     ends = u.bounds[1:] if u.inverse else u.bounds
-    return any(end != 0 and abs(value - end) <= _AT_END * abs(end) for end in ends)
+    return any(end != 0 and bool(np.isclose(value, end)) for end in ends)
 
 
 def replace_function_by_effect(state: SearchState) -> SearchState | None:

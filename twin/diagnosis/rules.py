@@ -22,21 +22,21 @@ from twin.estimation import cross_validation, loss
 from twin.estimation.fit import Fit
 from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench
+from twin.residuals.numerics import ROUNDING
 from twin.residuals.significance import CERTAIN, FOLLOWS, SIGNIFICANT
 
 MODEL_ERROR_SCORE = 30.0
 """Minimum score. The discretisation error of the chain reached 23 on rigs without a missing effect."""
 MODEL_ERROR_SHARE = 2e-3
 """Share of the scores of earlier effects that their discretisation error may gain: it grows with what they explain."""
-LEAST_SHARE = 0.05
-"""Share of the misfit that an effect has to explain: less is within the error of the model."""
+MODEL_SHARE = 0.05
+"""Share of a residual or a score that the error of the model may be: an effect has to explain more of the misfit, may
+leave so much of a residual without it, and is as good as another whose score is nearer than that."""
 LEAST_ELSEWHERE = 10.0
 """Cross-validated gain without the recording that gains most: odds of 20 000 to 1."""
-TIE, TIE_SHARE, DECISIVE_SHARE = 5.0, 0.02, 0.05
+TIE, TIE_SHARE = 5.0, 0.02
 """Largest score difference of a tie: 5 (odds of 150 to 1), or a share of the score, because the error of the model
-grows with the misfit: 2 % for a simpler candidate to be preferred, 5 % for two candidates to be named together."""
-LEFT_SHARE = 0.05
-"""Share of a residual without adopted effects that a right effect may leave, by discretisation."""
+grows with the misfit: 2 % for a simpler candidate to be preferred, `MODEL_SHARE` for two to be named together."""
 REPEATED = 2
 """Recordings in which a channel has to show such a residual: a single recording may be faulty."""
 LEAST_EVIDENCE = 7.0
@@ -155,9 +155,9 @@ ADOPTION: tuple[Rule[Trial], ...] = (
         "explains-a-share",
         "Does the effect explain a sufficient share of the misfit?",
         "score over misfit",
-        lambda t: t.candidate.score / max(t.bench.misfit(t.base.residual), 1e-12),
-        lambda t: LEAST_SHARE,
-        f"{LEAST_SHARE:g}",
+        lambda t: t.candidate.score / max(t.bench.misfit(t.base.residual), ROUNDING),
+        lambda t: MODEL_SHARE,
+        f"{MODEL_SHARE:g}",
         "measured",
         f"{_NULLS}; benchmarks/results/rules.md: a torque gain beside a stop",
     ),
@@ -207,7 +207,7 @@ REPLACEABLE: Rule[Standing] = Rule(
     "penalised log-likelihood ratio of the models with another close candidate and with it, both fitted [nat]",
     lambda s: s.difference,
     lambda s: decisive_difference(s.gained),
-    f"the larger of {TIE:g} and {100 * DECISIVE_SHARE:g} % of the score in its round",
+    f"the larger of {TIE:g} and {100 * MODEL_SHARE:g} % of the score in its round",
     "assumed",
     "odds of 150 to 1",
     at_least=False,
@@ -337,7 +337,7 @@ def tie(score: float) -> float:
 
 def decisive_difference(score: float) -> float:
     """Score difference from which the better of two candidates is decided on."""
-    return max(TIE, DECISIVE_SHARE * score)
+    return max(TIE, MODEL_SHARE * score)
 
 
 def alternatives(rounds: Sequence[Sequence[Candidate]]) -> list[tuple[str, ...]]:

@@ -9,6 +9,7 @@ from its peaks.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
@@ -24,14 +25,12 @@ from twin.estimation.slopes import normal_equations, root_diagonal, row_weights
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
 from twin.residuals.data import EVENT_CHANNELS, DrivenData
-from twin.residuals.filters import GRID, low_pass_gain, low_passed
+from twin.residuals.filters import BAND, GRID, low_pass_gain, low_passed
 from twin.residuals.view import View, move_link, whitened
 from twin.rigs.model import Model
 
 _PEAKS = 3  # peaks of a spectrum that are returned or tried
 _NEIGHBOURS = 60  # grid points to either side over which the local level of a spectrum is taken
-_CHUNK = 16  # orders of one task of a thread
-_MODES = 3  # clamped modes of a modal response
 _SMALLEST_STEP = 0.05  # of the order
 _SEEN_BY_STRAINS = ("reading", "resonance", "shake")
 """Kinds of wave whose regression uses the sensors of the link, too."""
@@ -70,7 +69,7 @@ def spectral_peaks(bench: Workbench, base: Fit, effect: Effect) -> tuple[Peak, .
     if scan is None:
         return ()
     orders = _grid(scan.acts, list(scan.motions.values()))
-    chunks = np.array_split(orders, max(1, len(orders) // _CHUNK))
+    chunks = np.array_split(orders, math.isqrt(len(orders)) + 1)
     points = [point for some in bench.pool.map(scan.at, chunks) for point in some]
     gains = np.array([point.gain for point in points])
     maxima = _local_maxima(gains)
@@ -378,7 +377,8 @@ def _clamped_response(model: Model, acceleration: np.ndarray, load: np.ndarray) 
     ratios = model.chain.damping_ratios("clamped")
     torque = load[0] * acceleration
     readings = {c: np.zeros_like(acceleration) for c in model.link_rows}
-    for omega, zeta, shape in list(zip(frequencies, ratios, shapes[1:].T, strict=True))[:_MODES]:
+    seen = frequencies < 2 * np.pi * BAND
+    for omega, zeta, shape in zip(frequencies[seen], ratios[seen], shapes[1:, seen].T, strict=True):
         q = lfilter(
             *_discretised_oscillator(float(omega), float(zeta)), -float(load[1:] @ shape) * acceleration
         )

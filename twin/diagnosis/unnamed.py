@@ -27,13 +27,13 @@ from twin.recording import HUB_TORQUE
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID, low_passed
+from twin.residuals.numerics import ROUNDING
 from twin.residuals.prepared import Prepared
 from twin.residuals.view import View
 from twin.rigs.model import Model
 
 _KNOTS = 32  # of the piecewise linear function
 _RANGE = (0.002, 0.998)  # quantiles of the variable at the first and the last knot
-_REGULARISATION = 1e-9  # added to an information matrix that is scaled to a unit diagonal
 
 
 _TORQUE, _COMMAND = "motor_torque", "torque_command"
@@ -182,7 +182,7 @@ class _Linearised:
         scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         slopes = base.jacobian / scale
         away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])
-        information = slopes.T @ (weights[:, None] * slopes) + np.diag(prior / scale**2 + _REGULARISATION)
+        information = slopes.T @ (weights[:, None] * slopes) + np.diag(prior / scale**2 + ROUNDING)
         lengths = [g.rows.stop - g.rows.start for g in bench.groups]
         stretch = np.repeat(np.arange(len(bench.groups)), lengths)
         weighted = base.residual * weights

@@ -11,12 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin.estimation.first_state import FREE_RUN_SPAN, SPANS
 from twin.estimation.refine import MIN_GAIN
+from twin.estimation.workbench import finite
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
 from twin.recording import Recording
 from twin.residuals.filters import GRID
 from twin.residuals.make_view import derivative_noise, hub_signals
+from twin.residuals.numerics import GAUSS_NEWTON_STEPS, ROUNDING
 from twin.residuals.prepared import MIN_READINGS, Prepared
 from twin.residuals.resample import missing_rows
 from twin.residuals.residual import has_unknown_zero
@@ -25,16 +28,10 @@ from twin.residuals.view import SETTLING, move_link
 from twin.rigs.model import Model, with_fine_chain
 from twin.rigs.simulate import bending_shapes, delivered_torque, sensor_readings
 
-WINDOW = 1.0
-"""Length of a window [s]: a few periods of the first bending mode, short beside the drift of a hub."""
-_RUN_INS = (0.5, 0.2, 0.1)
-"""Spans before a window to whose readings the state is fitted, one after the other until the model fits [s]: the
-longer, the less the noise of a rough hub sensor matters, and the more the errors of the model do."""
+WINDOW = FREE_RUN_SPAN
+"""Length of a window [s], as of the first one, to which the state of a moving rig is fitted: a few periods of the first
+bending mode, short beside the drift of a hub."""
 _NEAR = 0.02  # s before and behind the start of a window in which the hub has to be read
-_SAME = 1e-9  # s, difference of instants by rounding
-_LONG_BEFORE = 1e3  # s, when the drive has settled
-_MOST_STEPS = 3
-"""Of the fit to the readings before a window: one leaves more where a hub sticks (tests/diagnosis/test_windows.py)."""
 _STEP = 0.1  # of difference quotients, in standard deviations of the driven state
 _FITTED = ("hub_angle", "hub_rate", "strain_base", "strain_mid", "tip_deflection")
 """Channels to which the state is fitted; an acceleration or a torque says little about it."""
@@ -68,7 +65,7 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
     run, whose state, of a rig that was moving, is fitted to the first second.
 
     The rate of a rough hub sensor has an error that is visible within a window. Where the model fits the readings of
-    a run-in before the window (`_RUN_INS`), from a state as near to the measured one as noise allows, the window
+    a run-in before the window, from a state as near to the measured one as noise allows, the window
     continues this run: then it shows hardly any error of the state. Where it does not, the measured state is used.
 
     There is no window where the hub is not read about its start, none with missing rows in it or just before, as
@@ -112,8 +109,8 @@ def _window_motions(
     coarse = _DrivenRun(model, prepared, start)
     since = (recording.time - recording.time[0]) / WINDOW
     read, gaps = recording.time[np.isfinite(recording["hub_angle"])], missing_rows(recording)
-    for k in range(int(recording.duration / WINDOW + _SAME)):
-        row, inside = round(k * WINDOW / GRID), np.floor(since + _SAME) == k
+    for k in range(int(since[-1] + ROUNDING)):
+        row, inside = round(k * WINDOW / GRID), np.floor(since + ROUNDING) == k
         begin = recording.time[0] + k * WINDOW
         unseen = any(first < begin + WINDOW and last + SETTLING > begin for first, last in gaps)
         if unseen or inside.sum() < MIN_READINGS or not (np.abs(read - fine.time[row]) < _NEAR).any():
@@ -192,7 +189,7 @@ def _start(run: _DrivenRun, row: int) -> tuple[int, np.ndarray]:
       run: with which the state is fitted.
       row: at which the window begins.
     """
-    for span in _RUN_INS:
+    for span in reversed(SPANS):
         began = row - round(span / GRID)
         shift = _fitted_shift(run, began, row) if began >= 0 else None
         if shift is not None:
@@ -213,12 +210,10 @@ def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
     free = np.delete(np.arange(count), [1] if run.driven.modes[row] == 0 else [])
     x, now = np.zeros(count), readings_off(np.zeros(count))
     likeliest, least, follows = x, np.inf, False
-    for _ in range(_MOST_STEPS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         r = np.concatenate(now)
         moved = [np.concatenate(readings_off(x + step)) for step in _STEP * np.eye(count)[free]]
         J = (np.column_stack(moved) - r[:, None]) / _STEP
-        if not (np.isfinite(J).all() and np.isfinite(r).all()):
-            break
         x = x.copy()
         x[free] -= np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r + x[free])
         now = readings_off(x)
@@ -235,7 +230,7 @@ def _misfit_between(run: _DrivenRun, row: int, until: int) -> Callable[[np.ndarr
     None where no channel has readings between the two rows.
     """
     recording = run.prepared.recording
-    inside = (recording.time >= run.time[row] - _SAME) & (recording.time < run.time[until] - _SAME)
+    inside = (recording.time >= run.time[row] - ROUNDING) & (recording.time < run.time[until] - ROUNDING)
     channels = [
         c for c in _FITTED if c in run.prepared.channels and np.isfinite(recording[c][inside]).sum() > 1
     ]
@@ -252,13 +247,13 @@ def _misfit_between(run: _DrivenRun, row: int, until: int) -> Callable[[np.ndarr
 def _off(run: _DrivenRun, channel: str, known: np.ndarray) -> np.ndarray:
     """Residuals of a channel (k) in multiples of its noise, without their mean where its zero is unknown."""
     has_zero = has_unknown_zero(run.model, run.prepared, channel)
-    return (known - known.mean() if has_zero else known) / run.prepared.noise[channel]
+    return finite((known - known.mean() if has_zero else known) / run.prepared.noise[channel])
 
 
 def _commands_from(
     times: np.ndarray, torques: np.ndarray, delivered: float, began: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Instants [s] and torques [N m] held from an instant on, when the drive has reached the torque `delivered`."""
-    held = int(np.searchsorted(times, began + _SAME, side="right")) - 1
+    held = int(np.searchsorted(times, began + ROUNDING, side="right")) - 1
     later = slice(held + 1, None)
-    return np.r_[began - _LONG_BEFORE, began, times[later]], np.r_[delivered, torques[held], torques[later]]
+    return np.r_[-np.inf, began, times[later]], np.r_[delivered, torques[held], torques[later]]

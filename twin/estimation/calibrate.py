@@ -38,12 +38,14 @@ from twin.mechanics.state import Start
 from twin.progress import Progress, silent
 from twin.recording import CHANNEL_UNITS, Recording, Sensor
 from twin.residuals.data import DrivenData
+from twin.residuals.filters import GRID
 from twin.residuals.prepared import Prepared, prepare
 from twin.residuals.significance import SIGNIFICANT
 from twin.rigs.model import FixedStepModel, Model
 
-SEARCH_SEGMENTS, SEARCH_STEP = 5, 2e-3
-"""Segments and integration step [s] of the search. Its discretisation error is removed, see `chain_limit`."""
+SEARCH_SEGMENTS = 5
+"""Segments of the search, whose integration step is that of the grid. Its discretisation error is removed, see
+`chain_limit`."""
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
 _WIDE = 0.2  # relative standard deviation beyond which a declared value is only a rough starting value
 
@@ -120,7 +122,7 @@ def calibrate(
 def _declared_model(campaign: Campaign) -> Model:
     """The rig as it is declared, on the chain of a search."""
     shape = chain.fit_shape(campaign.rig, SEARCH_SEGMENTS)
-    return FixedStepModel(campaign.rig, campaign.sensors, shape, campaign.effects, SEARCH_STEP)
+    return FixedStepModel(campaign.rig, campaign.sensors, shape, campaign.effects, GRID)
 
 
 def declared_fit(campaign: Campaign, pool: ResidualPool) -> tuple[Workbench, Fit]:

@@ -17,16 +17,13 @@ from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
 from twin.mechanics.chain import Chain
 from twin.mechanics.state import Start
+from twin.residuals.filters import GRID
 from twin.rigs.model import FixedStepModel, Model
 
 ROUGH = (6, 8, 12)
 """Numbers of segments before a calibration: an error of half the noise at a resonance, in a quarter of the time."""
 STANDARD = (8, 12, 16)
 """Numbers of segments that leave an error of about a tenth of the noise."""
-PRECISE = (8, 12, 16, 20)
-"""Numbers of segments for the last steps of a fit."""
-STEP = 1e-3
-"""Largest integration step [s]: the frequency of an oscillation of 40 Hz is then off by 3e-5, (omega h)^4/120."""
 _STENCIL = 4  # hinges between which the curvature at a gauge is interpolated
 
 
@@ -39,9 +36,12 @@ class UniformChainModel(FixedStepModel):
 
 
 def with_equal_segments(model: Model, segments: int) -> UniformChainModel:
-    """The model on a chain of this number of equal segments, with the step `STEP`."""
+    """The model on a chain of this number of equal segments, with half the step of the grid.
+
+    The frequency of an oscillation of 40 Hz is then off by 3e-5, (omega h)^4/120.
+    """
     values = {f.name: getattr(model, f.name) for f in fields(model)}
-    return UniformChainModel(**{**values, "shape": chain.uniform_shape(segments), "step": STEP})
+    return UniformChainModel(**{**values, "shape": chain.uniform_shape(segments), "step": GRID / 2})
 
 
 def _interpolated_curvature_row(hinges: np.ndarray, length: float, x: float) -> np.ndarray:

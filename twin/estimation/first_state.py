@@ -20,19 +20,18 @@ from twin.mechanics.state import Start
 from twin.recording import Recording
 from twin.residuals.filters import REACH
 from twin.residuals.make_view import make_view
+from twin.residuals.numerics import MOST_EVALUATIONS
 from twin.residuals.prepared import Prepared, prepare, sensor_corrected_start
 from twin.residuals.residual import raw_residual
 from twin.residuals.view import View, before_end
 from twin.rigs.model import Model
 from twin.rigs.simulate import bending_shapes
 
-_SPANS = (0.15, 0.25, 0.5)
-"""Spans at the start of a recording from which the bend is estimated, one after the other [s]."""
-_FREE_RUN_SPAN = 1.0
+SPANS = (0.15, 0.25, 0.5)
+"""Spans at the start of a recording from which the bend is estimated, one after the other [s]: the longer, the less the
+noise of a rough sensor matters, and the more the errors of the model do."""
+FREE_RUN_SPAN = 1.0
 """Span at the start of a recording from which the state of a free-running simulation is estimated [s]."""
-_SCALES = (1e-4, 1e-4, 1e-3, 1e-3)  # of two bends [m] and their rates [m/s]: small beside visible ones
-_MAX_EVALUATIONS = 10  # of least squares
-_GUESS_SPAN = 0.05  # s from which the first guess is taken
 
 
 def first_state(model: Model, prepared: Prepared, pool: ResidualPool) -> Start:
@@ -42,7 +41,7 @@ def first_state(model: Model, prepared: Prepared, pool: ResidualPool) -> Start:
     """
     if prepared.recording.start != "unknown":
         return sensor_corrected_start(model, prepared, prepared.start)
-    short = with_bend(_head(prepared, _FREE_RUN_SPAN), model)
+    short = with_bend(_head(prepared, FREE_RUN_SPAN), model)
     bench = Workbench(GuidedData([short]), pool)
     return minimise(bench, model, [short.start], start_unknowns([short])).starts[0]
 
@@ -75,7 +74,7 @@ def with_bend(prepared: Prepared, model: Model) -> Prepared:
     if prepared.recording.start != "unknown":
         return prepared
     start = _bend_from_strains(prepared, model)
-    for span in _SPANS:
+    for span in SPANS:
         short = replace(_head(prepared, span), start=start)
         start = _fitted_bend(make_view(short, model), short, model)
     return replace(prepared, start=start)
@@ -96,7 +95,7 @@ def _fitted_bend(view: View, short: Prepared, model: Model) -> Start:
     first = np.array([*short.start.bend, *short.start.bend_rate])
     if len(residual(first)) < len(first):
         return short.start
-    solution = least_squares(residual, first, x_scale=_SCALES, max_nfev=_MAX_EVALUATIONS)
+    solution = least_squares(residual, first, x_scale="jac", max_nfev=MOST_EVALUATIONS)
     return _with_bend(short.start, solution.x)
 
 
@@ -117,7 +116,7 @@ def _bend_from_strains(prepared: Prepared, model: Model) -> Start:
 def _value_and_slope(recording: Recording, channel: str) -> tuple[float, float]:
     """Value less the median of the channel, and slope, at the first sample by a parabola; 0 with too few readings."""
     known = np.isfinite(recording[channel])
-    first = known & (recording.time < recording.time[0] + _GUESS_SPAN)
+    first = known & (recording.time < recording.time[0] + REACH)
     if first.sum() < 4:
         return 0.0, 0.0
     parabola = np.polyfit(recording.time[first] - recording.time[0], recording[channel][first], 2)

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin.residuals.numerics import ROUNDING
+
 LENGTH_SCALES = (0.4, 0.2, 0.1, 0.05)
 """Length scales of the function that are tried, relative to the range of its variable."""
 AMPLITUDES = np.geomspace(0.1, 300.0, 15)
 """Prior standard deviations of the function that are tried, relative to the standard error of the value at one knot."""
-_MIN_INFORMATION = 1e-9  # of one knot relative to that of all, which keeps the median finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ def maximise_evidence(
       gradient: of the negative log likelihood of the data (k).
       gradients: of permuted data sets (d x k).
     """
-    alone = np.median(np.maximum(np.diag(information), _MIN_INFORMATION * information.trace())) ** -0.5
+    alone = np.median(np.maximum(np.diag(information), ROUNDING * information.trace())) ** -0.5
     both = np.vstack([gradient, gradients])
     best, length, size = np.full(len(both), -np.inf), LENGTH_SCALES[0], alone
     for scale in LENGTH_SCALES:

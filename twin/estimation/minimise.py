@@ -19,8 +19,9 @@ QUICK_ITERATIONS = 8
 an iteration saves less than its tolerance."""
 FAR_ITERATIONS = 20
 """At most, of a fit that may begin far from its minimum."""
-_TRIALS = 5  # dampings that are tried with a Jacobian by differences, each at least ten times the one before
-_BROYDEN_STEPS = 4  # steps with an updated Jacobian before the next one by differences
+_STEPS = 5
+"""Steps for each Jacobian by differences, all but the first with an updated one; and dampings that are tried for the
+first, each at least ten times the one before."""
 _OPTIMISM = 3.0  # gain per remaining iteration that is still thought possible, in multiples of the last one's
 
 
@@ -76,7 +77,7 @@ def minimise(
         else:
             J, steps = difference_jacobian(bench, model, starts, unknowns, at.x, at.residual, steps, fixed)
         mistaken = np.inf
-        for trials in (_TRIALS, *(1,) * _BROYDEN_STEPS):
+        for trials in (_STEPS, *(1,) * (_STEPS - 1)):
             better = _best_trial(bench, model, starts, unknowns, at, J, trials)
             gained = at.cost - better.cost
             if better is not at:

@@ -16,12 +16,10 @@ from twin.estimation.fit import Fit
 from twin.estimation.slopes import cost_of, normal_equations, root_diagonal
 from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import Workbench
+from twin.residuals.numerics import GAUSS_NEWTON_STEPS, ROUNDING
 
-_MAX_STEPS = 3  # Gauss-Newton steps
 MIN_GAIN = 0.02
 """Reduction of the cost that is worth a step: the minimum is then a fifth of a standard error away (0.2^2/2)."""
-_UNOBSERVABLE = 1e-6
-"""Change of the whole residual, in multiples of the noise, up to which an initial state has no influence."""
 _HALVINGS = 3  # times that a step which raises the cost is halved
 _ONE_SIDED = 10.0
 """A side is discontinuous if it departs from the quadratic by more than 1 nat and ten times as far as the other."""
@@ -34,7 +32,7 @@ def refined_fit(bench: Workbench, base: Fit) -> Fit:
     # The data of the bench may differ from those of the fit.
     [r] = bench.residuals([(base.model, base.starts, None)])
     base = _fit_at(bench, base, base.values, r, base.covariance)
-    for _ in range(_MAX_STEPS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         base = with_jacobian(bench, base)
         if predicted_gain(bench, base) < MIN_GAIN:
             break
@@ -46,7 +44,7 @@ def refined_fit(bench: Workbench, base: Fit) -> Fit:
 def refined_with_roughness(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
     """As `jacobian_and_roughness`, after Gauss-Newton steps to convergence."""
     smooth, roughness = jacobian_and_roughness(bench, base)
-    for _ in range(_MAX_STEPS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         if predicted_gain(bench, smooth) <= MIN_GAIN:
             break
         before, nearer = smooth.cost, _gauss_newton_step(bench, smooth)
@@ -137,7 +135,7 @@ def observable(base: Fit) -> np.ndarray:
     The initial angle of a hub whose measured angle drives the link has no influence. Its axis would be infinitely long.
     """
     change = np.linalg.norm(base.jacobian, axis=0) * [u.scale for u in base.unknowns]
-    return np.array([u.kind != "start" for u in base.unknowns]) | (change > _UNOBSERVABLE)
+    return np.array([u.kind != "start" for u in base.unknowns]) | (change > ROUNDING)
 
 
 def _gauss_newton_step(bench: Workbench, base: Fit) -> Fit:

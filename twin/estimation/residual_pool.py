@@ -23,6 +23,7 @@ from threadpoolctl import threadpool_limits
 from twin import effects
 from twin.executors.processes import new_process
 from twin.mechanics.state import Start
+from twin.residuals.numerics import ROUNDING
 from twin.residuals.prepared import Prepared
 from twin.rigs.model import Model
 
@@ -128,7 +129,7 @@ def _split(tasks: Sequence[Task], times: np.ndarray, shares: int) -> list[list[i
     """
     order = sorted(range(len(tasks)), key=lambda k: tasks[k][0])
     middle = np.cumsum(times[order]) - times[order] / 2
-    share = np.minimum(np.floor(middle / max(times.sum(), 1e-9) * shares), shares - 1)
+    share = np.minimum(np.floor(middle / max(times.sum(), ROUNDING) * shares), shares - 1)
     return [[k for k, s in zip(order, share, strict=True) if s == part] for part in range(shares)]
 
 

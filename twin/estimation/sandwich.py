@@ -21,9 +21,9 @@ from twin.estimation.slopes import prior_precision, row_weights
 from twin.estimation.workbench import Workbench
 from twin.residuals.data import EVENT_CHANNELS
 from twin.residuals.filters import GRID
+from twin.residuals.view import PADDING
 
 _SMOOTHING = 1.0  # Hz to either side over which a spectrum is averaged
-_PADDING = 2.0  # s of zeros behind a recording, longer than its noise is correlated
 _UNINFORMATIVE = 1e-6  # ratio of variances below which a recording has no influence on a parameter
 
 
@@ -136,7 +136,7 @@ def _score_covariance(known: np.ndarray, residual: np.ndarray, weighted: np.ndar
       residual: (m x c), 0 where it is not.
       weighted: (m x c x p) weight times Jacobian.
     """
-    size = next_fast_len(len(residual) + int(_PADDING / GRID), real=True)
+    size = next_fast_len(len(residual) + PADDING, real=True)
     r, z = rfft(residual, size, axis=0), rfft(weighted, size, axis=0)
     common = np.maximum(known.T @ known, 1.0)
     half = max(1, round(_SMOOTHING * size * GRID))

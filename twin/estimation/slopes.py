@@ -18,6 +18,7 @@ from twin.estimation.fit import Fit
 from twin.estimation.unknowns import Key, Unknown, model_and_starts_at
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
+from twin.residuals.numerics import ROUNDING
 from twin.rigs.model import Model
 
 _TARGET_CHANGE = 0.5
@@ -129,7 +130,7 @@ def bounded_step(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     root = np.sqrt(np.maximum(values, 1e-10 * values.max()))
     system, right = (vectors * root).T, -(vectors / root).T @ (gradient / scale)
-    bounds = (np.minimum(low * scale, -1e-9), np.maximum(high * scale, 1e-9))
+    bounds = (np.minimum(low * scale, -ROUNDING), np.maximum(high * scale, ROUNDING))
     return lsq_linear(system, right, bounds).x / scale
 
 
@@ -178,5 +179,5 @@ def difference_jacobian(
         J[:, j] = change / h
         visible = np.sqrt(np.mean(change**2))
         limit = unknowns[j].scale if unknowns[j].prior else 1e3 * abs(h)
-        steps[j] = min(abs(h) * np.clip(_TARGET_CHANGE / max(visible, 1e-12), 1e-2, 1e2), limit)
+        steps[j] = min(abs(h) * np.clip(_TARGET_CHANGE / max(visible, ROUNDING), 1e-2, 1e2), limit)
     return J, steps

@@ -20,7 +20,7 @@ from twin.rigs.channel_errors import COMMAND, ChannelErrors, replaced_errors
 from twin.rigs.model import Model
 
 _NOT_FITTED = ("torque_limit",)  # declared parameters that are known exactly: a setting of the amplifier
-_ANY = -1e3, 1e3  # bounds of an angle [rad] or a rate beyond those of any rig
+_ANY = -np.inf, np.inf
 
 Kind = Literal["rig", "effect", "clock", "gain", "delay", "start"]
 Key = tuple[Kind, str, str, int | None, int | None]

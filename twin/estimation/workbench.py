@@ -16,6 +16,7 @@ from twin.recording import HUB_TORQUE, Recording
 from twin.residuals import hub_balance
 from twin.residuals.data import DrivenData
 from twin.residuals.groups import Group
+from twin.residuals.numerics import ROUNDING
 from twin.residuals.prepared import Prepared, guide_for, sensor_corrected_start
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
@@ -221,7 +222,7 @@ def _comparable(channel: str, recording: Recording) -> np.ndarray:
 
 def _earlier(time: np.ndarray) -> np.ndarray:
     """Index of the sample `CHANGE_SPAN` before each (m), of the first one where there is none."""
-    return np.searchsorted(time, time - CHANGE_SPAN + 1e-9)
+    return np.searchsorted(time, time - CHANGE_SPAN + ROUNDING)
 
 
 def reversal_weights(bench: Workbench, fit: Fit) -> np.ndarray:

@@ -15,6 +15,8 @@ from queue import SimpleQueue
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+MOST_PROCESSES = 1024
+"""On one machine; the largest have some hundred processors."""
 
 
 class _Processes(Executor):

@@ -27,11 +27,11 @@ from twin.residuals.cell_means import (
     mean_torque_in_cells,
 )
 from twin.residuals.filters import GRID, REACH, low_passed
+from twin.residuals.numerics import FIXED_POINT_STEPS
 from twin.residuals.prepared import Prepared
 from twin.residuals.view import SETTLING, Signals, hub_trajectory
 from twin.rigs.model import Model
 
-_ITERATIONS = 6
 _RESTART_INTERVAL = 0.1  # s between the instants at which the motor is simulated anew
 STATIC_MARGIN = 1.2
 """Largest ratio of a rig's static friction to the model's that is reckoned with."""
@@ -124,7 +124,7 @@ def _solve(signals: Signals, prepared: Prepared, model: Model) -> tuple[_Hub, np
     hub = _Hub(plant, cell_length(signals.time), measured, interpolated_in_cells(motion.angle), drive, 0.0)
     torque = hub.transmitted()
     mobility = 1 / (plant.hub_inertia - plant.motor.inertia)
-    for _ in range(_ITERATIONS):
+    for _ in range(FIXED_POINT_STEPS):
         slow = interpolated_in_cells(_low_passed_torque(signals, torque))
         hub = hub._replace(acceleration=measured - mobility * slow, mobility=mobility)
         torque = hub.transmitted()

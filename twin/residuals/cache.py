@@ -17,12 +17,14 @@ import numpy as np
 LinkMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Angles (m, n + 1) [rad] and rates (m, n + 1) [rad/s] of the segments, required torque on the hub (m) [N m]."""
 T = TypeVar("T")
+_MOST = 12
+"""Results that are kept: more than candidates of a round that act on the link."""
 
 
 class Cache(Generic[T]):
     """The last results by their inputs; safe to share between threads."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int = _MOST) -> None:
         """Keeps at most this number of results and drops the oldest."""
         self._most = most
         self._known: OrderedDict[Hashable, T] = OrderedDict()

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from twin.effects.base import Drive
+from twin.residuals.filters import SPLINE_DEGREE
 
 CELLS = 9
 """Cells of a grid step, an odd number, so that a cell is centred on each instant."""
-_TAPS = 8  # instants of an interpolating polynomial
 
 
 def double_mean_torque(drive: Drive, time: np.ndarray) -> np.ndarray:
@@ -33,9 +33,13 @@ def cell_length(time: np.ndarray) -> float:
 
 
 def interpolated_in_cells(values: np.ndarray) -> np.ndarray:
-    """A smooth signal on the grid (m), interpolated to the middle of each cell (c) by Lagrange polynomials."""
-    extended = np.pad(values, (_TAPS // 2, _TAPS // 2 + 1), "edge")
-    return (sliding_window_view(extended, _TAPS) @ _interpolation_weights()).ravel()
+    """A smooth signal on the grid (m), interpolated to the middle of each cell (c) by Lagrange polynomials.
+
+    They have the degree of the spline through the samples.
+    """
+    taps = SPLINE_DEGREE + 1
+    extended = np.pad(values, (taps // 2, taps // 2 + 1), "edge")
+    return (sliding_window_view(extended, taps) @ _interpolation_weights()).ravel()
 
 
 def nearest_in_cells(values: np.ndarray) -> np.ndarray:
@@ -48,7 +52,7 @@ def nearest_in_cells(values: np.ndarray) -> np.ndarray:
 @functools.cache
 def _interpolation_weights() -> np.ndarray:
     """Lagrange weights (taps x cells) of the instants around a step for the middles of its cells."""
-    taps, x = np.arange(_TAPS), _TAPS // 2 - 1 + np.arange(CELLS) / CELLS
+    taps, x = np.arange(SPLINE_DEGREE + 1), SPLINE_DEGREE // 2 + np.arange(CELLS) / CELLS
     others = [np.delete(taps, k) for k in taps]
     return np.array(
         [np.prod((x - o[:, None]) / (k - o[:, None]), axis=0) for k, o in zip(taps, others, strict=True)]

@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from twin.mechanics.state import Motion
 from twin.residuals.filters import GRID, REACH
+from twin.residuals.numerics import GAUSS_NEWTON_STEPS, MOST_EVALUATIONS
 from twin.residuals.prepared import Prepared
 from twin.residuals.rest_run import RestRun
 from twin.rigs.model import Model
@@ -23,10 +24,7 @@ from twin.rigs.model import Model
 Onset = tuple[int, int]
 """Sample at which a motion of the hub is first visible, and its direction, +1 or -1."""
 
-_MAX_TRIALS = 10  # levels that are tried until a run breaks away when the rig did
 _MIN_SLOPE = 1e-3  # N m/s, least growth of the torque in the first estimate of the level
-_GAUSS_NEWTON_STEPS = 3  # of the instant of the break-away
-_MAX_SHIFT = 0.03  # s by which a run is shifted in time
 
 
 def slow_onsets(prepared: Prepared, model: Model, motion: Motion) -> tuple[Onset, ...]:
@@ -97,7 +95,7 @@ def _run_on_time(run: RestRun, time: np.ndarray, goal: float, instant: float) ->
     tried: list[tuple[float, float]] = []
     # A simulation that diverges, under an effect far too large, counts as one that never breaks away.
     best, simulated = np.inf, np.full(len(time), run.reading[1 : run.end + 1].mean())
-    for _ in range(_MAX_TRIALS):
+    for _ in range(MOST_EVALUATIONS):
         readings = run.readings(level, time)
         if not np.isfinite(readings).all():
             break
@@ -134,11 +132,11 @@ def _aligned_residual(time: np.ndarray, reading: np.ndarray, curve: CubicSpline,
       late: first shift of the curve [s].
     """
     residual = reading
-    for _ in range(_GAUSS_NEWTON_STEPS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         moved = np.clip(time + late, curve.x[0], curve.x[-1])
         residual = reading - curve(moved)
         columns = np.column_stack([curve(moved, 1), np.ones(len(time)), curve(moved) - curve(curve.x[0])])
         change = np.linalg.lstsq(columns, residual, rcond=None)[0]
         residual = residual - columns[:, 1:] @ change[1:]
-        late = float(np.clip(late + change[0], -_MAX_SHIFT, _MAX_SHIFT))
+        late = float(np.clip(late + change[0], -REACH / 2, REACH / 2))
     return residual

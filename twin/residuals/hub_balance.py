@@ -13,13 +13,12 @@ from twin.residuals import backlash, stribeck_reversals
 from twin.residuals.cell_means import double_mean, double_mean_torque
 from twin.residuals.filters import BAND, GRID, REACH, low_passed
 from twin.residuals.prepared import Prepared
+from twin.residuals.rest_run import REST_SPAN
 from twin.residuals.view import Signals, View, before_end
 from twin.rigs.model import Model
 
-_APPROACH = 0.3  # s before a break-away from which the torque on the resting hub is read
 _EXTRAPOLATION_ERROR = 0.05  # relative error of a break-away torque that is read this way
-_INVISIBLE = 0.004  # s from a break-away to the first visible motion
-_INSTANT_ERROR = 0.003  # s, of a break-away
+_INVISIBLE = 0.003  # s from a break-away to the first visible motion, and its error
 
 
 def unmodelled_torque(
@@ -87,12 +86,12 @@ def break_away_residual(
     laws = _hub_laws(view, model, motion, np.zeros(len(residual)))
     held = low_passed(delivered + laws - required, GRID)
     for k, direction in view.onsets:
-        before = slice(k - int(_APPROACH / GRID), k - round(REACH / GRID))
+        before = slice(k - int(REST_SPAN / GRID), k - round(REACH / GRID))
         t = view.time[before] - view.time[k] + _INVISIBLE
         parabola = np.polyfit(t, held[before] * direction, 2)
         level = planar.static_level(model.plant, motion.angles[k, 0], direction)
         # Errors of the torque's noise, of the instant and of the extrapolation.
-        noise = np.hypot(1.5 * view.noise["hub_torque"], _INSTANT_ERROR * parabola[1])
+        noise = np.hypot(1.5 * view.noise["hub_torque"], _INVISIBLE * parabola[1])
         residual[k] = (parabola[2] - level) / np.hypot(noise, _EXTRAPOLATION_ERROR * level)
     return residual
 
@@ -109,7 +108,7 @@ def usable_break_aways(
     """
     usable = []
     for k, direction in onsets:
-        first = k - int(_APPROACH / GRID)
+        first = k - int(REST_SPAN / GRID)
         if first < 0 or not stuck[first : k - round(REACH / GRID)].all():
             continue
         approach = command[first : max(first + 1, k - 2)]

@@ -20,12 +20,11 @@ from twin.residuals.hub_balance import delivered_torque
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import continuous_residual, scaled
 from twin.residuals.ringing import Ringing, RingingMode
-from twin.residuals.view import PADDING, NoiseModel, Signals, filtered, move_link
+from twin.residuals.view import PADDING, SETTLING, NoiseModel, Signals, filtered, move_link
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
 
 _DRAWS = 4  # realisations of the noise that are simulated
-_AVERAGING = 0.4  # s to either side over which their effect is averaged
 
 
 def sensor_noise(prepared: Prepared, by_hub: dict[str, float]) -> dict[str, float]:
@@ -126,7 +125,7 @@ def _local_scale(squares: np.ndarray, known: np.ndarray, moving: np.ndarray) -> 
       known: whether there is a residual (m).
       moving: whether the hub moves (m).
     """
-    size = 2 * int(_AVERAGING / GRID) + 1
+    size = 2 * int(SETTLING / GRID) + 1
     share = uniform_filter1d(known.astype(float), size, mode="constant")
     local = uniform_filter1d(squares * known, size, mode="constant") / np.maximum(share, 1 / size)
     usual = float(np.median(local[known & moving])) if (known & moving).any() else 0.0

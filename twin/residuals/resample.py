@@ -7,14 +7,15 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from twin.recording import Recording
+from twin.residuals.cell_means import CELLS
+from twin.residuals.prepared import MIN_READINGS
 from twin.rigs.model import Model
 
 _MAX_SPACING = 1.8
 """Sample periods between two readings beyond which the values between them are taken as unknown."""
 _GAP = 2.5  # sample periods beyond which a polynomial fills missing samples
-_SIDE_SPAN, _SIDE_SAMPLES, _DEGREE = 0.025, 4, 6
-"""Of that polynomial: span [s] and least number of samples to either side, and its degree."""
-_SUBSTEPS = 4  # of an integral of the command in one step of the grid
+_SIDE_SPAN, _DEGREE = 0.025, 6
+"""Of that polynomial: span to either side [s], which has `MIN_READINGS` at least, and its degree."""
 
 
 def resample_channel(recording: Recording, channel: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +41,7 @@ def resample_hub_angle(model: Model, recording: Recording, time: np.ndarray) -> 
     The hub's acceleration jumps with the command. The angle that the command alone would give the hub, without link
     and friction, is subtracted before interpolation and added afterwards.
     """
-    step = float(time[1] - time[0]) / _SUBSTEPS
+    step = float(time[1] - time[0]) / CELLS
     fine = np.arange(recording.time[0] - step, recording.time[-1] + 2 * step, step)
     rate = model.drive(recording).impulse(fine) / model.rig["hub_inertia"]
     angle = np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * step)]
@@ -68,7 +69,7 @@ def _spans(at: np.ndarray, period: float) -> list[tuple[float, float]]:
 
 def _with_gaps_filled(time: np.ndarray, values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Instants and values of known samples (n), with gaps filled by the polynomial fitted to both sides."""
-    side = max(_SIDE_SAMPLES, round(_SIDE_SPAN / period))
+    side = max(MIN_READINGS, round(_SIDE_SPAN / period))
     pieces_t, pieces_v = [time], [values]
     for g in np.flatnonzero(np.diff(time) > _GAP * period):
         beside = slice(max(0, g - side + 1), g + 1 + side)

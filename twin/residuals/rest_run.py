@@ -17,19 +17,17 @@ from twin.mechanics.planar import STUCK
 from twin.mechanics.plant import IMMOVABLE, Plant
 from twin.mechanics.state import Motion
 from twin.recording import Recording
-from twin.residuals.prepared import Prepared
+from twin.residuals.filters import REACH
+from twin.residuals.prepared import MIN_READINGS, Prepared
 from twin.rigs.model import Model
 from twin.rigs.simulate import delivered_torque, sensor_readings
 
 REST_SPAN = 0.2
-"""Span before a break-away in which the hub has to rest [s]."""
-LEAD_SPAN = 0.06
-"""Span before a break-away from which a run is simulated, and behind it [s]: the filter's response is at 1 % there."""
-_MIN_READINGS = 8  # behind the break-away, to determine its instant
+"""Span before a break-away in which the hub has to rest [s]. A run is simulated from `REACH` before the break-away to
+`REACH` behind it."""
 INSTANT_ERROR = 5e-4
 """Error of the instant of a break-away by the model, noise apart [s]."""
-_MAX_LEVEL_ERROR = 0.01  # relative error of the level up to which a torque counts as slow
-_ABOVE_COULOMB = 1.001  # least ratio of a static level to the Coulomb level
+MAX_LEVEL_ERROR = 0.01  # relative error of the level up to which a torque counts as slow
 _MAX_JUMP = 0.1  # change of the torque between samples, relative to it, up to which its growth counts as slow
 
 
@@ -77,12 +75,12 @@ class RestRun:
         rest = (time > end - REST_SPAN) & (time <= end)
         if time[0] > end - REST_SPAN or not (hub.tight[rest] == STUCK).all():
             return None
-        row = int(np.searchsorted(motion.time, end - LEAD_SPAN))
-        again = np.flatnonzero((time > end) & (time < end + LEAD_SPAN) & (hub.observed == STUCK))
+        row = int(np.searchsorted(motion.time, end - REACH))
+        again = np.flatnonzero((time > end) & (time < end + REACH) & (hub.observed == STUCK))
         known = np.isfinite(recording["hub_angle"])
-        rows = np.flatnonzero((time > motion.time[row]) & (time < end + LEAD_SPAN) & known)
+        rows = np.flatnonzero((time > motion.time[row]) & (time < end + REACH) & known)
         rows = rows[rows < again[0]] if len(again) else rows
-        if (rows > last).sum() < _MIN_READINGS or (rows <= last).sum() < 2:
+        if (rows > last).sum() < 2 * MIN_READINGS or (rows <= last).sum() < 2:
             return None
         plant = model.plant_of(recording).with_backlash_closed()
         angles, rates = (plant.extend_state(values[row]) for values in motion.state())
@@ -132,7 +130,7 @@ class RestRun:
         torque, slope = self.holding_torque
         about = self.model.drive(self.prepared.recording).at(self.time[: self.end + SAMPLES_BEFORE_ONSET + 1])
         return (
-            slope * INSTANT_ERROR < _MAX_LEVEL_ERROR * torque
+            slope * INSTANT_ERROR < MAX_LEVEL_ERROR * torque
             and np.abs(np.diff(about)).max() < _MAX_JUMP * torque
         )
 
@@ -147,8 +145,8 @@ class RestRun:
         own = self.plant.friction
         ahead, back = (level, own.static_negative) if self.direction > 0 else (own.static_positive, level)
         plant = self.plant.with_friction(
-            static_positive=max(ahead, _ABOVE_COULOMB * own.coulomb_positive),
-            static_negative=max(back, _ABOVE_COULOMB * own.coulomb_negative),
+            static_positive=max(ahead, own.coulomb_positive),
+            static_negative=max(back, own.coulomb_negative),
         )
         motion = Motion.from_coordinates(time, *self._simulated(plant, time), len(self.model.chain.lengths))
         return sensor_readings(self.model, Recording("", time, {"hub_angle": time}), motion)["hub_angle"]

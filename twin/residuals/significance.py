@@ -1,4 +1,4 @@
-"""Two levels at which a deviation counts, used wherever a decision compares one with its standard deviation."""
+"""Levels at which a deviation counts, used wherever a decision compares one with its standard deviation."""
 
 SIGNIFICANT = 3.0
 """Standard deviations of a single deviation that counts: by chance once in 370."""

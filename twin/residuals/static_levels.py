@@ -13,13 +13,12 @@ import numpy as np
 
 from twin.mechanics.state import Start
 from twin.residuals.data import DrivenData
-from twin.residuals.rest_run import INSTANT_ERROR, LEAD_SPAN, REST_SPAN, RestRun
+from twin.residuals.filters import REACH
+from twin.residuals.rest_run import INSTANT_ERROR, MAX_LEVEL_ERROR, REST_SPAN, RestRun
 from twin.residuals.significance import CERTAIN, FOLLOWS
 from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
 
-_INSTANT_SPAN, _TORQUE_SHARE = 0.02, 0.005
-"""Error of the first estimate of a level that its grid covers: of the instant [s], relative of the torque."""
 _GRID_POINTS = 41  # levels of each of two grids
 TWO_SIGMA = 2.0
 """Log likelihood below the maximum up to which a level is within two standard errors."""
@@ -109,7 +108,7 @@ def combined_level(readings: Sequence[Level]) -> Level:
 
 def _link_torque_noise(view: View, end: float) -> float:
     """Standard deviation of the link's torque on the hub by noise, in the rest that ends at an instant [N m]."""
-    rest = (view.time > end - REST_SPAN) & (view.time < end - LEAD_SPAN)
+    rest = (view.time > end - REST_SPAN) & (view.time < end - REACH)
     return float(np.sqrt(np.mean(view.link_torque_noise[rest] ** 2)))
 
 
@@ -128,7 +127,7 @@ def _level(run: RestRun, link_torque_noise: float) -> Level | None:
         return None
     torque, slope = run.holding_torque
     centre = torque - run.level_offset
-    half = max(slope * _INSTANT_SPAN, _TORQUE_SHARE * centre)
+    half = max(slope * REACH, MAX_LEVEL_ERROR * centre) / 2
     for _ in range(2):
         values = centre + np.linspace(-half, half, _GRID_POINTS)
         # A static level below the Coulomb level would stop the hub at once, again and again.

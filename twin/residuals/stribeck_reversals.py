@@ -21,11 +21,11 @@ from twin.residuals.cell_means import (
     nearest_in_cells,
 )
 from twin.residuals.filters import GRID, REACH, low_passed
+from twin.residuals.numerics import FIXED_POINT_STEPS
 from twin.residuals.view import Signals
 from twin.rigs.model import Model
 
-_ITERATIONS, _KEPT = 8, 0.3
-"""Fixed-point iterations, and the share of the last one's result that each of them keeps."""
+_KEPT = 0.3  # share of the last result that an iteration keeps
 
 
 def friction_torque(signals: Signals, model: Model, motion: Motion) -> np.ndarray:
@@ -44,7 +44,7 @@ def friction_torque(signals: Signals, model: Model, motion: Motion) -> np.ndarra
         return np.where(resting[1:] | resting[:-1], 0.0, mean)
 
     friction, removed = friction_at(measured), np.zeros(len(measured))
-    for _ in range(_ITERATIONS):
+    for _ in range(FIXED_POINT_STEPS):
         change = np.r_[0.0, np.cumsum(friction)] * mobility
         passed = interpolated_in_cells(
             low_passed(from_double_mean(double_mean_of_cells(change)), GRID, signals.band)

@@ -23,7 +23,6 @@ from twin.rigs.simulate import initial_state
 
 PADDING = int(3.0 / GRID)
 """Samples by which a residual is continued on either side before it is whitened: 3 s."""
-_CACHED_MOTIONS, _CACHED_TORQUES = 12, 4  # of each recording
 SETTLING = 0.5
 """Span after which an unknown state no longer matters [s]: of the link at the start of a moving rig or behind a gap, of
 a motor in its play. Not compared until then."""
@@ -61,8 +60,8 @@ class Signals:
     band: float = MOTION_BANDS[0]
     with_gaps: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     settled: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
-    motions: Cache[LinkMotion] = field(default_factory=lambda: Cache(_CACHED_MOTIONS), repr=False)
-    torques: Cache[np.ndarray] = field(default_factory=lambda: Cache(_CACHED_TORQUES), repr=False)
+    motions: Cache[LinkMotion] = field(default_factory=Cache, repr=False)
+    torques: Cache[np.ndarray] = field(default_factory=Cache, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
