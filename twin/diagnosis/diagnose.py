@@ -211,9 +211,10 @@ def continued_on_output_errors(
 
     They are used where the noise of the hub sensor dominates, or where they are explained and leave less misfit than
     the driven data: with rough sensors they tell parameters many times better. Not to replace those of a play, whose
-    impacts take ten times as many steps.
+    impacts take ten times as many steps. Whether it dominates is asked of the calibrated model: noise that excites an
+    adopted effect is none of the sensor.
     """
-    if state.on_output_errors or output_error.hub_sensor_dominates(state.bench):
+    if state.on_output_errors or output_error.hub_sensor_dominates(state.start.bench):
         return on_output_errors(state, more, progress)
     if _has_play(state.best):
         return state, more
