@@ -23,8 +23,6 @@ MIN_GAIN = 0.02
 _HALVINGS = 3  # times that a step which raises the cost is halved
 _ONE_SIDED = 10.0
 """A side is discontinuous if it departs from the quadratic by more than 1 nat and ten times as far as the other."""
-_MEAN_OVER_SMALLER = 1.0 + 0.5 * np.sqrt(2.0)
-"""Expected magnitude of a normal deviate over that of the smaller of two, 1/(2 - sqrt(2))."""
 
 
 def refined_fit(bench: Workbench, base: Fit) -> Fit:
@@ -88,7 +86,8 @@ def jacobian_and_roughness(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray
     departure = np.abs(np.array(rises) - quadratic).reshape(-1, 2)
     for k in np.flatnonzero((departure > 1.0) & (departure > _ONE_SIDED * departure[:, ::-1])):
         ends[k], residuals[k] = base.values, here
-    roughness = _MEAN_OVER_SMALLER * departure.min(axis=1)
+    # The smaller of two normal deviates has 2 - sqrt(2) times the expected magnitude of one.
+    roughness = departure.min(axis=1) / (2 - np.sqrt(2))
     return _with_differences(base, ends, residuals), (2 * roughness * axes) @ axes.T
 
 

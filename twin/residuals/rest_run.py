@@ -17,14 +17,14 @@ from twin.mechanics.planar import STUCK
 from twin.mechanics.plant import IMMOVABLE, Plant
 from twin.mechanics.state import Motion
 from twin.recording import Recording
-from twin.residuals.filters import REACH
 from twin.residuals.prepared import MIN_READINGS, Prepared
 from twin.rigs.model import Model
 from twin.rigs.simulate import delivered_torque, sensor_readings
 
 REST_SPAN = 0.2
-"""Span before a break-away in which the hub has to rest [s]. A run is simulated from `REACH` before the break-away to
-`REACH` behind it."""
+"""Span before a break-away in which the hub has to rest [s]."""
+LEAD_SPAN = 0.06
+"""Span before a break-away from which a run is simulated, and behind it [s]: the filter's response is at 1 % there."""
 INSTANT_ERROR = 5e-4
 """Error of the instant of a break-away by the model, noise apart [s]."""
 MAX_LEVEL_ERROR = 0.01  # relative error of the level up to which a torque counts as slow
@@ -75,10 +75,10 @@ class RestRun:
         rest = (time > end - REST_SPAN) & (time <= end)
         if time[0] > end - REST_SPAN or not (hub.tight[rest] == STUCK).all():
             return None
-        row = int(np.searchsorted(motion.time, end - REACH))
-        again = np.flatnonzero((time > end) & (time < end + REACH) & (hub.observed == STUCK))
+        row = int(np.searchsorted(motion.time, end - LEAD_SPAN))
+        again = np.flatnonzero((time > end) & (time < end + LEAD_SPAN) & (hub.observed == STUCK))
         known = np.isfinite(recording["hub_angle"])
-        rows = np.flatnonzero((time > motion.time[row]) & (time < end + REACH) & known)
+        rows = np.flatnonzero((time > motion.time[row]) & (time < end + LEAD_SPAN) & known)
         rows = rows[rows < again[0]] if len(again) else rows
         if (rows > last).sum() < 2 * MIN_READINGS or (rows <= last).sum() < 2:
             return None

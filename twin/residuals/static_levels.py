@@ -14,7 +14,7 @@ import numpy as np
 from twin.mechanics.state import Start
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import REACH
-from twin.residuals.rest_run import INSTANT_ERROR, MAX_LEVEL_ERROR, REST_SPAN, RestRun
+from twin.residuals.rest_run import INSTANT_ERROR, LEAD_SPAN, MAX_LEVEL_ERROR, REST_SPAN, RestRun
 from twin.residuals.significance import CERTAIN, FOLLOWS
 from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
@@ -108,7 +108,7 @@ def combined_level(readings: Sequence[Level]) -> Level:
 
 def _link_torque_noise(view: View, end: float) -> float:
     """Standard deviation of the link's torque on the hub by noise, in the rest that ends at an instant [N m]."""
-    rest = (view.time > end - REST_SPAN) & (view.time < end - REACH)
+    rest = (view.time > end - REST_SPAN) & (view.time < end - LEAD_SPAN)
     return float(np.sqrt(np.mean(view.link_torque_noise[rest] ** 2)))
 
 
