@@ -31,7 +31,8 @@ MODEL_ERROR_SHARE = 2e-3
 """Share of the scores of earlier effects that their discretisation error may gain: it grows with what they explain."""
 MODEL_SHARE = 0.05
 """Share of a residual or a score that the error of the model may be: an effect has to explain more of the misfit, may
-leave so much of a residual without it, and is as good as another whose score is nearer than that."""
+leave so much of a residual without it, and is as good as another whose score is nearer than that; residuals depend on a
+variable that explains more of their variance."""
 LEAST_ELSEWHERE = 10.0
 """Cross-validated gain without the recording that gains most: odds of 20 000 to 1."""
 TIE, TIE_SHARE = 5.0, 0.02

@@ -37,7 +37,7 @@ from twin.residuals.prepared import Prepared
 
 BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the hub motion [Hz]; 100 Hz beside those of a diagnosis keeps more of its harmonics."""
-_PRECISE = (*chain_limit.STANDARD, 20)
+PRECISE = (*chain_limit.STANDARD, 20)
 """Numbers of segments for the last steps of a fit."""
 _ITERATIONS = 4  # of the fit before the last one
 _MAX_VARIANCE_RATIO = 4.0  # variance over that by noise above which recordings contradict each other [1]
@@ -261,7 +261,7 @@ def _fit_in_chain_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np
     unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
     bench, _ = chain_limit.without_discretisation_error(bench, base.model, base.starts, chain_limit.STANDARD)
     fit = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
-    bench, change = chain_limit.without_discretisation_error(bench, fit.model, fit.starts, _PRECISE)
+    bench, change = chain_limit.without_discretisation_error(bench, fit.model, fit.starts, PRECISE)
     fit = refine.refined_fit(bench, fit)
     information, _ = normal_equations(bench, fit)
     gradient = fit.jacobian.T @ (row_weights(bench, fit.residual) * change)

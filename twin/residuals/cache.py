@@ -18,7 +18,7 @@ LinkMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Angles (m, n + 1) [rad] and rates (m, n + 1) [rad/s] of the segments, required torque on the hub (m) [N m]."""
 T = TypeVar("T")
 _MOST = 12
-"""Results that are kept: more than candidates of a round that act on the link."""
+"""Results that are kept: twice as many as candidates are fitted in a round."""
 
 
 class Cache(Generic[T]):
