@@ -25,10 +25,10 @@ from cases import DEPENDS, NAMED, SIZES, Case, Engine, Kind, cases
 from machine import describe
 
 from twin.campaigns.campaign import Campaign, read_campaign
-from twin.diagnosis import dependence
+from twin.diagnosis import dependence, link_functions
 from twin.diagnosis.answer import Diagnosis
 from twin.diagnosis.conclude import effect_probabilities, explanatory_variables, standard_errors, verdict_of
-from twin.diagnosis.diagnose import diagnose, search
+from twin.diagnosis.diagnose import FALSE_ALARM_RATE, diagnose, search
 from twin.diagnosis.remainder import residual_sizes
 from twin.diagnosis.rules import alternatives
 from twin.diagnosis.state import SearchState
@@ -112,6 +112,7 @@ def _search_only(campaign: Campaign) -> dict:
         )
     fit, outside = last.augmented, verdict_of(found) == "outside-library"
     left = dependence.unexplained_residuals(found.bench, found.best) if outside else {}
+    on_link = link_functions.find_functions(found, FALSE_ALARM_RATE) if outside else ()
     return {
         "verdict": verdict_of(found),
         "adopted": [c.effects[-1] for c in found.adopted],
@@ -120,7 +121,7 @@ def _search_only(campaign: Campaign) -> dict:
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: standard_errors(fit, name) for name in fit.model.effects},
         "alike": [list(names) for names in alternatives([r.ranked for r in found.adopting])],
-        "depends": list(explanatory_variables(found, left)),
+        "depends": list(explanatory_variables(found, left, on_link)),
         "rounds": _rounds(found),
         "size": max(residual_sizes(found.start.bench, found.base).values()),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from twin.recording import HUB_TORQUE
@@ -47,8 +47,12 @@ VARIABLES: Mapping[str, Display] = {
     "tip_rate": Display("tip rate", "m/s", 1.0),
     "hub_travel": Display("hub travel since it turned round", "°", _DEGREE),
 }
-
-
+PLACES: Mapping[str, str] = {
+    HUB_TORQUE: "a torque on the hub",
+    "drive": "a torque of the drive",
+    "tip_force": "a force on the tip",
+}
+"""Place where an unnamed function acts -> what it would be."""
 METRICS: Mapping[str, Display] = {
     "hub_final_deg": Display("hub angle at the end", "°", 1.0),
     "hub_min_deg": Display("smallest hub angle", "°", 1.0),
@@ -83,6 +87,19 @@ def with_the(name: str) -> str:
     """Returns the name of a channel or variable for use in a sentence, with its article: "the hub angle", "time"."""
     label = variable(name).label
     return label if name == "time" else f"the {label}"
+
+
+def acting(place: str) -> str:
+    """Returns what an unnamed function would be, see `twin.diagnosis.state.FunctionOf`: "a force on the tip"."""
+    if place in PLACES:
+        return PLACES[place]
+    return f"an error of {with_the(place)}" if place in CHANNELS else f"a change of the {words(place)}"
+
+
+def dependence(variables: Sequence[str], place: str | None = None) -> str:
+    """Returns what unexplained residuals do: "depends on time", "acts like a force on the tip that depends on time"."""
+    on = join_with_and([with_the(name) for name in variables[:3]])
+    return f"acts like {acting(place)} that depends on {on}" if place else f"depends on {on}"
 
 
 def unmodelled(name: str) -> Display:

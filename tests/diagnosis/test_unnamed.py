@@ -75,7 +75,7 @@ def test_a_dead_band_is_a_function_of_the_command(rig_campaign):
 def test_a_sensor_of_the_torque_reads_a_dead_band_too(rig_campaign):
     best, *others = asked(rig_campaign, {"dead-band": {"width": 0.02}}, torque_sensor=True)
     on_hub = next(n for n in others if n.law == state.FunctionOf("torque_command"))
-    assert best.law == state.FunctionOf("torque_command", drive=True)
+    assert best.law == state.FunctionOf("torque_command", state.DRIVE)
     assert best.evidence > max(5.0, best.by_chance, 2 * on_hub.evidence)
     lookup = best.lookup
     assert lookup.at(np.array([0.012])) < -5e-4

@@ -242,6 +242,21 @@ class RoundJudgement:
 
 
 @dataclass(frozen=True)
+class ActsLike:
+    """The function that describes best what is unexplained.
+
+    Attributes:
+      place: where it acts, see `twin.diagnosis.state.FunctionOf`.
+      variables: on which it depends.
+      log_evidence: log Bayes factor of the function against none.
+    """
+
+    place: str
+    variables: tuple[str, ...]
+    log_evidence: float
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer of a diagnosis; `to_json` is its interface.
 
@@ -255,6 +270,7 @@ class Diagnosis:
       indistinguishable: sets of effects whose scores differ by too little for a decision.
       next_experiment: what to record to separate or confirm them.
       depends_on: variables on which unexplained residuals depend, strongest first.
+      acts_like: the function that describes them best, or None.
       calibrated: declared parameters that were fitted, those of known effects as "effect.parameter", gains and delays
         of channels as "channel.gain" and "channel.delay".
       predictions: file -> recording and simulations; held-out recordings were simulated once, at the end.
@@ -306,6 +322,7 @@ class Diagnosis:
     known: tuple[KnownEffect, ...] = ()
     correlations: Correlations = field(default_factory=Correlations)
     caveats: tuple[str, ...] = ()
+    acts_like: ActsLike | None = None
     provenance: Provenance | None = None
 
     @property
@@ -369,6 +386,7 @@ class Diagnosis:
             "indistinguishable": [list(names) for names in self.indistinguishable],
             "next_experiment": self.next_experiment,
             "depends_on": list(self.depends_on),
+            "acts_like": asdict(self.acts_like) if self.acts_like is not None else None,
             "calibrated": {
                 name: {"declared": c.declared, "fitted": c.fitted, "standard_error": c.standard_error}
                 for name, c in self.calibrated.items()

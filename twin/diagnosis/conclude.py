@@ -23,6 +23,7 @@ from twin.diagnosis import (
     traces,
 )
 from twin.diagnosis.answer import (
+    ActsLike,
     AdoptedEffect,
     Calibrated,
     Contradiction,
@@ -35,7 +36,7 @@ from twin.diagnosis.answer import (
 )
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.experiments import Plan
-from twin.diagnosis.state import Round, SearchState
+from twin.diagnosis.state import Round, SearchState, UnnamedFunction
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
@@ -69,6 +70,7 @@ def conclude(
     predictions: Mapping[str, Prediction],
     plans: Sequence[Plan],
     patched: Patched | None,
+    on_link: Sequence[UnnamedFunction] = (),
 ) -> Diagnosis:
     """The answer.
 
@@ -80,6 +82,7 @@ def conclude(
       predictions: file -> recording and simulations.
       plans: experiments that separate the two closest candidates, best first.
       patched: the lookup for unexplained residuals, or None.
+      on_link: functions that were tried on the link, the largest evidence first.
     """
     unexplained = remainder.unexplained_channels(state)
     contradicted = () if unexplained else contradiction.contradictions(predictions, bool(state.adopted))
@@ -87,11 +90,12 @@ def conclude(
     effects = _effects(state, polished, answer)
     first = state.rounds[0] if state.rounds else Round(())
     alike = rules.alternatives([r.ranked for r in state.adopting])
-    depends = explanatory_variables(state, residuals)
+    depends = explanatory_variables(state, residuals, on_link)
+    function = remainder.likeliest_function(state, on_link) if unexplained else None
     return Diagnosis(
         campaign=campaign.name,
         verdict=answer,
-        summary=_summary(answer, effects, unexplained, depends, predictions, contradicted),
+        summary=_summary(answer, effects, unexplained, depends, predictions, contradicted, function),
         effects=effects,
         known=tuple(KnownEffect(**_effect_values(polished.augmented, name)) for name in state.known),
         ranking=tuple((c.name, c.score) for c in first.ranked),
@@ -101,12 +105,13 @@ def conclude(
         indistinguishable=tuple(alike),
         next_experiment=_next_experiment(answer, alike, depends, plans, contradicted),
         depends_on=depends if answer == "outside-library" else (),
+        acts_like=_acts_like(function) if answer == "outside-library" and function is not None else None,
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
         traces=traces.final_traces(residuals, unexplained, depends)
         if unexplained
         else traces.explained_traces(state, residuals),
-        notes=notes.all_notes(campaign, state, residuals, polished, predictions, depends),
+        notes=notes.all_notes(campaign, state, residuals, polished, predictions, depends, function),
         caveats=notes.verdict_caveats(campaign, polished.augmented, bool(state.adopted)),
         contradicted=contradicted,
         declared=campaign.rig,
@@ -219,16 +224,27 @@ def _correlations(fit: Fit) -> Correlations:
     )
 
 
-def explanatory_variables(state: SearchState, residuals: Mapping[str, Unexplained]) -> tuple[str, ...]:
+def _acts_like(function: UnnamedFunction) -> ActsLike:
+    return ActsLike(function.law.place, function.law.variables, function.evidence)
+
+
+def explanatory_variables(
+    state: SearchState, residuals: Mapping[str, Unexplained], on_link: Sequence[UnnamedFunction] = ()
+) -> tuple[str, ...]:
     """Variables on which unexplained residuals depend, the strongest first; empty if all is explained."""
     large = [residuals[c] for c in remainder.large_residuals(state) if c in residuals]
     depends = dependence.strongest_variables([r for r in large if len(r.values) > traces.FEWEST])
-    smooth = remainder.significant_function(state)
-    if smooth is None:
+    function = remainder.likeliest_function(state, on_link)
+    if function is None:
         return depends
+    if function in on_link:
+        # Where the function acts is part of what is compared, so that its variable needs no other next to it.
+        least = function.evidence - rules.decisive_difference(function.evidence)
+        alike = [f for f in on_link if f.evidence >= least]
+        return tuple(dict.fromkeys(v for f in alike for v in f.law.variables))
     # Where a smooth function of the strongest variable was tested, its evidence decides better than the variance.
-    tested = not depends or depends[0] in {n.law.variable for n in state.unnamed}
-    first, then = (smooth.law.variables, depends) if tested else (depends, smooth.law.variables)
+    tested = not depends or depends[0] in {f.law.variable for f in (*state.unnamed, *on_link)}
+    first, then = (function.law.variables, depends) if tested else (depends, function.law.variables)
     return tuple(dict.fromkeys((*first, *then)))
 
 
@@ -239,6 +255,7 @@ def _summary(
     depends: Sequence[str],
     predictions: Mapping[str, Prediction],
     contradicted: Sequence[Contradiction] = (),
+    function: UnnamedFunction | None = None,
 ) -> str:
     budget, noise = _budget(predictions, depends if unexplained else ()), _held_out(predictions)
     if answer == "explained":
@@ -255,7 +272,8 @@ def _summary(
     names = labels.join_with_and([labels.words(e.name) for e in effects]) if effects else ""
     something = f"Beside {names}, something" if effects else "Something"
     missing = f"{something} outside the library is missing: {where} {is_not} explained."
-    known = f"It depends on {', '.join(labels.with_the(name) for name in depends[:3])}." if depends else ""
+    place = function.law.place if function is not None else None
+    known = f"It {labels.dependence(depends, place)}." if depends else ""
     return _joined(budget, missing, known, noise)
 
 

@@ -25,7 +25,7 @@ from twin.residuals import residual
 from twin.residuals.data import BLOCK_SPAN, EVENT_CHANNELS, DrivenData
 from twin.residuals.filters import GRID
 from twin.residuals.numerics import ROUNDING
-from twin.residuals.view import View, move_link
+from twin.residuals.view import move_link
 from twin.rigs.model import with_fine_chain
 
 _BINS = (16, 100)
@@ -91,7 +91,7 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
     view = data.views[i]
     values = residual.raw_residual(view, data.prepared[i], fit.model, fit.starts[i])
     white = residual.normalise_all(values, view)
-    variables = motion_variables(data, fit, i) | _strains(view, values)
+    variables = _with_strains(data, fit, i, values)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     channels = {}
     for group in data.groups:
@@ -127,9 +127,22 @@ def motion_variables(data: DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray
     }
 
 
-def _strains(view: View, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Strain -> (m) as simulated, measured minus residual: a faulty reading would depend on itself."""
-    return {c: v - values[c] for c, v in view.measured.items() if c.startswith("strain")}
+def variables_in(data: DrivenData, fit: Fit, i: int) -> dict[str, np.ndarray]:
+    """Name -> (m) all variables in recording i, SI, on the grid of its view."""
+    values = residual.raw_residual(data.views[i], data.prepared[i], fit.model, fit.starts[i])
+    return _with_strains(data, fit, i, values)
+
+
+def _with_strains(
+    data: DrivenData, fit: Fit, i: int, values: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The variables of recording i, given its raw residuals: those of the motion, and strains as simulated.
+
+    Simulated is measured minus residual: a faulty reading would depend on itself.
+    """
+    measured = data.views[i].measured.items()
+    strains = {c: v - values[c] for c, v in measured if c.startswith("strain")}
+    return motion_variables(data, fit, i) | strains
 
 
 def _slopes(fit: Fit, rows: np.ndarray) -> dict[str, np.ndarray]:

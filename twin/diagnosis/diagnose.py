@@ -17,6 +17,7 @@ from twin.diagnosis import (
     contest,
     dependence,
     fit_patch,
+    link_functions,
     permutation,
     predict,
     remainder,
@@ -79,7 +80,8 @@ def diagnose(
         plans = plans_for_pair(campaign, pair, pool) if pair else []
         left = dependence.unexplained_residuals(state.bench, state.best)
         patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
-        answer = conclude(campaign, state, left, polished, predicted, plans, patched)
+        on_link = link_functions.find_functions(state, false_alarm_rate)
+        answer = conclude(campaign, state, left, polished, predicted, plans, patched, on_link)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
 
 

@@ -10,12 +10,12 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis import dependence, remainder, revise, rules
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
-from twin.diagnosis.state import SearchState
+from twin.diagnosis.state import DRIVE, SearchState, UnnamedFunction
 from twin.estimation.calibrate import late_command_notes
 from twin.estimation.fit import Fit
 from twin.estimation.static_friction import FinalModels
 from twin.estimation.unknowns import Unknown
-from twin.labels import sentence, with_error, with_the
+from twin.labels import acting, sentence, with_error, with_the
 from twin.parameters import ASSUMED_UNCERTAINTY
 from twin.recording import HUB_TORQUE
 from twin.residuals import static_levels
@@ -41,8 +41,9 @@ def all_notes(
     polished: FinalModels,
     predictions: Mapping[str, Prediction],
     depends: Sequence[str],
+    function: UnnamedFunction | None = None,
 ) -> tuple[str, ...]:
-    """All notes; arguments as `conclude`, `depends` the variables on which unexplained residuals depend."""
+    """All notes; arguments as `conclude`, with what unexplained residuals depend on, and the function behind them."""
     return (
         *campaign.warnings,
         *state.start.notes,
@@ -55,7 +56,7 @@ def all_notes(
         *back_emf(campaign, polished.augmented.model.effects if state.adopted else {}),
         *_single_recordings(state),
         *_overstated_noise(state),
-        *_unnamed_function(state),
+        *_unnamed_function(function),
         *_adopted_instead(state),
         *drifting_parameter(residuals, depends),
         *_undetermined_sizes(state),
@@ -213,17 +214,17 @@ def _overstated_noise(state: SearchState) -> list[str]:
     ]
 
 
-def _unnamed_function(state: SearchState) -> list[str]:
+def _unnamed_function(function: UnnamedFunction | None) -> list[str]:
     """Note on the evidence of the smooth function that no effect explains."""
-    smooth = remainder.significant_function(state)
-    if smooth is None:
+    if function is None:
         return []
-    sided = " that changes its sign with the direction of the hub" if smooth.law.sided else ""
-    read = ", which the sensor of the drive's torque reads too," if smooth.law.drive else ""
+    law = function.law
+    sided = " that changes its sign with the direction of the hub" if law.sided else ""
+    read = ", which the sensor of the drive's torque reads too," if law.place == DRIVE else ""
     return [
-        f"A torque on the hub{read} that is a smooth function of {with_the(smooth.law.variable)}{sided} makes the "
-        f"recordings e^{smooth.evidence:.0f} times likelier; by chance, at the false-alarm rate, it would be "
-        f"e^{max(smooth.by_chance, 0):.0f} times."
+        f"{sentence(acting(law.place))}{read} that is a smooth function of {with_the(law.variable)}{sided} makes the "
+        f"recordings e^{function.evidence:.0f} times likelier; by chance, at the false-alarm rate, it would be "
+        f"e^{max(function.by_chance, 0):.0f} times."
     ]
 
 

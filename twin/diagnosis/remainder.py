@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from twin.diagnosis.judgement import Judgement, judge_all
-from twin.diagnosis.rules import EXPLANATION, MODEL_SHARE, Leftover, excesses
+from twin.diagnosis.rules import EXPLANATION, MODEL_ERROR_SCORE, MODEL_SHARE, Leftover, excesses
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import loss
 from twin.estimation.fit import Fit
@@ -36,6 +38,20 @@ def significant_function(state: SearchState) -> UnnamedFunction | None:
         return None
     *_, function = judge_all(EXPLANATION, _with_function(state, Leftover((), (), 0)))
     return None if function.passed else state.unnamed[0]
+
+
+def likeliest_function(state: SearchState, on_link: Sequence[UnnamedFunction]) -> UnnamedFunction | None:
+    """The function with the largest evidence that describes what is unexplained; None if none does.
+
+    Args:
+      state: the end of the search.
+      on_link: functions that were tried on the link, the largest evidence first, see `link_functions`.
+    """
+    on_hub = significant_function(state)
+    found = [on_hub] if on_hub is not None else []
+    # On the link, the error of the chain gives a function some evidence.
+    found += [f for f in on_link[:1] if f.evidence > max(f.by_chance, MODEL_ERROR_SCORE)]
+    return max(found, key=lambda f: f.evidence, default=None)
 
 
 def large_residuals(state: SearchState) -> tuple[str, ...]:

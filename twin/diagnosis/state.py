@@ -137,19 +137,24 @@ class SearchState:
         return replace(self, rounds=tuple(kept), withdrawn=(*self.withdrawn, *reason.items()))
 
 
+DRIVE, TIP = "drive", "tip_force"
+"""Places where an unnamed function acts, beside the names of channels and parameters."""
+
+
 @dataclass(frozen=True)
 class FunctionOf:
-    """Arguments of an unnamed torque on the hub.
+    """Argument of an unnamed function, and where it acts.
 
     Attributes:
       variable: on which it depends.
+      place: `HUB_TORQUE`: a torque on the hub; `DRIVE`: one that the motor torque sensor reads too; `TIP`: a force on
+        the tip; a channel: an error of its reading; a parameter of the rig: a change of it.
       sided: whether it changes its sign with the direction of the hub, as friction.
-      drive: whether it is a fault of the drive, so that the motor torque sensor reads it.
     """
 
     variable: str
+    place: str = HUB_TORQUE
     sided: bool = False
-    drive: bool = False
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -159,14 +164,14 @@ class FunctionOf:
 
 @dataclass(frozen=True, eq=False)
 class UnnamedFunction:
-    """A torque on the hub as a smooth function of one variable, with its evidence.
+    """A smooth function of one variable that the model lacks, with its evidence.
 
     Attributes:
-      law: its arguments.
+      law: its argument, and where it acts.
       evidence: log Bayes factor of the function against none.
       by_chance: threshold of the largest evidence of all tested functions at the false-alarm rate.
       x: (k) values of the variable, SI, ascending.
-      y: (k) the function that corrects the model as it is fitted [N m].
+      y: (k) the function that corrects the model as it is fitted, SI.
       samples: (k) number of samples nearest to each.
     """
 
@@ -179,5 +184,7 @@ class UnnamedFunction:
 
     @property
     def lookup(self) -> Patch | None:
-        """The function as a correction; None if a simulation cannot evaluate it."""
-        return None if self.law.sided else Patch(HUB_TORQUE, self.law.variable, self.x, self.y, self.samples)
+        """The function as a correction of the torque on the hub; None if a simulation cannot evaluate it."""
+        if self.law.sided or self.law.place not in (HUB_TORQUE, DRIVE):
+            return None
+        return Patch(HUB_TORQUE, self.law.variable, self.x, self.y, self.samples)

@@ -158,6 +158,12 @@ def caveat(diagnosis: Diagnosis) -> str:
     return " ".join(s for s in (*diagnosis.caveats, _caveat(diagnosis)) if s)
 
 
+def dependence(diagnosis: Diagnosis) -> str:
+    """What unexplained residuals depend on: "depends on the hub angle"; "" if that is unknown."""
+    place = diagnosis.acts_like.place if diagnosis.acts_like is not None else None
+    return labels.dependence(diagnosis.depends_on, place) if diagnosis.depends_on else ""
+
+
 def _caveat(diagnosis: Diagnosis) -> str:
     """What stands against the verdict, or what it does not say, in one sentence; "" beside caveats if nothing does."""
     if diagnosis.contradicted:
@@ -168,12 +174,8 @@ def _caveat(diagnosis: Diagnosis) -> str:
             "may still be there."
         )
     if diagnosis.verdict == "outside-library":
-        on = (
-            f"depends on {with_the(diagnosis.depends_on[0])}"
-            if diagnosis.depends_on
-            else "follows no variable"
-        )
-        return f"What is left {on}; these recordings show its size and not its cause."
+        left = dependence(diagnosis) or "follows no variable"
+        return f"What is left {left}; these recordings show its size and not its cause."
     others = [name for effect in diagnosis.effects for name in rivals(diagnosis, effect.name)]
     if others:
         what = join_with_and([_with_meaning(name) for name in dict.fromkeys(others)])

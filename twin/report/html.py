@@ -57,9 +57,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "counted": display.counted(diagnosis),
         "picture": _picture(diagnosis),
         "effects": [_effect(effect) for effect in diagnosis.effects],
-        "depends_on": labels.join_with_and([labels.with_the(name) for name in diagnosis.depends_on])
-        if diagnosis.depends_on
-        else "",
+        "dependence": display.dependence(diagnosis),
         "trace": missing,
         "traces": traces[1:] if missing else traces,
         "all_traces": traces,

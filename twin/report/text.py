@@ -91,8 +91,7 @@ def renderable(diagnosis: Diagnosis, plain: bool = False) -> Group:
 def _closing_lines(diagnosis: Diagnosis) -> list[str]:
     lines = []
     if diagnosis.depends_on and diagnosis.verdict == "outside-library":
-        names = ", ".join(labels.variable(name).label for name in diagnosis.depends_on)
-        lines.append(f"What is unexplained depends on: {names}")
+        lines.append(f"What is unexplained {display.dependence(diagnosis)}")
     lines += [
         f"Not told apart: {', '.join(labels.words(name) for name in names)}"
         for names in diagnosis.indistinguishable
