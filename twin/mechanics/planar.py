@@ -15,8 +15,8 @@ the friction. All numbers are fields of `twin.mechanics.plant.Plant`, whose modu
 Stick and slip. Dry friction acts on the hub, or on a motor behind a backlash: read motor for hub there. `mode` is +1 or
 -1, the direction in which the hub slides, or 0 while it sticks. While it slides, friction is the sliding level against
 the motion. Where the hub's rate crosses zero, the hub sticks if the torque that holds it at rest does not exceed the
-static level; it breaks away where that torque does. Both instants are located by bisection, and integration restarts
-there.
+static level; it breaks away where that torque does. Both instants are located by the Illinois method (M. Dowell and
+P. Jarratt, BIT 11, 1971, 168-174), and integration restarts there.
 
 Appended coordinates follow the segments where an effect needs them: the absolute angle of an oscillator on the hub (a
 torsional mode), then that of a motor separated from the hub by backlash. The flanks of the backlash are springs with
@@ -56,7 +56,7 @@ SETTLED_SWING = 0.005
 """Amplitude of the motor's oscillation on a flank, over its depth, below which it need not be resolved: for errors and
 times with other values see benchmarks/results/contact.md."""
 EVENT_TOLERANCE = 1e-7
-"""Width of the interval to which the instant of a stick or slip is bisected [s]."""
+"""Width of the interval in which the instant of a stick or slip lies [s]."""
 
 
 @_inlined
@@ -375,28 +375,35 @@ def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
 
 
 @compiled
-def _friction_holds(plant, theta, needed):
-    """Whether the static level is at least the torque `needed` to keep the hub at rest."""
-    return abs(needed) <= static_level(plant, theta, 1 if needed > 0 else -1)
+def _margin_of_hold(plant, theta, needed):
+    """Static level less the torque `needed` to keep the hub at rest [N m]: friction holds while it is not negative."""
+    return static_level(plant, theta, 1 if needed > 0 else -1) - abs(needed)
 
 
 NO_EVENT, STOP, SLIP, CONTACT = 0, 1, 2, 3
-"""Events within a step: none, the sliding rate crosses zero, friction no longer holds, the motor meets a flank."""
+"""Events: none is possible, the sliding rate crosses zero, friction no longer holds, the motor meets a flank."""
 
 
 @compiled
-def _event(plant, t, held, h, phi, omega, clamped, acc, scratch):
-    """The event that a step of length h to this state has passed; `held` as in `_step`."""
+def _next_event(plant, t, held, h, phi, omega, clamped, acc, scratch):
+    """The event that is nearest after a step of length h to this state, and its margin; `held` as in `_step`.
+
+    The margin is continuous in time, and negative once the event has happened: depth in the play [rad], sliding rate
+    [rad/s] or `_margin_of_hold`.
+    """
     u, u_before, age, mode, _, touching = held
-    if not touching and _touches(plant, phi):
-        return CONTACT
+    event, margin, b = NO_EVENT, np.inf, _rubbing(plant, phi.size)
+    if plant.motor.gap > 0.0 and not touching:
+        event, margin = CONTACT, 0.5 * plant.motor.gap - abs(phi[phi.size - 1] - phi[0])
     if clamped:
-        return NO_EVENT
+        return event, margin
     if mode != 0:
-        return STOP if omega[_rubbing(plant, phi.size)] * mode < 0.0 else NO_EVENT
-    drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
-    needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
-    return NO_EVENT if _friction_holds(plant, phi[_rubbing(plant, phi.size)], needed) else SLIP
+        other, nearest = STOP, omega[b] * mode
+    else:
+        drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
+        needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
+        other, nearest = SLIP, _margin_of_hold(plant, phi[b], needed)
+    return (other, nearest) if nearest < margin else (event, margin)
 
 
 @compiled
@@ -408,7 +415,7 @@ def _mode_after(plant, t, held, h, phi, omega, event, acc, scratch):
         omega[b] = 0.0
     drive = _lagged_torque(u, u_before, age + h, plant.motor.lag)
     needed = _torque_to_hold(plant, t, phi, omega, drive, acc, scratch)
-    if event == STOP and _friction_holds(plant, phi[b], needed):
+    if event == STOP and _margin_of_hold(plant, phi[b], needed) >= 0.0:
         return 0
     return 1 if needed > 0 else -1
 
@@ -464,7 +471,7 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
             drive = _lagged_torque(u, u_before, age, plant.motor.lag)
             if not clamped and mode == 0:
                 needed = _torque_to_hold(plant, t, phi, omega, drive, first, scratch)
-                if not _friction_holds(plant, phi[_rubbing(plant, phi.size)], needed):
+                if _margin_of_hold(plant, phi[_rubbing(plant, phi.size)], needed) < 0.0:
                     mode = 1 if needed > 0 else -1
             if clamped or mode != 0:
                 lock = HUB if clamped else FREE
@@ -474,25 +481,34 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
         h = left / max(1.0, np.ceil(left / longest - 1e-9))
         held = u, u_before, age, mode, locked, touching
         _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
-        event = _event(plant, t + h, held, h, phi1, omega1, clamped, acc, scratch)
-        if event != NO_EVENT:
-            # Bisect for the instant of the first event, then restart just after it.
-            low, high = 0.0, h
+        event, after = _next_event(plant, t + h, held, h, phi1, omega1, clamped, acc, scratch)
+        happened = after < 0.0
+        if happened:
+            # The instant of the first event by the Illinois method, then restart just after it. The search ends when
+            # it comes to the root from both sides: near it, each point lies half the tolerance beyond the estimate.
+            low, high, moved = 0.0, h, 0
+            _, before = _next_event(plant, t, held, 0.0, phi, omega, clamped, acc, scratch)
+            before = max(before, 0.0)
             while high - low > EVENT_TOLERANCE:
-                mid = 0.5 * (low + high)
+                mid = low + (high - low) * before / (before - after) + 0.5 * moved * EVENT_TOLERANCE
+                mid = min(max(mid, low + 0.5 * EVENT_TOLERANCE), high - 0.5 * EVENT_TOLERANCE)
                 _step(plant, t, phi, omega, held, mid, phi1, omega1, stages, scratch)
-                sooner = _event(plant, t + mid, held, mid, phi1, omega1, clamped, acc, scratch)
-                if sooner != NO_EVENT:
-                    high, event = mid, sooner
+                sooner, margin = _next_event(plant, t + mid, held, mid, phi1, omega1, clamped, acc, scratch)
+                if margin < 0.0:
+                    high, after, event = mid, margin, sooner
+                    before *= 0.5 if moved < 0 else 1.0
+                    moved = -1
                 else:
-                    low = mid
+                    low, before = mid, margin
+                    after *= 0.5 if moved > 0 else 1.0
+                    moved = 1
             h = high
             _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
             if event != CONTACT:
                 mode = _mode_after(plant, t + h, held, h, phi1, omega1, event, acc, scratch)
         row = _record(t, h, phi, omega, phi1, omega1, held[3], mode, out, row)
         _copy_state(phi1, omega1, phi, omega)
-        holds = event == NO_EVENT and not clamped and mode == 0
+        holds = not happened and not clamped and mode == 0
         if holds:
             for i in range(phi.size):
                 first[i] = acc[i]
