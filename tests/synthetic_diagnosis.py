@@ -11,10 +11,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lsim
 
-from twin.diagnosis.answer import AdoptedEffect, Calibrated, ChannelError, Diagnosis, Prediction, Trace
+from twin.diagnosis.answer import (
+    ActsLike,
+    AdoptedEffect,
+    Calibrated,
+    ChannelError,
+    Diagnosis,
+    Prediction,
+    Trace,
+)
 from twin.diagnosis.error_budget import ChannelBudget, ModelError
 from twin.files.provenance import Provenance
-from twin.recording import CHANNEL_UNITS, Recording, Sensor
+from twin.recording import CHANNEL_UNITS, HUB_TORQUE, Recording, Sensor
 from twin.rigs import preset
 
 SENSORS = {
@@ -195,6 +203,7 @@ def outside(**changes) -> Diagnosis:
         effects=(),
         indistinguishable=(),
         depends_on=("time", "hub_rate"),
+        acts_like=ActsLike(HUB_TORQUE, ("time", "hub_rate"), 80.0),
         **changes,
     )
 

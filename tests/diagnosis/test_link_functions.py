@@ -1,10 +1,15 @@
 """Faults of the link that have no name: where they act, and on what they depend."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from rig_campaigns import planned
 from threadpoolctl import threadpool_limits
 
-from twin.diagnosis import link_functions
+from twin import labels
+from twin.diagnosis import link_functions, remainder
+from twin.diagnosis.state import TIP, FunctionOf, UnnamedFunction
 from twin.estimation.calibrate import calibrate
 from twin.estimation.residual_pool import ResidualPool
 
@@ -40,3 +45,28 @@ def test_place_and_variable_are_found(rig_campaign, effects, place, variable):
 @pytest.mark.study
 def test_of_a_sound_link_no_function_is_certain(rig_campaign):
     assert likeliest(rig_campaign, {}, "free-vibration", "bang-bang", "random-steps")[0].evidence < 30.0
+
+
+@pytest.mark.parametrize(
+    ("evidence", "by_chance", "named"), [(100.0, 50.0, True), (100.0, 120.0, False), (25.0, -1.0, False)]
+)
+def test_a_function_describes_the_rest_beyond_chance_and_the_error_of_the_chain(evidence, by_chance, named):
+    function = UnnamedFunction(FunctionOf("tip_rate", TIP), evidence, by_chance, *np.zeros((3, 2)))
+    found = remainder.likeliest_function(SimpleNamespace(unnamed=()), [function])
+    assert found is (function if named else None)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (None, "depends on the tip rate and time"),
+        (TIP, "acts like a force on the tip that depends on the tip rate and time"),
+        ("strain_base", "acts like an error of the base strain that depends on the tip rate and time"),
+        (
+            "bending_stiffness",
+            "acts like a change of the bending stiffness that depends on the tip rate and time",
+        ),
+    ],
+)
+def test_place_and_variables_in_words(place, words):
+    assert labels.dependence(("tip_rate", "time"), place) == words

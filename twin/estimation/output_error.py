@@ -29,6 +29,7 @@ from twin.residuals.data import BLOCK_SPAN, DrivenData
 from twin.residuals.filters import GRID, REACH
 from twin.residuals.groups import split_into_blocks
 from twin.residuals.noise import sensor_noise
+from twin.residuals.numerics import ROUNDING
 from twin.residuals.prepared import sensor_corrected_start
 from twin.residuals.residual import has_unknown_zero, without_zero
 from twin.residuals.view import hub_trajectory
@@ -50,6 +51,7 @@ class OutputErrorData(FreeData):
       driven: the same recordings, the link driven by the measured hub.
       period, damping_ratio: of the rig's oscillation about the measured hub [s], [1]; infinite in free runs.
       spring: between the simulated hub and the measured one.
+      strides: of the samples of each recording, every so many are compared.
     """
 
     def __init__(self, driven: DrivenData, model: Model, period: float = np.inf, damping_ratio: float = 0.0):
@@ -57,13 +59,24 @@ class OutputErrorData(FreeData):
         self.driven, self.period, self.damping_ratio = driven, period, damping_ratio
         self.spring = spring_of(model.plant, period, damping_ratio)
         self.prepared = driven.prepared
-        self.groups, self.weight = layout(self.prepared, lambda channel, recording: recording[channel])
-        periods = [p.recording.period for p in self.prepared]
+        # Of faster samples, those of the grid of driven data tell as much.
+        self.strides = tuple(max(1, int(GRID / p.recording.period + ROUNDING)) for p in self.prepared)
+        compared = [
+            replace(p, recording=p.recording.part(slice(None, None, stride)))
+            for p, stride in zip(self.prepared, self.strides, strict=True)
+        ]
+        self.groups, self.weight = layout(compared, lambda channel, recording: recording[channel])
         self.blocks = tuple(
             block
             for g in self.groups
-            for block in split_into_blocks([g], self.weight, max(1, round(BLOCK_SPAN / periods[g.recording])))
+            for block in split_into_blocks(
+                [g], self.weight, max(1, round(BLOCK_SPAN / self._period(g.recording)))
+            )
         )
+
+    def _period(self, i: int) -> float:
+        """Time between two samples of recording i that are compared [s]."""
+        return self.strides[i] * self.prepared[i].recording.period
 
     @property
     def is_free(self) -> bool:
@@ -77,7 +90,7 @@ class OutputErrorData(FreeData):
 
     def counts(self) -> np.ndarray:
         """Number of independent samples in each block (g): one per `CORRELATION_TIME`."""
-        periods = [self.prepared[g.recording].recording.period for g in self.blocks]
+        periods = [self._period(g.recording) for g in self.blocks]
         known = [self.weight[g.rows].sum() for g in self.blocks]
         return np.array(known) * np.minimum(1.0, np.array(periods) / CORRELATION_TIME)
 
@@ -85,10 +98,10 @@ class OutputErrorData(FreeData):
         """Channel -> measured minus simulated (m), in multiples of the noise, 0 where missing."""
         prepared, residuals = self.prepared[i], dict[str, np.ndarray]()
         measured, start = prepared.recording, sensor_corrected_start(model, prepared, start)
-        simulated = simulate(model, measured, start, spring=self._pull(model, i))
+        simulated = simulate(model, measured, start, spring=self._pull(model, i), stride=self.strides[i])
         for c in prepared.channels:
-            off = (measured[c] - simulated[c]) / prepared.noise[c]
-            known = np.isfinite(measured[c])
+            off = (measured[c][:: self.strides[i]] - simulated[c]) / prepared.noise[c]
+            known = np.isfinite(measured[c][:: self.strides[i]])
             if has_unknown_zero(model, prepared, c):
                 off = without_zero(off, known)
             residuals[c] = np.where(known, off, 0.0)

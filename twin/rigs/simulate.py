@@ -22,6 +22,7 @@ def simulate(
     start: Start,
     guide: Guide | None = None,
     spring: tuple[Spring, MeasuredHub] | None = None,
+    stride: int = 1,
 ) -> Recording:
     """Returns the readings that the model predicts for a recording, simulated with the compiled chain.
 
@@ -31,9 +32,11 @@ def simulate(
       start: state at the first sample.
       guide: measured rests to impose on the simulation; None for a free run.
       spring: that pulls the hub to the measured one, and this; None for a free run.
+      stride: of the samples, every so many are predicted; not together with a guide. The torque of the drive is then
+        its mean from each of these to the next.
     """
-    motion = integrate(model, recording, start, guide, spring)
-    return sensor_readings(model, recording, motion)
+    motion = integrate(model, recording, start, guide, spring, stride)
+    return sensor_readings(model, recording, motion, stride=stride)
 
 
 def integrate(
@@ -42,9 +45,13 @@ def integrate(
     start: Start,
     guide: Guide | None = None,
     spring: tuple[Spring, MeasuredHub] | None = None,
+    stride: int = 1,
 ) -> Motion:
     """Returns the motion of the chain under a recording's command; arguments as for `simulate`."""
     plant, times, torques = delivered_torque(model, recording)
+    time = recording.time[::stride]
+    if stride > 1:
+        times, torques = _means(times, torques, time)
     if spring is not None:
         pull, hub = spring
         plant = pull.on(plant, hub)
@@ -57,9 +64,20 @@ def integrate(
         held = np.searchsorted(times, recording.time[0], side="right") - 1
         phi = plant.on_flank(phi, float(torques[held]))
     motion = planar.simulate(
-        plant, times, torques, recording.time, phi, omega, mode, recording.clamped, model.stable_step, *flags
+        plant, times, torques, time, phi, omega, mode, recording.clamped, model.stable_step, *flags
     )
-    return Motion.from_coordinates(recording.time, *motion, len(model.chain.lengths))
+    return Motion.from_coordinates(time, *motion, len(model.chain.lengths))
+
+
+def _means(times: np.ndarray, torques: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Instants (r) and means from each to the next (r) of torques (k) that are held from `times` (k) on.
+
+    The instants are `time` (m), that before the first command, and the last command.
+    """
+    knots = np.unique(np.r_[times[0], time, times[-1]])
+    impulse = np.r_[0.0, np.cumsum(np.diff(times) * torques[:-1])]
+    means = np.diff(np.interp(knots, times, impulse)) / np.diff(knots)
+    return knots, np.r_[means, torques[-1]]
 
 
 def delivered_torque(model: Model, recording: Recording) -> tuple[Plant, np.ndarray, np.ndarray]:
@@ -129,7 +147,7 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
 
 
 def sensor_readings(
-    model: Model, recording: Recording, motion: Motion, began: float | None = None
+    model: Model, recording: Recording, motion: Motion, began: float | None = None, stride: int = 1
 ) -> Recording:
     """Returns the readings of a motion, at the samples and in the channels of a recording.
 
@@ -138,20 +156,24 @@ def sensor_readings(
       recording: its channels are used.
       motion: at its samples.
       began: instant from which the drift of a sensor is counted [s]; by default the first of the motion.
+      stride: of the samples, every so many are those of the motion.
     """
     with np.errstate(invalid="ignore"):  # a diverged simulation
-        true = {channel: _true_channel(model, recording, motion, channel) for channel in recording.measured()}
+        true = {c: _true_channel(model, recording, motion, c, stride) for c in recording.measured()}
     if model.plant.link.torsion_stiffness > 0:
         true[TORSION] = motion.extra[:, 0] - motion.angles[:, 0]
     since = motion.time - (motion.time[0] if began is None else began)
     channels = {name: v for name, v in model.report(since, true).items() if name != TORSION}
-    commanded = {"torque_command": recording["torque_command"]} if "torque_command" in recording else {}
+    given = recording.channels.get("torque_command")
+    commanded = {} if given is None else {"torque_command": given[::stride]}
     return Recording(
         recording.name, motion.time, {**commanded, **channels}, recording.clamped, recording.loop
     )
 
 
-def _true_channel(model: Model, recording: Recording, motion: Motion, channel: str) -> np.ndarray:
+def _true_channel(
+    model: Model, recording: Recording, motion: Motion, channel: str, stride: int
+) -> np.ndarray:
     """True value (m) of a channel along a motion, SI, before the effects of its sensor."""
     links = model.chain
     hinges = np.diff(motion.angles, axis=1)
@@ -172,7 +194,7 @@ def _true_channel(model: Model, recording: Recording, motion: Motion, channel: s
         case "tip_acceleration":
             return _tip_acceleration(links, motion)
         case "motor_torque":
-            return model.read_torque(recording)
+            return model.read_torque(recording)[::stride]
     raise ValueError(f"'{channel}' is not simulated. Expected one of: {', '.join(MEASURED)}")
 
 
