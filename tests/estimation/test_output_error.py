@@ -89,6 +89,16 @@ def test_of_the_right_model_noise_is_left_though_the_zero_of_the_gauge_is_unknow
     assert fit_of(free, model.replace(sensors=certain)).size.max() > 5
 
 
+def test_of_samples_at_1_khz_every_other_one_is_compared(pool):
+    time = 1e-3 * np.arange(3001)
+    recording = measured(rig(0.05), np.interp(time, TIME, SQUARE), time=time)
+    driven = DrivenData([prepare(recording, NOISE)[0]], rig(0.05))
+    data = OutputErrorData(driven, rig(0.05))
+    assert data.strides == (2,)
+    assert {g.rows.stop - g.rows.start for g in data.groups} == {1501}
+    assert fit_of(Workbench(data, pool), rig(0.05)).size.max() < 1.3
+
+
 def test_a_missing_friction_shows_in_the_free_run(pool):
     _, free = bench_of(rig(0.05), SQUARE, pool)
     assert fit_of(free, rig(0.04)).size.max() > 20

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from twin.diagnosis import permutation
+from twin.diagnosis.state import FunctionOf, UnnamedFunction
 from twin.estimation.fit import Fit
 from twin.estimation.gaussian_process import FunctionEvidence, maximise_evidence, posterior_mean
 from twin.estimation.slopes import prior_precision, row_weights
 from twin.estimation.workbench import Workbench, reversal_weights
+from twin.residuals.groups import Group
 from twin.residuals.numerics import ROUNDING
 
-_KNOTS = 32  # of a piecewise linear function
-_RANGE = (0.002, 0.998)  # quantiles of the variable at the first and the last knot
+_KNOTS = 32
+"""Of a piecewise linear function: the shortest length scale that is tried, 0.05 of the range, is 1.5 times their
+distance, see `gaussian_process.LENGTH_SCALES`."""
+_RANGE = (0.002, 0.998)
+"""Quantiles of the variable at the first and the last knot: few readings far out would leave most knots without any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +38,27 @@ class Basis:
     columns: np.ndarray
     rows: np.ndarray
     samples: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        bench: Workbench,
+        groups: Sequence[Group],
+        parts: Sequence[np.ndarray],
+        x: np.ndarray,
+        samples: np.ndarray,
+    ) -> Basis:
+        """The basis of a function that changes some rows.
+
+        Args:
+          bench: the data.
+          groups: the rows, ascending.
+          parts: of each group, the derivative (k x m) of its residual by the value at each knot.
+          x, samples: (k) the knots, and the number of samples nearest to each.
+        """
+        columns = [bench.weight[g.rows, None] * part.T for g, part in zip(groups, parts, strict=True)]
+        rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
+        return cls(x, np.concatenate(columns), rows, samples)
 
 
 def knots(values: np.ndarray) -> np.ndarray | None:
@@ -108,6 +136,27 @@ class Linearised:
         flipped = signs @ (own - self.gradients @ eliminated)
         found = maximise_evidence(alone - shared.T @ eliminated, gradient, flipped)
         return found, posterior_mean(alone, own.sum(0), found.length, found.size)
+
+
+def tried_functions(
+    bench: Workbench, best: Fit, bases: Iterable[tuple[FunctionOf, Basis]], rate: float
+) -> tuple[UnnamedFunction, ...]:
+    """Functions with their evidence, the largest first.
+
+    Args:
+      bench, best: the data, and the fit with its Jacobian.
+      bases: each function with its basis.
+      rate: false-alarm rate of the threshold `by_chance`.
+    """
+    signs = permutation.random_signs(bench, permutation.DRAWS, np.random.default_rng(permutation.SEED))
+    linearised = Linearised.of(bench, best)
+    tried = [(law, b, linearised.evidence(b, signs)) for law, b in bases]
+    if not tried:
+        return ()
+    largest = np.max([e.by_draw for _, _, (e, _) in tried], axis=0, initial=0.0)
+    by_chance = permutation.threshold(np.sort(largest), rate)
+    functions = [UnnamedFunction(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in tried]
+    return tuple(sorted(functions, key=lambda n: -n.evidence))
 
 
 def _sums_by_stretch(values: np.ndarray, stretch: np.ndarray, count: int) -> np.ndarray:

@@ -17,13 +17,15 @@ from functools import partial
 
 import numpy as np
 
-from twin.diagnosis import dependence, permutation, remainder
-from twin.diagnosis.linearised import Basis, Linearised, hats, knots, samples_at
+from twin.diagnosis import dependence, remainder
+from twin.diagnosis.linearised import Basis, hats, knots, samples_at, tried_functions
 from twin.diagnosis.state import TIP, FunctionOf, SearchState, UnnamedFunction
 from twin.estimation import output_error
 from twin.estimation.fit import Fit
 from twin.estimation.workbench import Workbench
 from twin.mechanics import link_response
+from twin.mechanics.chain import Chain
+from twin.mechanics.state import Motion
 from twin.recording import ON_LINK
 from twin.residuals import residual
 from twin.residuals.data import DrivenData
@@ -32,8 +34,6 @@ from twin.residuals.groups import Group
 from twin.residuals.view import move_link
 
 _STIFFNESS, _DAMPING = "bending_stiffness", "damping_ratio"
-_Variables = Mapping[int, Mapping[str, np.ndarray]]
-"""Recording -> variable -> (m) its values."""
 
 
 def find_functions(state: SearchState, rate: float) -> tuple[UnnamedFunction, ...]:
@@ -57,64 +57,38 @@ def functions_of(bench: Workbench, best: Fit, rate: float) -> tuple[UnnamedFunct
     assert isinstance(data, DrivenData)
     groups = [g for g in data.groups if g.channel in ON_LINK]
     variables = {i: dependence.variables_in(data, best, i) for i in {g.recording for g in groups}}
-    signs = permutation.random_signs(bench, permutation.DRAWS, np.random.default_rng(permutation.SEED))
-    linearised = Linearised.of(bench, best)
-    tried = [(law, b, linearised.evidence(b, signs)) for law, b in _bases(bench, best, groups, variables)]
-    largest = np.max([e.by_draw for _, _, (e, _) in tried], axis=0, initial=0.0)
-    by_chance = permutation.threshold(np.sort(largest), rate)
-    functions = [UnnamedFunction(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in tried]
-    return tuple(sorted(functions, key=lambda n: -n.evidence))
+    return tried_functions(bench, best, _bases(bench, best, groups, variables), rate)
 
 
 def _bases(
-    bench: Workbench, best: Fit, groups: Sequence[Group], variables: _Variables
+    bench: Workbench, best: Fit, groups: Sequence[Group], variables: Mapping[int, Mapping[str, np.ndarray]]
 ) -> Iterator[tuple[FunctionOf, Basis]]:
     """Each function that is tried, with its basis.
 
     Args:
       bench, best: the data and the fit.
       groups: rows of the sensors on the link.
-      variables: of the recordings that have these.
+      variables: recording that has these -> variable -> (m) its values.
     """
     data = bench.data
     assert isinstance(data, DrivenData)
     for name in sorted(set.intersection(*(set(v) for v in variables.values()))):
         values = {i: v[name] for i, v in variables.items()}
-        x = knots(_seen(bench, groups, values))
+        seen = np.concatenate([values[g.recording][bench.weight[g.rows] > 0] for g in groups])
+        x = knots(seen)
         if x is None:
             continue
-        samples = samples_at(_seen(bench, groups, values), x)
+        samples = samples_at(seen, x)
         weights = {i: hats(v, x) for i, v in values.items()}
         for place in (TIP, _STIFFNESS, _DAMPING):
             moved = bench.pool.map(partial(_by_forces, data, best, place), weights, weights.values())
             changes = dict(zip(weights, moved, strict=True))
             parts = [changes[g.recording][g.channel] for g in groups]
-            yield FunctionOf(name, place), _basis(bench, groups, parts, x, samples)
+            yield FunctionOf(name, place), Basis.of(bench, groups, parts, x, samples)
         for channel in sorted({g.channel for g in groups}):
             mine = [g for g in groups if g.channel == channel]
             parts = [_in_residual(data, g.recording, channel, weights[g.recording]) for g in mine]
-            yield FunctionOf(name, channel), _basis(bench, mine, parts, x, samples)
-
-
-def _seen(bench: Workbench, groups: Sequence[Group], values: Mapping[int, np.ndarray]) -> np.ndarray:
-    """Values (r) of a variable where a sensor on the link is compared; `values`: recording -> (m)."""
-    return np.concatenate([values[g.recording][bench.weight[g.rows] > 0] for g in groups])
-
-
-def _basis(
-    bench: Workbench, groups: Sequence[Group], parts: Sequence[np.ndarray], x: np.ndarray, samples: np.ndarray
-) -> Basis:
-    """The basis of a function.
-
-    Args:
-      bench: the data.
-      groups: the rows that it changes, ascending.
-      parts: of each group, the derivative (k x m) of its residual by the value at each knot.
-      x, samples: (k) the knots, and the number of samples nearest to each.
-    """
-    columns = [bench.weight[g.rows, None] * part.T for g, part in zip(groups, parts, strict=True)]
-    rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
-    return Basis(x, np.concatenate(columns), rows, samples)
+            yield FunctionOf(name, channel), Basis.of(bench, mine, parts, x, samples)
 
 
 def _by_forces(data: DrivenData, best: Fit, place: str, i: int, weights: np.ndarray) -> dict[str, np.ndarray]:
@@ -126,29 +100,27 @@ def _by_forces(data: DrivenData, best: Fit, place: str, i: int, weights: np.ndar
       i: of the recording.
       weights: (k x m) the changes.
     """
-    model = best.model
-    chain, bends = model.chain, model.chain.modes("clamped")[1][1:]
-    motion, _ = move_link(data.views[i], data.prepared[i], model, best.starts[i])
-    match place:
-        case "tip_force":
-            moments = np.broadcast_to(link_response.levers(chain), (len(motion.time), len(bends)))
-        case "bending_stiffness":
-            moments = -np.diff(motion.angles, axis=1) * chain.stiffness
-        case _:
-            moments = -np.diff(motion.rates, axis=1) @ chain.damping
-    forces = np.stack([weights * on_mode for on_mode in (moments @ bends).T])
+    chain, bends = best.model.chain, best.model.chain.modes("clamped")[1][1:]
+    motion, _ = move_link(data.views[i], data.prepared[i], best.model, best.starts[i])
+    forces = np.stack([weights * on_mode for on_mode in (_moments(chain, motion, place) @ bends).T])
     changes, bent = {}, link_response.modal_coordinates(chain, forces, GRID)
     for channel in data.views[i].measured.keys() & set(ON_LINK):
         if channel == "tip_acceleration":
-            accelerations = link_response.modal_coordinates(chain, forces, GRID, accelerations=True)
-            change = np.tensordot(link_response.levers(chain) @ bends, accelerations, 1)
-        elif channel == "tip_deflection":
-            change = np.tensordot(link_response.levers(chain) @ bends, bent, 1)
+            moved = link_response.modal_coordinates(chain, forces, GRID, accelerations=True)
+            change = np.tensordot(chain.levers @ bends, moved, 1)
         else:
-            row = model.sensors[channel].half_thickness * model.curvature_rows[channel]
-            change = np.tensordot(row @ bends, bent, 1)
+            change = np.tensordot(best.model.link_rows[channel] @ bends, bent, 1)
         changes[channel] = _in_residual(data, i, channel, change)
     return changes
+
+
+def _moments(chain: Chain, motion: Motion, place: str) -> np.ndarray:
+    """Moments on the hinges (m x n) by a unit change at a place along a motion (m), see `_by_forces` [N m]."""
+    if place == TIP:
+        return np.tile(chain.levers, (len(motion.time), 1))
+    if place == _STIFFNESS:
+        return -np.diff(motion.angles, axis=1) * chain.stiffness
+    return -np.diff(motion.rates, axis=1) @ chain.damping
 
 
 def _in_residual(data: DrivenData, i: int, channel: str, change: np.ndarray) -> np.ndarray:

@@ -16,8 +16,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from twin.diagnosis import dependence, permutation
-from twin.diagnosis.linearised import Basis, Linearised, hats, knots, samples_at
+from twin.diagnosis import dependence
+from twin.diagnosis.linearised import Basis, hats, knots, samples_at, tried_functions
 from twin.diagnosis.state import DRIVE, FunctionOf, UnnamedFunction
 from twin.estimation.fit import Fit
 from twin.estimation.workbench import Workbench
@@ -57,16 +57,8 @@ def find_functions(bench: Workbench, best: Fit, rate: float) -> tuple[UnnamedFun
     }
     if not variables:
         return ()
-    signs = permutation.random_signs(bench, permutation.DRAWS, np.random.default_rng(permutation.SEED))
-    linearised = Linearised.of(bench, best)
     bases = [(law, _basis(bench, best, variables, law)) for law in _LAWS]
-    tested = [(law, b, linearised.evidence(b, signs)) for law, b in bases if b is not None]
-    if not tested:
-        return ()
-    largest = np.max([e.by_draw for _, _, (e, _) in tested], axis=0, initial=0.0)
-    by_chance = permutation.threshold(np.sort(largest), rate)
-    functions = [UnnamedFunction(law, e.value, by_chance, b.x, y, b.samples) for law, b, (e, y) in tested]
-    return tuple(sorted(functions, key=lambda n: -n.evidence))
+    return tried_functions(bench, best, [(law, b) for law, b in bases if b is not None], rate)
 
 
 def _basis(
@@ -96,9 +88,7 @@ def _basis(
         else _on_reading(data.views[g.recording], data.prepared[g.recording], best.model, x)
         for g in groups
     ]
-    columns = [bench.weight[g.rows, None] * part.T for g, part in zip(groups, parts, strict=True)]
-    rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
-    return Basis(x, np.concatenate(columns), rows, samples_at(values, x))
+    return Basis.of(bench, groups, parts, x, samples_at(values, x))
 
 
 def _on_hub(view: View, variables: Mapping[str, np.ndarray], law: FunctionOf, x: np.ndarray) -> np.ndarray:

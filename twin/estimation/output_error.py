@@ -100,8 +100,9 @@ class OutputErrorData(FreeData):
         measured, start = prepared.recording, sensor_corrected_start(model, prepared, start)
         simulated = simulate(model, measured, start, spring=self._pull(model, i), stride=self.strides[i])
         for c in prepared.channels:
-            off = (measured[c][:: self.strides[i]] - simulated[c]) / prepared.noise[c]
-            known = np.isfinite(measured[c][:: self.strides[i]])
+            reading = measured[c][:: self.strides[i]]
+            off = (reading - simulated[c]) / prepared.noise[c]
+            known = np.isfinite(reading)
             if has_unknown_zero(model, prepared, c):
                 off = without_zero(off, known)
             residuals[c] = np.where(known, off, 0.0)

@@ -38,7 +38,7 @@ from twin.residuals.prepared import Prepared
 BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the hub motion [Hz]; 100 Hz beside those of a diagnosis keeps more of its harmonics."""
 PRECISE = (*chain_limit.STANDARD, 20)
-"""Numbers of segments for the last steps of a fit."""
+"""Numbers of segments for the last steps of a fit: frequencies to 2e-6, see tests/identification/test_errors.py."""
 _ITERATIONS = 4  # of the fit before the last one
 _MAX_VARIANCE_RATIO = 4.0  # variance over that by noise above which recordings contradict each other [1]
 _FALSE_ALARM_RATE = 0.01  # probability that noise alone makes a recording contradict the others [1]

@@ -113,6 +113,11 @@ class Chain:
         """Distances of the hinges from the hub axis (n) [m]."""
         return np.cumsum(self.lengths)[:-1]
 
+    @property
+    def levers(self) -> np.ndarray:
+        """Distance of the tip from each hinge (n) [m]: its small deflection by a hinge angle."""
+        return self.lengths.sum() - self.hinges
+
     def mass_matrix(self) -> np.ndarray:
         """Mass matrix of the straight chain in relative coordinates (n + 1 x n + 1) [kg m^2]."""
         return _relative(self.inertia)
@@ -169,8 +174,7 @@ class Chain:
 
     def static_tip_compliance(self) -> float:
         """Tip deflection per transverse tip force, hub clamped, small deflections [m/N]."""
-        levers = self.lengths.sum() - self.hinges
-        return float(np.sum(levers**2 / self.stiffness))
+        return float(np.sum(self.levers**2 / self.stiffness))
 
 
 def build(
@@ -319,19 +323,18 @@ def _curvature_row(chain: Chain, values: tuple[float, ...], x: float) -> np.ndar
         # Relative to the mode's largest curvature: at the gauge it may be zero.
         scale = np.abs(exact.shape(np.linspace(0, rig["length"], 41), 2)).max(axis=1)
         weights.extend(np.array([1.0, 0.3, 0.1])[:count] / scale)
-    levers = chain.lengths.sum() - chain.hinges
     stiffness, lever = rig["bending_stiffness"], rig["length"] - x
     for bend, curvature in (
-        (levers / chain.stiffness, lever / stiffness),
+        (chain.levers / chain.stiffness, lever / stiffness),
         (1 / chain.stiffness, 1 / stiffness),
     ):
         bends.append(bend)
         curvatures.append(curvature)
         weights.append(stiffness / rig["length"] ** (1 if bend is bends[-2] else 0))
     scaled = np.array(bends) * np.array(weights)[:, None]
-    ridge = 1e-4 * np.eye(len(levers)) * np.abs(scaled).max()
+    ridge = 1e-4 * np.eye(len(chain.levers)) * np.abs(scaled).max()
     system = np.vstack([scaled, ridge])
-    right = np.r_[np.array(curvatures) * np.array(weights), np.zeros(len(levers))]
+    right = np.r_[np.array(curvatures) * np.array(weights), np.zeros(len(chain.levers))]
     return np.linalg.lstsq(system, right, rcond=None)[0]
 
 

@@ -33,8 +33,3 @@ def modal_coordinates(
         numerator, denominator = ss2tf(*discrete[:4])
         coordinates[k] = lfilter(numerator[0], denominator, forces[k])
     return coordinates
-
-
-def levers(chain: Chain) -> np.ndarray:
-    """Distance of the tip from each hinge (n) [m]: its small deflection by a hinge angle."""
-    return chain.lengths.sum() - chain.hinges

@@ -107,7 +107,7 @@ class Model:
     @property
     def link_rows(self) -> dict[str, np.ndarray]:
         """Channel -> row (n) from small hinge angles to its strain [1/rad] or tip deflection [m/rad]."""
-        return {**self.strain_rows, "tip_deflection": self.chain.lengths.sum() - self.chain.hinges}
+        return {**self.strain_rows, "tip_deflection": self.chain.levers}
 
     @functools.cached_property
     def curvature_rate_rows(self) -> dict[str, np.ndarray]:

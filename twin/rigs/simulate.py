@@ -108,8 +108,7 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
 def bending_shapes(links: Chain) -> np.ndarray:
     """Returns hinge angles (n x 2) of the first two clamped modes per tip deflection [rad/m]."""
     shapes = links.modes("clamped")[1][1:, :2]
-    levers = links.lengths.sum() - links.hinges
-    return shapes / (levers @ shapes)
+    return shapes / (links.levers @ shapes)
 
 
 def gravity_equilibrium(model: Model, hub_angle: float) -> np.ndarray:
@@ -132,8 +131,7 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
     The moment of the force about each hinge balances its spring; rotations are finite.
     """
     scale = links.stiffness.mean()
-    levers = links.lengths.sum() - links.hinges
-    guess = deflection / links.static_tip_compliance() * levers / links.stiffness
+    guess = deflection / links.static_tip_compliance() * links.levers / links.stiffness
 
     def unbalance(z: np.ndarray) -> np.ndarray:
         phi = np.r_[0.0, np.cumsum(z[:-1])]
