@@ -8,7 +8,7 @@ from rig_campaigns import planned
 from threadpoolctl import threadpool_limits
 
 from twin import labels
-from twin.diagnosis import link_functions, remainder
+from twin.diagnosis import conclude, link_functions, remainder
 from twin.diagnosis.state import TIP, FunctionOf, UnnamedFunction
 from twin.estimation.calibrate import calibrate
 from twin.estimation.residual_pool import ResidualPool
@@ -52,8 +52,8 @@ def test_of_a_sound_link_no_function_is_certain(rig_campaign):
 )
 def test_a_function_describes_the_rest_beyond_chance_and_the_error_of_the_chain(evidence, by_chance, named):
     function = UnnamedFunction(FunctionOf("tip_rate", TIP), evidence, by_chance, *np.zeros((3, 2)))
-    found = remainder.likeliest_function(SimpleNamespace(unnamed=()), [function])
-    assert found is (function if named else None)
+    found = remainder.likeliest_functions(SimpleNamespace(unnamed=()), [function])
+    assert found == ((function,) if named else ())
 
 
 @pytest.mark.parametrize(
@@ -70,3 +70,25 @@ def test_a_function_describes_the_rest_beyond_chance_and_the_error_of_the_chain(
 )
 def test_place_and_variables_in_words(place, words):
     assert labels.dependence(("tip_rate", "time"), place) == words
+
+
+def functions_on_link(*evidences):
+    laws = (FunctionOf("tip_rate", TIP), FunctionOf("tip_rate", "strain_base"), FunctionOf("time", TIP))
+    return [UnnamedFunction(law, e, 0.0, *np.zeros((3, 2))) for law, e in zip(laws, evidences, strict=False)]
+
+
+@pytest.mark.parametrize(
+    ("evidences", "depends", "place"),
+    [
+        ((100.0, 90.0), ("tip_rate",), TIP),
+        # Two places are as likely: their variable is told, and no place.
+        ((100.0, 96.0), ("tip_rate",), None),
+        ((100.0, 96.0), ("hub_travel", "tip_rate"), None),
+        ((100.0,), ("hub_travel", "tip_rate"), None),
+        ((), ("hub_angle",), None),
+    ],
+)
+def test_a_place_is_told_where_it_is_clear_and_its_variable_comes_first(evidences, depends, place):
+    likeliest_ones = remainder.likeliest_functions(SimpleNamespace(unnamed=()), functions_on_link(*evidences))
+    told = conclude._acts_like(likeliest_ones, depends)
+    assert (told and told.place) == place

@@ -243,7 +243,7 @@ class RoundJudgement:
 
 @dataclass(frozen=True)
 class ActsLike:
-    """The function that describes best what is unexplained.
+    """The function that describes what is unexplained, where no other does so as well.
 
     Attributes:
       place: where it acts, see `twin.diagnosis.state.FunctionOf`.
@@ -270,7 +270,7 @@ class Diagnosis:
       indistinguishable: sets of effects whose scores differ by too little for a decision.
       next_experiment: what to record to separate or confirm them.
       depends_on: variables on which unexplained residuals depend, strongest first.
-      acts_like: the function that describes them best, or None.
+      acts_like: the function that describes them where no other does so as well, or None.
       calibrated: declared parameters that were fitted, those of known effects as "effect.parameter", gains and delays
         of channels as "channel.gain" and "channel.delay".
       predictions: file -> recording and simulations; held-out recordings were simulated once, at the end.

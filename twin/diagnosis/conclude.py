@@ -91,11 +91,12 @@ def conclude(
     first = state.rounds[0] if state.rounds else Round(())
     alike = rules.alternatives([r.ranked for r in state.adopting])
     depends = explanatory_variables(state, residuals, on_link)
-    function = remainder.likeliest_function(state, on_link) if unexplained else None
+    functions = remainder.likeliest_functions(state, on_link)
+    acts_like = _acts_like(functions, depends)
     return Diagnosis(
         campaign=campaign.name,
         verdict=answer,
-        summary=_summary(answer, effects, unexplained, depends, predictions, contradicted, function),
+        summary=_summary(answer, effects, unexplained, depends, predictions, contradicted, acts_like),
         effects=effects,
         known=tuple(KnownEffect(**_effect_values(polished.augmented, name)) for name in state.known),
         ranking=tuple((c.name, c.score) for c in first.ranked),
@@ -105,13 +106,13 @@ def conclude(
         indistinguishable=tuple(alike),
         next_experiment=_next_experiment(answer, alike, depends, plans, contradicted),
         depends_on=depends if answer == "outside-library" else (),
-        acts_like=_acts_like(function) if answer == "outside-library" and function is not None else None,
+        acts_like=acts_like,
         calibrated=_calibrated(campaign, polished.augmented),
         predictions=dict(predictions),
         traces=traces.final_traces(residuals, unexplained, depends)
         if unexplained
         else traces.explained_traces(state, residuals),
-        notes=notes.all_notes(campaign, state, residuals, polished, predictions, depends, function),
+        notes=notes.all_notes(campaign, state, residuals, polished, predictions, depends, functions),
         caveats=notes.verdict_caveats(campaign, polished.augmented, bool(state.adopted)),
         contradicted=contradicted,
         declared=campaign.rig,
@@ -224,8 +225,12 @@ def _correlations(fit: Fit) -> Correlations:
     )
 
 
-def _acts_like(function: UnnamedFunction) -> ActsLike:
-    return ActsLike(function.law.place, function.law.variables, function.evidence)
+def _acts_like(functions: Sequence[UnnamedFunction], depends: Sequence[str]) -> ActsLike | None:
+    """What is missing, as the likeliest function; None if another is as likely, or its variable does not come first."""
+    if len(functions) != 1 or functions[0].law.variable not in depends[:1]:
+        return None
+    [best] = functions
+    return ActsLike(best.law.place, best.law.variables, best.evidence)
 
 
 def explanatory_variables(
@@ -234,17 +239,16 @@ def explanatory_variables(
     """Variables on which unexplained residuals depend, the strongest first; empty if all is explained."""
     large = [residuals[c] for c in remainder.large_residuals(state) if c in residuals]
     depends = dependence.strongest_variables([r for r in large if len(r.values) > traces.FEWEST])
-    function = remainder.likeliest_function(state, on_link)
-    if function is None:
+    functions = remainder.likeliest_functions(state, on_link)
+    if not functions:
         return depends
-    if function in on_link:
+    if functions[0] in on_link:
         # Where the function acts is part of what is compared, so that its variable needs no other next to it.
-        least = function.evidence - rules.decisive_difference(function.evidence)
-        alike = [f for f in on_link if f.evidence >= least]
-        return tuple(dict.fromkeys(v for f in alike for v in f.law.variables))
+        return tuple(dict.fromkeys(v for f in functions for v in f.law.variables))
     # Where a smooth function of the strongest variable was tested, its evidence decides better than the variance.
     tested = not depends or depends[0] in {f.law.variable for f in (*state.unnamed, *on_link)}
-    first, then = (function.law.variables, depends) if tested else (depends, function.law.variables)
+    of_function = functions[0].law.variables
+    first, then = (of_function, depends) if tested else (depends, of_function)
     return tuple(dict.fromkeys((*first, *then)))
 
 
@@ -255,7 +259,7 @@ def _summary(
     depends: Sequence[str],
     predictions: Mapping[str, Prediction],
     contradicted: Sequence[Contradiction] = (),
-    function: UnnamedFunction | None = None,
+    acts_like: ActsLike | None = None,
 ) -> str:
     budget, noise = _budget(predictions, depends if unexplained else ()), _held_out(predictions)
     if answer == "explained":
@@ -272,8 +276,9 @@ def _summary(
     names = labels.join_with_and([labels.words(e.name) for e in effects]) if effects else ""
     something = f"Beside {names}, something" if effects else "Something"
     missing = f"{something} outside the library is missing: {where} {is_not} explained."
-    place = function.law.place if function is not None else None
-    known = f"It {labels.dependence(depends, place)}." if depends else ""
+    known = f"It {labels.dependence(depends)}." if depends else ""
+    if acts_like is not None:
+        known = f"It {labels.dependence(acts_like.variables, acts_like.place)}."
     return _joined(budget, missing, known, noise)
 
 

@@ -41,9 +41,9 @@ def all_notes(
     polished: FinalModels,
     predictions: Mapping[str, Prediction],
     depends: Sequence[str],
-    function: UnnamedFunction | None = None,
+    functions: Sequence[UnnamedFunction] = (),
 ) -> tuple[str, ...]:
-    """All notes; arguments as `conclude`, with what unexplained residuals depend on, and the function behind them."""
+    """All notes; arguments as `conclude`, with what unexplained residuals depend on, and functions behind them."""
     return (
         *campaign.warnings,
         *state.start.notes,
@@ -56,7 +56,7 @@ def all_notes(
         *back_emf(campaign, polished.augmented.model.effects if state.adopted else {}),
         *_single_recordings(state),
         *_overstated_noise(state),
-        *_unnamed_function(function),
+        *map(_unnamed_function, functions),
         *_adopted_instead(state),
         *drifting_parameter(residuals, depends),
         *_undetermined_sizes(state),
@@ -214,18 +214,16 @@ def _overstated_noise(state: SearchState) -> list[str]:
     ]
 
 
-def _unnamed_function(function: UnnamedFunction | None) -> list[str]:
-    """Note on the evidence of the smooth function that no effect explains."""
-    if function is None:
-        return []
+def _unnamed_function(function: UnnamedFunction) -> str:
+    """Note on the evidence of a smooth function that no effect explains."""
     law = function.law
     sided = " that changes its sign with the direction of the hub" if law.sided else ""
     read = ", which the sensor of the drive's torque reads too," if law.place == DRIVE else ""
-    return [
+    return (
         f"{sentence(acting(law.place))}{read} that is a smooth function of {with_the(law.variable)}{sided} makes the "
         f"recordings e^{function.evidence:.0f} times likelier; by chance, at the false-alarm rate, it would be "
         f"e^{max(function.by_chance, 0):.0f} times."
-    ]
+    )
 
 
 def _adopted_instead(state: SearchState) -> list[str]:

@@ -7,7 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin.diagnosis.judgement import Judgement, judge_all
-from twin.diagnosis.rules import EXPLANATION, MODEL_ERROR_SCORE, MODEL_SHARE, Leftover, excesses
+from twin.diagnosis.rules import (
+    EXPLANATION,
+    MODEL_ERROR_SCORE,
+    MODEL_SHARE,
+    Leftover,
+    decisive_difference,
+    excesses,
+)
 from twin.diagnosis.state import SearchState, UnnamedFunction
 from twin.estimation import loss
 from twin.estimation.fit import Fit
@@ -40,18 +47,25 @@ def significant_function(state: SearchState) -> UnnamedFunction | None:
     return None if function.passed else state.unnamed[0]
 
 
-def likeliest_function(state: SearchState, on_link: Sequence[UnnamedFunction]) -> UnnamedFunction | None:
-    """The function with the largest evidence that describes what is unexplained; None if none does.
+def likeliest_functions(
+    state: SearchState, on_link: Sequence[UnnamedFunction]
+) -> tuple[UnnamedFunction, ...]:
+    """The function with the largest evidence that describes what is unexplained; on the link, also those as good as it.
 
     Args:
       state: the end of the search.
       on_link: functions that were tried on the link, the largest evidence first, see `link_functions`.
+
+    Returns:
+      The functions, the best one first; empty if none describes it.
     """
     on_hub = significant_function(state)
-    found = [on_hub] if on_hub is not None else []
     # On the link, the error of the chain gives a function some evidence.
-    found += [f for f in on_link[:1] if f.evidence > max(f.by_chance, MODEL_ERROR_SCORE)]
-    return max(found, key=lambda f: f.evidence, default=None)
+    best = next((f for f in on_link[:1] if f.evidence > max(f.by_chance, MODEL_ERROR_SCORE)), None)
+    if best is None or (on_hub is not None and on_hub.evidence >= best.evidence):
+        return () if on_hub is None else (on_hub,)
+    least = best.evidence - decisive_difference(best.evidence)
+    return tuple(f for f in on_link if f.evidence >= least)
 
 
 def large_residuals(state: SearchState) -> tuple[str, ...]:

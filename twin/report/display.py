@@ -160,8 +160,10 @@ def caveat(diagnosis: Diagnosis) -> str:
 
 def dependence(diagnosis: Diagnosis) -> str:
     """What unexplained residuals depend on: "depends on the hub angle"; "" if that is unknown."""
-    place = diagnosis.acts_like.place if diagnosis.acts_like is not None else None
-    return labels.dependence(diagnosis.depends_on, place) if diagnosis.depends_on else ""
+    like = diagnosis.acts_like
+    if like is not None:
+        return labels.dependence(like.variables, like.place)
+    return labels.dependence(diagnosis.depends_on) if diagnosis.depends_on else ""
 
 
 def _caveat(diagnosis: Diagnosis) -> str:
