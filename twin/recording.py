@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Literal
 
@@ -52,6 +53,9 @@ SPARSEST = 20.0
 """Largest span of a recording over that of as many samples at its median period [1]: nineteen of twenty samples lost.
 Uniform grids are laid over the span, so that this bounds their memory by the number of samples."""
 
+GAP = 2.5
+"""Sample periods between two readings beyond which others between them are missing; of rows, the command with them."""
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -99,7 +103,7 @@ class Recording:
       name: for people: name of a file or scenario. No result depends on it.
       time: (n) instants [s], strictly increasing, not necessarily uniform.
       channels: name -> (n) values, SI; NaN where a sample is missing. `torque_command` is held from its
-        sample to the next.
+        sample to the next, except where rows are missing: see `commands`.
       clamped: the hub is locked.
       loop: "open" where torque_command was prescribed, "closed" where a controller computed it.
       initial_tip_deflection: tip deflection [m] held by a force until the first sample, then released; None: not so.
@@ -141,6 +145,30 @@ class Recording:
     def commanded_at(self) -> np.ndarray:
         """(n) instants from which each command is held [s]."""
         return self.time if self.command_time is None else self.command_time
+
+    @cached_property
+    def commands(self) -> tuple[np.ndarray, np.ndarray]:
+        """Instants (k) [s] and torque commands held from each to the next (k) [N m].
+
+        Where rows are missing the command is unknown. It then goes from the one before to the one behind in a step at
+        each period: the expectation of a command that steps at any instant between them.
+        """
+        held, torque, period = self.commanded_at, self["torque_command"], self.period
+        gaps = np.flatnonzero(np.diff(held) > GAP * period)
+        if not gaps.size:
+            return held, torque
+        ticks = [np.arange(held[g] + period, held[g + 1] - period / 2, period) for g in gaps]
+        between = np.concatenate(ticks)
+        order = np.argsort(np.r_[held, between], kind="stable")
+        values = np.r_[torque, np.interp(between, held, torque)]
+        return np.r_[held, between][order], values[order]
+
+    def with_steps_before_gaps(self) -> Recording | None:
+        """The recording with the command behind each gap held from its beginning on; None without missing rows."""
+        held, period = np.array(self.commanded_at), self.period
+        gaps = np.flatnonzero(np.diff(held) > GAP * period)
+        held[gaps + 1] = held[gaps] + period
+        return self.replace(command_time=held) if gaps.size else None
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]

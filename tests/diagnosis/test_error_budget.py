@@ -71,7 +71,7 @@ def test_residuals_of_a_prediction_are_about_the_zero_that_its_errors_take_out()
     zeros = {m: predict.unknown_zeros(of, run, ["strain_base"]) for m, run in zip(MODELS, runs, strict=True)}
     shown = Prediction("holdout", of.recording, *runs, errors={}, zeros=zeros)
     for channel in ("strain_base", "hub_angle"):
-        error = predict.channel_error(of, channel, runs, runs, channel == "strain_base")
+        error = predict.channel_error(of, channel, runs, runs, None, channel == "strain_base")
         for model in MODELS:
             left = shown.residual(model, channel)
             assert np.sqrt(np.mean(left**2)) == pytest.approx(getattr(error, model))

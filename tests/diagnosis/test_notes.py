@@ -74,6 +74,27 @@ def test_a_held_out_recording_that_is_missed_is_told(monkeypatch, role, after, r
     assert all("slew.csv was held out, and the hub angle is missed by 78 noise levels" in s for s in said)
 
 
+@pytest.mark.parametrize(
+    ("role", "reach", "by_gaps", "told"),
+    [
+        ("holdout", 0.0, 0.0, None),
+        (
+            "holdout",
+            40.0,
+            0.0,
+            "a break-away torque that is off by 0.1 % changes the prediction by 40 noise levels",
+        ),
+        ("holdout", 40.0, 50.0, "other commands there change the prediction by 50 noise levels"),
+        ("fit", 40.0, 50.0, None),
+    ],
+)
+def test_what_makes_a_held_out_recording_unpredictable_is_told(role, reach, by_gaps, told):
+    error = ChannelError(90.0, 80.0, 78.0, 1.0, "rad", reach, by_gaps)
+    said = notes._unpredictable({"slew.csv": SimpleNamespace(role=role, errors={"hub_angle": error})})
+    assert len(said) == (told is not None)
+    assert all(told in s for s in said)
+
+
 @pytest.mark.parametrize(("value", "told"), [(0.85, True), (0.84, False), (0.0, False)])
 def test_an_effect_at_the_end_of_its_range_is_told(value, told):
     share = Unknown("effect", "inertia_share", 0.1, 0.01, False, (0.0, 0.85), effect="torsional-mode")

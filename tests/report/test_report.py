@@ -374,6 +374,11 @@ def test_a_model_that_is_worse_than_the_declared_one_is_told_with_what_decides_i
         )
         assert ("Worse than before: calibrated on x.csv (hub angle). That" in text) == told
         assert ("off by 0.1 % changes these by up to 40.0 times the noise" in text) == told
+    lost = replace(error, calibrated=2 * error.before, reach=0.0, by_gaps=70 * error.noise)
+    text = seen(
+        page(replace(diagnosis, predictions={"x.csv": replace(held_out, errors={"hub_angle": lost})}))
+    )
+    assert "other commands there change the simulation by up to 70.0 times the noise" in text
 
 
 def test_a_large_error_of_a_fitted_recording_is_explained(diagnosis):

@@ -35,6 +35,53 @@ def test_rows_are_missing_only_where_nothing_was_recorded():
     assert len(resample.missing_rows(recording((1.0, 1.05)))) == 1
 
 
+def commanded(missing, step_at=1.0):
+    whole = recording((5.0, 6.0))
+    torque = np.where(whole.time < step_at, 0.1, -0.1)
+    kept = (whole.time < missing[0]) | (whole.time > missing[1])
+    return whole.replace(channels={"torque_command": torque}).part(kept)
+
+
+def test_a_command_is_held_where_no_rows_are_missing():
+    whole = commanded((5.0, 6.0))
+    assert whole.commands[0] is whole.commanded_at
+    assert whole.with_steps_before_gaps() is None
+    # One row that is lost: its command is held, as a card holds it that skips a tick.
+    assert len(commanded((0.999, 1.001)).commands[0]) == len(whole) - 1
+
+
+def test_commands_of_missing_rows_deliver_the_mean_impulse_of_a_step_anywhere_between():
+    gap = (0.99, 1.06)
+    lost = commanded(gap)
+    held, torque = lost.commands
+    assert np.all(np.diff(held) > 0)
+    assert np.abs(np.diff(torque)).max() < 0.2 / 30
+    begin, end = lost.time[lost.time < 1.0][-1], lost.time[lost.time > 1.0][0]
+    impulses = []
+    for step_at in np.arange(begin, end, PERIOD) + PERIOD:
+        whole = commanded((5.0, 6.0), step_at)
+        impulses.append(float(np.diff(whole.time, append=4.0) @ whole["torque_command"]))
+    delivered = float(np.diff(held, append=4.0) @ torque)
+    assert delivered == pytest.approx(np.mean(impulses), abs=0.2 * PERIOD)
+    assert np.ptp(impulses) > 10 * 0.2 * PERIOD
+
+
+def test_a_step_may_come_at_the_beginning_of_a_gap():
+    lost = commanded((0.99, 1.06))
+    sooner = lost.with_steps_before_gaps()
+    begin = lost.time[lost.time < 1.0][-1]
+    first = sooner.commanded_at[sooner["torque_command"] < 0][0]
+    assert first == pytest.approx(begin + PERIOD)
+    assert (np.diff(sooner.commanded_at) > 0).all()
+
+
+def test_the_drive_of_a_model_takes_the_commands_of_missing_rows():
+    lost = commanded((0.99, 1.06))
+    drive = Model(RIG, {}, chain.fit_shape(RIG, 6)).drive(lost)
+    assert abs(float(drive.at(np.array([1.026]))[0])) < 0.01
+    assert drive.at(lost.time) == pytest.approx(lost["torque_command"])
+
+
 @pytest.mark.parametrize("deviation", [0.0, -0.04, 0.03])
 def test_what_a_kick_in_a_gap_does_to_the_link_counts_for_nothing(deviation):
     model, time = Model(RIG, {}, chain.fit_shape(RIG, 6)), np.arange(0, 4, PERIOD)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.ndimage import maximum_filter, median_filter
+from scipy.ndimage import label, maximum_filter, median_filter
 
 from twin.recording import Recording
 
@@ -17,6 +17,7 @@ stretches to a twentieth. Of 20 to 200 samples it is the same, see tests/campaig
 _ROUNDING = 1e-9
 """Of the range of a signal: above that of doubles, below the step of a converter of 24 bits, 6e-8."""
 _OUTLIER = 12.0  # noise standard deviations from the neighbours, beyond which a single sample is an outlier
+_MOST_ADJACENT = 2  # outliers one behind the other
 
 
 def estimate_noise(values: np.ndarray) -> float:
@@ -55,7 +56,7 @@ def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Rec
         # A measured torque jumps with its command.
         if name == "motor_torque" or not sigma > 0 or np.isfinite(values).sum() < 20:
             continue
-        far = _outliers(values, sigma, _off_lines if name == "hub_rate" else _off_cubic)
+        far = _outliers(recording.time, values, sigma, _off_lines if name == "hub_rate" else _off_cubic)
         if far.any():
             channels[name] = np.where(far, np.nan, values)
             many = f"{far.sum()} outlier{'s' if far.sum() > 1 else ''}"
@@ -64,37 +65,53 @@ def without_outliers(recording: Recording, noise: dict[str, float]) -> tuple[Rec
 
 
 def _outliers(
-    values: np.ndarray, sigma: float, off_neighbours: Callable[[np.ndarray], np.ndarray]
+    time: np.ndarray,
+    values: np.ndarray,
+    sigma: float,
+    off_neighbours: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Mask (n) of single samples far from what their four neighbours predict; of a group, the farthest first."""
-    index = np.arange(len(values))
+    """Mask (n) of single samples far from what their four neighbours predict; of a group, the farthest first.
+
+    Where one sample after the other is far once the one beside it is left out, the signal itself moves fast.
+    """
     outliers = np.zeros(len(values), dtype=bool)
     for _ in range(5):
-        known = np.isfinite(values) & ~outliers
-        x = np.interp(index, index[known], values[known])
-        distance = np.zeros(len(x))
-        distance[2:-2] = off_neighbours(x)
+        known = np.flatnonzero(np.isfinite(values) & ~outliers)
+        distance = np.zeros(len(known))
+        distance[2:-2] = off_neighbours(time[known], values[known])
         # During fast motion the prediction is inaccurate: an outlier also has to exceed the distances around it.
         level = np.maximum(_OUTLIER * sigma, 6 * median_filter(distance, 15, mode="nearest"))
-        far = known & (distance > level) & (distance >= maximum_filter(distance, 5, mode="nearest"))
+        far = (distance > level) & (distance >= maximum_filter(distance, 5, mode="nearest"))
         if not far.any():
             break
-        outliers |= far
-    return outliers
+        outliers[known[far]] = True
+    runs, _ = label(outliers)
+    return outliers & (np.bincount(runs)[runs] <= _MOST_ADJACENT)
 
 
-def _off_cubic(x: np.ndarray) -> np.ndarray:
-    """Distances (n - 4) of inner samples (n) from the cubic through their four neighbours."""
-    return np.abs(x[2:-2] - (4 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6)
+def _off_cubic(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Distances (n - 4) of inner samples (n) from the cubic in time through their four neighbours."""
+    at, beside = time[2:-2], (slice(None, -4), slice(1, -3), slice(3, -1), slice(4, None))
+    predicted = np.zeros(len(at))
+    for own in beside:
+        weight = np.ones(len(at))
+        for other in beside:
+            if other is not own:
+                weight *= (at - time[other]) / (time[own] - time[other])
+        predicted += weight * values[own]
+    return np.abs(values[2:-2] - predicted)
 
 
-def _off_lines(x: np.ndarray) -> np.ndarray:
+def _off_lines(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Distances (n - 4) of inner samples (n) from that cubic or the lines through the two neighbours on either side.
 
     The nearest counts: a rate has a kink where its command jumps or its hub sticks, and a sample there lies on a line.
     """
-    lines = np.stack([2 * x[1:-3] - x[:-4], 2 * x[3:-1] - x[4:]])
-    return np.minimum(_off_cubic(x), np.abs(x[2:-2] - lines).min(axis=0))
+    slopes, at = np.diff(values) / np.diff(time), time[2:-2]
+    before = values[1:-3] + slopes[:-3] * (at - time[1:-3])
+    behind = values[3:-1] - slopes[3:] * (time[3:-1] - at)
+    lines = np.abs(values[2:-2] - np.stack([before, behind])).min(axis=0)
+    return np.minimum(_off_cubic(time, values), lines)
 
 
 def longest_valid_stretch(

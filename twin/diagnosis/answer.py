@@ -82,6 +82,7 @@ class ChannelError:
       unit: SI unit of the channel.
       reach: sensitivity, the root-mean-square change of the prediction by a change of the break-away torque of 0.1 %.
         Where one stick or slip decides the rest of a recording, no model predicts it more accurately than this.
+      by_gaps: the same by other commands where rows are missing, and the commands with them; 0 without missing rows.
     """
 
     before: float
@@ -90,6 +91,12 @@ class ChannelError:
     noise: float
     unit: str
     reach: float = math.nan
+    by_gaps: float = 0.0
+
+    @property
+    def unknown(self) -> float:
+        """The larger one of `reach` and `by_gaps`."""
+        return float(np.fmax(self.reach, self.by_gaps))
 
 
 @dataclass(frozen=True)
@@ -441,7 +448,7 @@ def _errors_json(file: str, prediction: Prediction, patched: Patched | None) -> 
             "calibrated": error.calibrated,
             "after": error.after,
             "noise": error.noise,
-            "reach": error.reach if math.isfinite(error.reach) else None,
+            "reach": error.unknown if math.isfinite(error.unknown) else None,
             "unit": CHANNEL_UNITS[channel],
         }
         with_patch = patched.error(file, channel) if patched else math.nan

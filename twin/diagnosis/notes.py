@@ -26,7 +26,7 @@ from twin.residuals.view import View
 _SMALL = 0.1  # share of its declared deviation up to which a gain or a delay of a channel is not noted
 _DRIFT_SHARE = 0.2  # share of the variance of the residuals from which a drifting parameter is noted
 _UNPREDICTABLE = 30.0
-"""Sensitivity `ChannelError.reach` [noise levels] from which a held-out recording is called unpredictable."""
+"""Sensitivity `ChannelError.unknown` [noise levels] from which a held-out recording is called unpredictable."""
 _BREAK_AWAY_ERROR = 0.15
 """Relative error of the static friction that is noted: three times the uncertainty of a single break-away."""
 _SAME_BREAK_AWAY = 0.03  # s, largest difference of two estimates of the instant of one break-away
@@ -302,14 +302,22 @@ def _at_onset(view: View, run: RestRun) -> bool:
 
 
 def _unpredictable(predictions: Mapping[str, Prediction]) -> list[str]:
-    """Notes on held-out recordings that no model can predict, because one stick or slip decides the rest of them."""
+    """Notes on held-out recordings that cannot be predicted: a stick, or commands in missing rows, decide the rest."""
     notes = []
     for file, prediction in predictions.items():
-        worst = max(prediction.errors.values(), key=lambda e: e.reach / e.noise, default=None)
-        if prediction.role == "holdout" and worst is not None and worst.reach > _UNPREDICTABLE * worst.noise:
+        if prediction.role != "holdout":
+            continue
+        stick = max((e.reach / e.noise for e in prediction.errors.values()), default=0.0)
+        gaps = max((e.by_gaps / e.noise for e in prediction.errors.values()), default=0.0)
+        if gaps > _UNPREDICTABLE:
+            notes.append(
+                f"{file} can hardly be predicted: rows are missing, and commands with them; other commands there "
+                f"change the prediction by {gaps:.0f} noise levels."
+            )
+        elif stick > _UNPREDICTABLE:
             notes.append(
                 f"{file} can hardly be predicted: a break-away torque that is off by 0.1 % changes the prediction by "
-                f"{worst.reach / worst.noise:.0f} noise levels, because one stick more or less decides the rest of it."
+                f"{stick:.0f} noise levels, because one stick more or less decides the rest of it."
             )
     return notes
 
@@ -322,7 +330,7 @@ def missed_held_out(state: SearchState, predictions: Mapping[str, Prediction]) -
     for file, prediction in predictions.items():
         if prediction.role != "holdout":
             continue
-        sizes = {c: e.after / max(e.noise, e.reach) for c, e in prediction.errors.items() if e.noise > 0}
+        sizes = {c: e.after / max(e.noise, e.unknown) for c, e in prediction.errors.items() if e.noise > 0}
         worst = max(sizes, key=lambda c: sizes[c], default=None)
         if worst is not None and sizes[worst] > _MISSED:
             levels = prediction.errors[worst].after / prediction.errors[worst].noise

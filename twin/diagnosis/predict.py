@@ -97,9 +97,13 @@ def _predicted(given: _Given, pool: ResidualPool) -> Prediction:
     prepared, models = given.prepared, given.models
     starts = first_states(models, prepared, pool)
     runs = free_runs(models, starts, prepared, pool)
-    before, calibrated, after, *nearby = runs
+    before, calibrated, after, smaller, larger = runs
+    sooner = _with_sooner_commands(models[-1], starts[-1], prepared)
     with_zero = [c for c in prepared.channels if has_unknown_zero(models[-1], prepared, c)]
-    errors = {c: channel_error(prepared, c, runs[:3], nearby, c in with_zero) for c in prepared.channels}
+    errors = {
+        c: channel_error(prepared, c, runs[:3], (smaller, larger), sooner, c in with_zero)
+        for c in prepared.channels
+    }
     zeros = {m: unknown_zeros(prepared, run, with_zero) for m, run in zip(MODELS, runs[:3], strict=True)}
     simulated = list(zip(models, starts, runs[:3], strict=True))
     budget, windows = dict[str, ChannelBudget](), dict[str, ModelError]()
@@ -177,13 +181,24 @@ def free_runs(
     return list(pool.map(lambda pair: simulate(pair[0], prepared.recording, pair[1]), pairs))
 
 
+def _with_sooner_commands(model: Model, start: Start, prepared: Prepared) -> Recording | None:
+    """A free run whose unknown commands are those behind their gap; None of a recording without missing rows."""
+    other = prepared.recording.with_steps_before_gaps()
+    return None if other is None else simulate(with_fine_chain(model), other, start)
+
+
 def unknown_zeros(prepared: Prepared, run: Recording, channels: Sequence[str]) -> dict[str, float]:
     """Channel -> zero of its sensor beside a free run [SI]."""
     return {c: zero_of(prepared.recording[c] - run[c]) for c in channels}
 
 
 def channel_error(
-    prepared: Prepared, channel: str, runs: Sequence[Recording], nearby: Sequence[Recording], has_zero: bool
+    prepared: Prepared,
+    channel: str,
+    runs: Sequence[Recording],
+    nearby: Sequence[Recording],
+    sooner: Recording | None,
+    has_zero: bool,
 ) -> ChannelError:
     """Errors of a channel.
 
@@ -192,6 +207,7 @@ def channel_error(
       channel: measured and simulated.
       runs: free runs of the declared, the calibrated and the final model.
       nearby: free runs of the final model with other break-away torques.
+      sooner: free run of the final model with other commands where rows are missing; None without missing rows.
       has_zero: whether the zero of its sensor is unknown.
     """
     measured = prepared.recording[channel]
@@ -202,4 +218,6 @@ def channel_error(
 
     before, calibrated, after = (rms(measured, run[channel]) for run in runs)
     reach = max(rms(runs[-1][channel], run[channel]) for run in nearby)
-    return ChannelError(before, calibrated, after, prepared.noise[channel], CHANNEL_UNITS[channel], reach)
+    by_gaps = 0.0 if sooner is None else rms(runs[-1][channel], sooner[channel])
+    noise, unit = prepared.noise[channel], CHANNEL_UNITS[channel]
+    return ChannelError(before, calibrated, after, noise, unit, reach, by_gaps)

@@ -263,13 +263,16 @@ def line_names(diagnosis: Diagnosis) -> dict[str, str]:
     return {"measured": "measured", "before": "before: as declared", "after": after}
 
 
+_LOST_COMMANDS = (
+    "Rows are missing, and commands with them; other commands there change the simulation by up to"
+)
 _WORSE_FACTOR = 1.05  # error over that of the declared model from which another model counts as worse [1]
 
 
 def degradations(held_out: Mapping[str, Prediction]) -> str:
     """Returns a sentence on held-out errors that grew from the declared model on, and why that can be; "" for none."""
     places: list[str] = []
-    reach = 0.0
+    reach = by_gaps = 0.0
     for model in ("calibrated", "after"):
         for file, prediction in held_out.items():
             worse = {n: e for n, e in prediction.errors.items() if _clearly_worse(e, model)}
@@ -277,14 +280,16 @@ def degradations(held_out: Mapping[str, Prediction]) -> str:
                 channels = ", ".join(labels.channel(name).label for name in worse)
                 places.append(f"{model} on {file} ({channels})")
                 reach = max([reach, *(over_noise(e.reach, e.noise) for e in worse.values())])
+                by_gaps = max([by_gaps, *(over_noise(e.by_gaps, e.noise) for e in worse.values())])
     if not places:
         return ""
     sensitivity = f": one that is off by 0.1 % changes these by up to {ratio(reach)} times the noise"
+    unknown = f" {_LOST_COMMANDS} {ratio(by_gaps)} times the noise." if by_gaps > NOISE_LIKE else ""
     return (
         f"Worse than before: {'; '.join(places)}. That can happen: parameters are fitted to the torque balance at each "
         "instant, those of a model that still lacks something compensate for it, and in a free-running simulation one "
         "more stick or slip, which depends on small changes of the break-away torque, shifts everything after it"
-        f"{sensitivity if reach > NOISE_LIKE else ''}."
+        f"{sensitivity if reach > NOISE_LIKE else ''}.{unknown}"
     )
 
 
@@ -296,24 +301,31 @@ def _clearly_worse(error: ChannelError, model: str) -> bool:
 def large_fitted_errors(fit: Mapping[str, Prediction]) -> str:
     """Returns sentences on what large errors of the final model on fitted recordings mean; "" without such errors."""
     large = [
-        (over_noise(e.after, e.noise), file, name, over_noise(e.reach, e.noise))
+        (
+            over_noise(e.after, e.noise),
+            file,
+            name,
+            over_noise(e.reach, e.noise),
+            over_noise(e.by_gaps, e.noise),
+        )
         for file, p in fit.items()
         for name, e in p.errors.items()
         if over_noise(e.after, e.noise) > NOISE_LIKE
     ]
     if not large:
         return ""
-    size, file, name, reach = max(large)
+    size, file, name, reach, by_gaps = max(large)
     sensitive = (
         f" In {file}, {with_the(name)} is off by {ratio(size)} times the noise, and a break-away torque that is off "
         f"by 0.1 % alone changes it by {ratio(reach)} times."
         if reach > NOISE_LIKE
         else ""
     )
+    unknown = f" {_LOST_COMMANDS} {ratio(by_gaps)} times the noise." if by_gaps > NOISE_LIKE else ""
     return (
         "A large error need not contradict the fit: here a recording is simulated to its end from its first sample "
         "and its command alone, sticks and slips add up, and one more of them shifts everything after it."
-        f"{sensitive}"
+        f"{sensitive}{unknown}"
     )
 
 

@@ -156,8 +156,9 @@ class Model:
     def drive(self, recording: Recording) -> Drive:
         """Delivered torque for a recording's command: limited by the amplifier, then changed by the drive's effects."""
         limit = self.declared["torque_limit"]
-        put_out = recording.commanded_at + self.late + self.channel_errors.delays.get(COMMAND, 0.0)
-        command = self._delivered(Drive(put_out, np.clip(recording[COMMAND], -limit, limit)))
+        held, torque = recording.commands
+        put_out = held + self.late + self.channel_errors.delays.get(COMMAND, 0.0)
+        command = self._delivered(Drive(put_out, np.clip(torque, -limit, limit)))
         if self.patch is not None:
             command = command.replace(torque=self.patch.on_command(command.torque))
         return command
