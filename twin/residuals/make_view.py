@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -129,23 +129,88 @@ def hub_signals(
     """
     recording, time = prepared.recording, _grid_of(prepared.recording)
     measured, known, with_gaps = _resampled(prepared, time)
-    band = motion_band(recording, prepared.noise["hub_angle"], time, bands)
-    reading, read = resample.resample_hub_angle(model, with_rests_held(recording, hub), time)
-    reading = low_passed(reading, GRID, band)
-    # Modelled strains follow a motion that has passed this filter, so measured ones pass it too.
-    measured |= {c: low_passed(v, GRID, band) for c, v in measured.items() if c != "motor_torque"}
-    spline = smooth_spline(time, reading)
-    rate, acceleration = spline(time, 1), spline(time, 2)
+    raw, read = resample.resample_hub_angle(model, with_rests_held(recording, hub), time)
     stuck = np.interp(time, recording.time, (hub.observed == STUCK).astype(float)) > 0.5
-    unclear = stuck | ~read | _may_stick(rate, acceleration, _noise_limits(prepared, band), model)
     settled = _settled(recording, time)
+    may_slide = ~stuck & read, before_end(time, REACH) & settled
+    wide = motion_bands(recording, prepared.noise["hub_angle"], time, bands)
+    motion = _most_certain_motion(prepared, model, raw, may_slide, wide)
+    # Modelled strains follow a motion that has passed this filter, so measured ones pass it too.
+    measured |= {c: low_passed(v, GRID, motion.band) for c, v in measured.items() if c != "motor_torque"}
     known = {c: values & settled if c in ON_LINK else values for c, values in known.items()}
-    sliding = before_end(time, REACH) & ~binary_dilation(unclear, iterations=round(REACH / GRID)) & settled
     ends = [(int(np.searchsorted(time, recording.time[k])), d) for k, d in hub.onsets]
     onsets = usable_break_aways(ends, stuck, model.drive(recording).at(time))
-    direction = np.where(stuck, 0.0, np.sign(rate))
-    motion = reading, rate, acceleration, direction, sliding
-    return Signals(time, *motion, measured, known, onsets, band, with_gaps, settled)
+    direction = np.where(stuck, 0.0, np.sign(motion.rate))
+    return Signals(
+        time,
+        motion.reading,
+        motion.rate,
+        motion.acceleration,
+        direction,
+        motion.sliding,
+        measured,
+        known,
+        onsets,
+        motion.band,
+        with_gaps,
+        settled,
+    )
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Motion of the hub behind a low-pass; m instants.
+
+    Attributes:
+      band: cut-off [Hz].
+      reading, rate, acceleration: of the hub (m) [rad], [rad/s], [rad/s^2].
+      sliding: whether it slides for certain (m).
+    """
+
+    band: float
+    reading: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    sliding: np.ndarray
+
+    @property
+    def independent(self) -> float:
+        """Independent values of the torque on a sliding hub, up to a constant factor [Hz]."""
+        return float(self.sliding.mean()) * self.band
+
+
+def _most_certain_motion(
+    prepared: Prepared,
+    model: Model,
+    raw: np.ndarray,
+    may_slide: tuple[np.ndarray, np.ndarray],
+    bands: Sequence[float],
+) -> _Motion:
+    """The motion behind the low-pass that leaves the most independent values of the torque on a sliding hub.
+
+    A wide band lets through the noise behind which a slow hub may stick, and what is near such an instant is unknown.
+
+    Args:
+      prepared: the recording.
+      model: for the friction that may hold the hub.
+      raw: reading of the hub (m) [rad].
+      may_slide: (m) where the hub may slide, and (m) where that is of use.
+      bands: to choose from, the widest first [Hz].
+    """
+    best = None
+    for band in bands:
+        if best is not None and best.independent >= band:
+            break  # though it slides at every instant
+        reading = low_passed(raw, GRID, band)
+        spline = smooth_spline(GRID * np.arange(len(raw)), reading)
+        rate, acceleration = (spline(GRID * np.arange(len(raw)), k) for k in (1, 2))
+        unclear = ~may_slide[0] | _may_stick(rate, acceleration, _noise_limits(prepared, band), model)
+        sliding = may_slide[1] & ~binary_dilation(unclear, iterations=round(REACH / GRID))
+        here = _Motion(band, reading, rate, acceleration, sliding)
+        if best is None or here.independent > best.independent:
+            best = here
+    assert best is not None
+    return best
 
 
 def _settled(recording: Recording, time: np.ndarray) -> np.ndarray:
@@ -165,10 +230,12 @@ def with_rests_held(recording: Recording, hub: HubMotion) -> Recording:
     return recording.replace(channels={**recording.channels, "hub_angle": held})
 
 
-def motion_band(
+def motion_bands(
     recording: Recording, noise: float, time: np.ndarray, bands: Sequence[float] = MOTION_BANDS
-) -> float:
-    """The widest band in which the strongest accelerations of the hub exceed their noise [Hz], else the last one.
+) -> Sequence[float]:
+    """The bands in which the strongest accelerations of the hub exceed their noise, else the last one [Hz].
+
+    Of several, those that take nothing from the signals of the link, which pass the same filter besides their own.
 
     Args:
       recording: with a free hub.
@@ -178,10 +245,10 @@ def motion_band(
     """
     reading = low_passed(resample.resample_channel(recording, "hub_angle", time)[0], GRID, bands[-1])
     strong = np.quantile(np.abs(CubicSpline(time, reading)(time, 2)), 0.99)
-    for band in bands:
+    for k, band in enumerate(bands):
         if noise * derivative_noise(band, recording.period, 2) < _MAX_NOISE * strong:
-            return band
-    return bands[-1]
+            return [b for b in bands[k:] if b >= BAND] or bands[k : k + 1]
+    return bands[-1:]
 
 
 def derivative_noise(band: float, period: float, order: int) -> float:
