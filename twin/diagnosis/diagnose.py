@@ -28,7 +28,7 @@ from twin.diagnosis import (
 from twin.diagnosis.answer import Diagnosis
 from twin.diagnosis.conclude import conclude
 from twin.diagnosis.plan import plans_for_pair
-from twin.diagnosis.state import Round, SearchState
+from twin.diagnosis.state import Round, SearchState, UnnamedFunction
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import checked_count, checked_number
 from twin.estimation import jackknife, output_error, refine, static_friction
@@ -79,8 +79,11 @@ def diagnose(
         pair = rules.closest_pair([r.ranked for r in state.adopting])
         plans = plans_for_pair(campaign, pair, pool) if pair else []
         left = dependence.unexplained_residuals(state.bench, state.best)
-        patched = None if followed else fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
-        on_link = link_functions.find_functions(state, false_alarm_rate)
+        patched, on_link = None, tuple[UnnamedFunction, ...]()
+        if not followed:
+            progress("describing what is outside the library")
+            patched = fit_patch.fit_patch(campaign, state, left, polished, predicted, pool)
+            on_link = link_functions.find_functions(state, false_alarm_rate)
         answer = conclude(campaign, state, left, polished, predicted, plans, patched, on_link)
     return replace(answer, false_alarm_rate=false_alarm_rate, wall_s=time.perf_counter() - began)
 
