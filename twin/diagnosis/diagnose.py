@@ -127,7 +127,9 @@ def search(
     if not begun.on_output_errors:
         return state
     other = _searched_to_end(begun, more, progress, false_alarm_rate)
-    return state if remainder.unexplained_channels(other) else other
+    # What explains most is worth more than nothing, with what is left beside it.
+    explains_more = bool(other.adopted) and not state.adopted
+    return other if explains_more or not remainder.unexplained_channels(other) else state
 
 
 def _searched_to_end(
