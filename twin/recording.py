@@ -109,6 +109,7 @@ class Recording:
       initial_tip_deflection: tip deflection [m] held by a force until the first sample, then released; None: not so.
       start: "rest", or "unknown" where the rig was already moving at the first sample.
       command_time: (n) instants from which each torque_command sample is held [s]; None: those of `time`.
+      sampled: the rows are the samples of a clock, so that rows between them that are far apart were lost.
 
     Raises:
       ValueError: a channel is unknown, or an array is no vector of the length of `time`.
@@ -122,6 +123,7 @@ class Recording:
     initial_tip_deflection: float | None = None
     start: Literal["rest", "unknown"] = "rest"
     command_time: np.ndarray | None = field(default=None, repr=False)
+    sampled: bool = False
 
     def __post_init__(self) -> None:
         time = _frozen(self.time)
@@ -153,8 +155,7 @@ class Recording:
         Where rows are missing the command is unknown. It then goes from the one before to the one behind in a step at
         each period: the expectation of a command that steps at any instant between them.
         """
-        held, torque, period = self.commanded_at, self["torque_command"], self.period
-        gaps = np.flatnonzero(np.diff(held) > GAP * period)
+        held, torque, gaps, period = self.commanded_at, self["torque_command"], self._gaps, self.period
         if not gaps.size:
             return held, torque
         ticks = [np.arange(held[g] + period, held[g + 1] - period / 2, period) for g in gaps]
@@ -165,10 +166,15 @@ class Recording:
 
     def with_steps_before_gaps(self) -> Recording | None:
         """The recording with the command behind each gap held from its beginning on; None without missing rows."""
-        held, period = np.array(self.commanded_at), self.period
-        gaps = np.flatnonzero(np.diff(held) > GAP * period)
-        held[gaps + 1] = held[gaps] + period
+        held, gaps = np.array(self.commanded_at), self._gaps
+        held[gaps + 1] = held[gaps] + self.period
         return self.replace(command_time=held) if gaps.size else None
+
+    @property
+    def _gaps(self) -> np.ndarray:
+        """Indices of the last rows before missing ones (k)."""
+        gaps = np.flatnonzero(np.diff(self.commanded_at) > GAP * self.period)
+        return gaps if self.sampled else gaps[:0]
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]
@@ -200,7 +206,8 @@ class Recording:
 
     def __reduce__(self):
         fields = (self.name, self.time, dict(self.channels), self.clamped, self.loop)
-        return (type(self), (*fields, self.initial_tip_deflection, self.start, self.command_time))
+        more = self.initial_tip_deflection, self.start, self.command_time, self.sampled
+        return (type(self), (*fields, *more))
 
 
 def sample_period(time: np.ndarray) -> float:

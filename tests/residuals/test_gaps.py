@@ -1,5 +1,7 @@
 """Gaps of a recording: what the hub did in them is unknown, and so is what it did to the link."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -39,7 +41,15 @@ def commanded(missing, step_at=1.0):
     whole = recording((5.0, 6.0))
     torque = np.where(whole.time < step_at, 0.1, -0.1)
     kept = (whole.time < missing[0]) | (whole.time > missing[1])
-    return whole.replace(channels={"torque_command": torque}).part(kept)
+    return whole.replace(channels={"torque_command": torque}, sampled=True).part(kept)
+
+
+def test_commands_that_are_listed_where_they_change_are_held():
+    listed = commanded((0.99, 1.06)).replace(sampled=False)
+    assert listed.commands[0] is listed.commanded_at
+    assert listed.with_steps_before_gaps() is None
+    assert not pickle.loads(pickle.dumps(listed)).sampled
+    assert pickle.loads(pickle.dumps(commanded((0.99, 1.06)))).sampled
 
 
 def test_a_command_is_held_where_no_rows_are_missing():

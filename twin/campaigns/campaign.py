@@ -387,6 +387,7 @@ def _read_recording(
         loop=entry.loop,
         initial_tip_deflection=entry.initial_tip_deflection,
         start=entry.start,
+        sampled=True,
     )
     return recording, table, notes + _similar_column_notes(columns, table)
 
