@@ -54,7 +54,9 @@ SPARSEST = 20.0
 Uniform grids are laid over the span, so that this bounds their memory by the number of samples."""
 
 GAP = 2.5
-"""Sample periods between two readings beyond which others between them are missing; of rows, the command with them."""
+"""Sample periods between two readings beyond which others between them are missing; of rows, the command with them.
+
+Halfway between one lost reading, which its neighbours tell, and two."""
 
 
 @dataclass(frozen=True)
@@ -155,9 +157,10 @@ class Recording:
         Where rows are missing the command is unknown. It then goes from the one before to the one behind in a step at
         each period: the expectation of a command that steps at any instant between them.
         """
-        held, torque, gaps, period = self.commanded_at, self["torque_command"], self._gaps, self.period
+        held, torque, gaps = self.commanded_at, self["torque_command"], self._gaps
         if not gaps.size:
             return held, torque
+        period = self.period
         ticks = [np.arange(held[g] + period, held[g + 1] - period / 2, period) for g in gaps]
         between = np.concatenate(ticks)
         order = np.argsort(np.r_[held, between], kind="stable")
@@ -167,14 +170,15 @@ class Recording:
     def with_steps_before_gaps(self) -> Recording | None:
         """The recording with the command behind each gap held from its beginning on; None without missing rows."""
         held, gaps = np.array(self.commanded_at), self._gaps
+        if not gaps.size:
+            return None
         held[gaps + 1] = held[gaps] + self.period
-        return self.replace(command_time=held) if gaps.size else None
+        return self.replace(command_time=held)
 
     @property
     def _gaps(self) -> np.ndarray:
         """Indices of the last rows before missing ones (k)."""
-        gaps = np.flatnonzero(np.diff(self.commanded_at) > GAP * self.period)
-        return gaps if self.sampled else gaps[:0]
+        return gaps_in(self.commanded_at if self.sampled else self.time[:1], self.period)
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]
@@ -217,6 +221,11 @@ def sample_period(time: np.ndarray) -> float:
     """
     median = float(np.median(np.diff(time)))
     return max(median, float(time[-1] - time[0]) / (SPARSEST * len(time)))
+
+
+def gaps_in(instants: np.ndarray, period: float) -> np.ndarray:
+    """Returns the indices of those of n instants behind which others are missing; `period`: usual time between two."""
+    return np.flatnonzero(np.diff(instants) > GAP * period)
 
 
 def _frozen(values: np.ndarray) -> np.ndarray:

@@ -17,7 +17,11 @@ stretches to a twentieth. Of 20 to 200 samples it is the same, see tests/campaig
 _ROUNDING = 1e-9
 """Of the range of a signal: above that of doubles, below the step of a converter of 24 bits, 6e-8."""
 _OUTLIER = 12.0  # noise standard deviations from the neighbours, beyond which a single sample is an outlier
-_MOST_ADJACENT = 2  # outliers one behind the other
+_MOST_ADJACENT = 2
+"""Outliers one behind the other: of three, the middle one has no neighbour that could tell.
+
+On 26 campaigns, all 26 outliers are found with 1, 2 and no limit, and 38, 92 and 258 other readings beside them, nearly
+all where an amplifier clips."""
 
 
 def estimate_noise(values: np.ndarray) -> float:

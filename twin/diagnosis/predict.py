@@ -97,12 +97,11 @@ def _predicted(given: _Given, pool: ResidualPool) -> Prediction:
     prepared, models = given.prepared, given.models
     starts = first_states(models, prepared, pool)
     runs = free_runs(models, starts, prepared, pool)
-    before, calibrated, after, smaller, larger = runs
+    before, calibrated, after, *nearby = runs
     sooner = _with_sooner_commands(models[-1], starts[-1], prepared)
     with_zero = [c for c in prepared.channels if has_unknown_zero(models[-1], prepared, c)]
     errors = {
-        c: channel_error(prepared, c, runs[:3], (smaller, larger), sooner, c in with_zero)
-        for c in prepared.channels
+        c: channel_error(prepared, c, runs[:3], nearby, sooner, c in with_zero) for c in prepared.channels
     }
     zeros = {m: unknown_zeros(prepared, run, with_zero) for m, run in zip(MODELS, runs[:3], strict=True)}
     simulated = list(zip(models, starts, runs[:3], strict=True))

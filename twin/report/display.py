@@ -263,9 +263,6 @@ def line_names(diagnosis: Diagnosis) -> dict[str, str]:
     return {"measured": "measured", "before": "before: as declared", "after": after}
 
 
-_LOST_COMMANDS = (
-    "Rows are missing, and commands with them; other commands there change the simulation by up to"
-)
 _WORSE_FACTOR = 1.05  # error over that of the declared model from which another model counts as worse [1]
 
 
@@ -284,12 +281,11 @@ def degradations(held_out: Mapping[str, Prediction]) -> str:
     if not places:
         return ""
     sensitivity = f": one that is off by 0.1 % changes these by up to {ratio(reach)} times the noise"
-    unknown = f" {_LOST_COMMANDS} {ratio(by_gaps)} times the noise." if by_gaps > NOISE_LIKE else ""
     return (
         f"Worse than before: {'; '.join(places)}. That can happen: parameters are fitted to the torque balance at each "
         "instant, those of a model that still lacks something compensate for it, and in a free-running simulation one "
         "more stick or slip, which depends on small changes of the break-away torque, shifts everything after it"
-        f"{sensitivity if reach > NOISE_LIKE else ''}.{unknown}"
+        f"{sensitivity if reach > NOISE_LIKE else ''}.{_lost_commands(by_gaps)}"
     )
 
 
@@ -301,31 +297,36 @@ def _clearly_worse(error: ChannelError, model: str) -> bool:
 def large_fitted_errors(fit: Mapping[str, Prediction]) -> str:
     """Returns sentences on what large errors of the final model on fitted recordings mean; "" without such errors."""
     large = [
-        (
-            over_noise(e.after, e.noise),
-            file,
-            name,
-            over_noise(e.reach, e.noise),
-            over_noise(e.by_gaps, e.noise),
-        )
+        (over_noise(e.after, e.noise), file, name)
         for file, p in fit.items()
         for name, e in p.errors.items()
         if over_noise(e.after, e.noise) > NOISE_LIKE
     ]
     if not large:
         return ""
-    size, file, name, reach, by_gaps = max(large)
+    size, file, name = max(large)
+    error = fit[file].errors[name]
+    reach = over_noise(error.reach, error.noise)
     sensitive = (
         f" In {file}, {with_the(name)} is off by {ratio(size)} times the noise, and a break-away torque that is off "
         f"by 0.1 % alone changes it by {ratio(reach)} times."
         if reach > NOISE_LIKE
         else ""
     )
-    unknown = f" {_LOST_COMMANDS} {ratio(by_gaps)} times the noise." if by_gaps > NOISE_LIKE else ""
     return (
         "A large error need not contradict the fit: here a recording is simulated to its end from its first sample "
         "and its command alone, sticks and slips add up, and one more of them shifts everything after it."
-        f"{sensitive}{unknown}"
+        f"{sensitive}{_lost_commands(over_noise(error.by_gaps, error.noise))}"
+    )
+
+
+def _lost_commands(by_gaps: float) -> str:
+    """Returns a sentence on what other commands in missing rows change [noise levels]; "" where that is little."""
+    if by_gaps <= NOISE_LIKE:
+        return ""
+    return (
+        " Rows are missing, and commands with them; other commands there change the simulation by up to "
+        f"{ratio(by_gaps)} times the noise."
     )
 
 

@@ -19,9 +19,8 @@ compared."""
 SPLINE_DEGREE = 7
 """Of `smooth_spline`."""
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
-"""Cut-offs of the low-pass on the hub angle that drives the link [Hz]. Large bends make harmonics of the motion, which
-need a wide band, but a noisy sensor does not resolve them: the widest band is taken in which strong accelerations
-exceed their noise."""
+"""Cut-offs of the low-pass on the hub angle that drives the link, the widest first [Hz]. Large bends make harmonics of
+the motion, which need a wide band, but a noisy sensor does not resolve them: see `make_view.motion_bands`."""
 
 
 def low_passed(values: np.ndarray, period: float, band: float = BAND) -> np.ndarray:

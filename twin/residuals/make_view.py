@@ -132,9 +132,9 @@ def hub_signals(
     raw, read = resample.resample_hub_angle(model, with_rests_held(recording, hub), time)
     stuck = np.interp(time, recording.time, (hub.observed == STUCK).astype(float)) > 0.5
     settled = _settled(recording, time)
-    may_slide = ~stuck & read, before_end(time, REACH) & settled
+    unknown, usable = stuck | ~read, before_end(time, REACH) & settled
     wide = motion_bands(recording, prepared.noise["hub_angle"], time, bands)
-    motion = _most_certain_motion(prepared, model, raw, may_slide, wide)
+    motion = _most_certain_motion(prepared, model, raw, unknown, usable, wide)
     # Modelled strains follow a motion that has passed this filter, so measured ones pass it too.
     measured |= {c: low_passed(v, GRID, motion.band) for c, v in measured.items() if c != "motor_torque"}
     known = {c: values & settled if c in ON_LINK else values for c, values in known.items()}
@@ -183,7 +183,8 @@ def _most_certain_motion(
     prepared: Prepared,
     model: Model,
     raw: np.ndarray,
-    may_slide: tuple[np.ndarray, np.ndarray],
+    unknown: np.ndarray,
+    usable: np.ndarray,
     bands: Sequence[float],
 ) -> _Motion:
     """The motion behind the low-pass that leaves the most independent values of the torque on a sliding hub.
@@ -194,18 +195,19 @@ def _most_certain_motion(
       prepared: the recording.
       model: for the friction that may hold the hub.
       raw: reading of the hub (m) [rad].
-      may_slide: (m) where the hub may slide, and (m) where that is of use.
+      unknown: where the hub sticks or is not read (m).
+      usable: where the torque on it is of use (m).
       bands: to choose from, the widest first [Hz].
     """
-    best = None
+    best, grid = None, GRID * np.arange(len(raw))
     for band in bands:
         if best is not None and best.independent >= band:
             break  # though it slides at every instant
         reading = low_passed(raw, GRID, band)
-        spline = smooth_spline(GRID * np.arange(len(raw)), reading)
-        rate, acceleration = (spline(GRID * np.arange(len(raw)), k) for k in (1, 2))
-        unclear = ~may_slide[0] | _may_stick(rate, acceleration, _noise_limits(prepared, band), model)
-        sliding = may_slide[1] & ~binary_dilation(unclear, iterations=round(REACH / GRID))
+        spline = smooth_spline(grid, reading)
+        rate, acceleration = spline(grid, 1), spline(grid, 2)
+        unclear = unknown | _may_stick(rate, acceleration, _noise_limits(prepared, band), model)
+        sliding = usable & ~binary_dilation(unclear, iterations=round(REACH / GRID))
         here = _Motion(band, reading, rate, acceleration, sliding)
         if best is None or here.independent > best.independent:
             best = here

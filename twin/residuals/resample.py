@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from twin.recording import GAP, Recording
+from twin.recording import Recording, gaps_in
 from twin.residuals.cell_means import CELLS
 from twin.residuals.prepared import MIN_READINGS
 from twin.rigs.model import Model
@@ -63,14 +63,14 @@ def missing_rows(recording: Recording) -> list[tuple[float, float]]:
 
 
 def _spans(at: np.ndarray, period: float) -> list[tuple[float, float]]:
-    return [(float(at[g]), float(at[g + 1])) for g in np.flatnonzero(np.diff(at) > GAP * period)]
+    return [(float(at[g]), float(at[g + 1])) for g in gaps_in(at, period)]
 
 
 def _with_gaps_filled(time: np.ndarray, values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Instants and values of known samples (n), with gaps filled by the polynomial fitted to both sides."""
     side = max(MIN_READINGS, round(_SIDE_SPAN / period))
     pieces_t, pieces_v = [time], [values]
-    for g in np.flatnonzero(np.diff(time) > GAP * period):
+    for g in gaps_in(time, period):
         beside = slice(max(0, g - side + 1), g + 1 + side)
         degree = min(_DEGREE, len(time[beside]) // 2)
         inside = np.arange(time[g] + period, time[g + 1] - period / 2, period)
