@@ -175,10 +175,12 @@ def test_nothing_is_named_where_nothing_is_missing(rig_campaign):
 
 @pytest.mark.study
 def test_a_sensor_that_clips_is_outside_the_library_and_calibrates_nothing(rig_campaign):
-    found = searched(rig_campaign, {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}, 4250, False)
+    clipped = {"strain-amplifier-clips": {"level": 1e-4, "level_mid": 1.0}}
+    with ResidualPool(1) as pool:
+        found = search(recorded(rig_campaign, clipped, 4250, False), pool)
+        left = dependence.unexplained_residuals(found.bench, found.best)
     assert verdict_of(found) == "outside-library"
     assert not found.adopted
-    left = dependence.unexplained_residuals(found.bench, found.best)
     assert explanatory_variables(found, left)[0] == "strain_base"
     for u, value in zip(found.base.unknowns, found.base.values, strict=True):
         assert abs(value - u.start) < 3 * u.scale, u.name

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -24,9 +24,11 @@ from twin.estimation.fit import Fit
 from twin.estimation.slopes import normal_equations, root_diagonal, row_weights
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
+from twin.recording import HUB_TORQUE
 from twin.residuals.data import EVENT_CHANNELS, DrivenData
 from twin.residuals.filters import BAND, GRID, low_pass_gain, low_passed
-from twin.residuals.view import View, move_link, whitened
+from twin.residuals.residual import scaled
+from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
 
 _PEAKS = 3  # peaks of a spectrum that are returned or tried
@@ -177,7 +179,7 @@ class _Scan:
         groups = [
             (k, g)
             for k, g in usable
-            if g.recording in moving and (acts in _SEEN_BY_STRAINS or g.channel == "hub_torque")
+            if g.recording in moving and (acts in _SEEN_BY_STRAINS or g.channel == HUB_TORQUE)
         ]
         if not groups:
             return None
@@ -191,12 +193,12 @@ class _Scan:
             slopes: Columns = {}
             for i, motion in motions.items():
                 waves = _waves(acts, orders, motion)
-                parts = _responses(acts, orders, waves, views[i], base.model)
+                parts = scaled(
+                    _changes(acts, orders, waves, motion, views[i], base.model), views[i], base.model
+                )
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
-                        slopes[k] = (
-                            parts[g.channel] * bench.weight[g.rows] / views[i].noise_scale.get(g.channel, 1.0)
-                        )
+                        slopes[k] = parts[g.channel] * bench.weight[g.rows]
             return slopes
 
         weights = row_weights(bench, base.residual)
@@ -282,68 +284,51 @@ def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
     x = 2 * np.pi * motion.time if acts in ("time", "shake") else motion.angles[:, 0]
     angle = orders[:, None] * x
     waves = np.stack([np.sin(angle), np.cos(angle)])
-    if acts == "shake":
-        # Components across the link of an acceleration along x and along y.
-        across = -np.sin(motion.angles[:, 0]), np.cos(motion.angles[:, 0])
-        return np.concatenate([waves * across[0], waves * across[1]])
     if acts == "friction":
         return -0.5 * motion.modes * np.concatenate([waves, np.ones((1, *angle.shape))])
     return waves
 
 
-def _responses(
-    acts: str, orders: np.ndarray, waves: np.ndarray, view: View, model: Model
+def _changes(
+    acts: str, orders: np.ndarray, waves: np.ndarray, motion: Motion, view: View, model: Model
 ) -> dict[str, np.ndarray]:
-    """Channel -> (k, o, m) derivative of the residual by the coefficients of the waves, noise units."""
-    if acts == "time":
-        share = low_pass_gain(orders, GRID)[:, None]
-        return {"hub_torque": -share * waves / view.noise["hub_torque"]}
-    if acts == "resonance":
-        return _resonances(waves[0], view, model)
-    if acts == "shake":
-        return _changes(_response_to_base(model, waves), view, 1.0)
-    if acts != "reading":
-        return {"hub_torque": -low_passed(waves, GRID) / view.noise["hub_torque"]}
-    # The error of the sensor is a motion of the modelled link that the rig did not make.
-    return _changes(
-        _response_to_hub(model, _second_derivative(low_passed(waves, GRID, view.band))), view, -1.0
-    )
-
-
-def _changes(responses: dict[str, np.ndarray], view: View, size: float) -> dict[str, np.ndarray]:
-    """Channel -> (..., m) change of the whitened residual, measured minus simulated, by `size` times the responses.
+    """Channel -> (k, o, m) derivative of the raw residual by the coefficients of the waves, 0 where it is unknown.
 
     The torque balance counts as measured, by the measured motion; a strain is simulated: their signs differ.
     """
-    return {
-        channel: whitened(
-            (size if channel == "hub_torque" else -size) * low_passed(response, GRID), view, channel
-        )
-        for channel, response in responses.items()
-        if channel in view.noise
-    }
+    if acts == "reading":
+        # The error of the sensor is a motion of the modelled link that the rig did not make.
+        acceleration = _second_derivative(low_passed(waves, GRID, view.band))
+        balance, simulated = -1.0, _response_to_hub(model, acceleration)
+    elif acts == "shake":
+        balance, simulated = 1.0, _response_to_base(model, waves, motion)
+    elif acts == "resonance":
+        balance, simulated = 1.0, _response_to_oscillator(model, waves[0])
+    elif acts == "friction":
+        balance, simulated = -1.0, {HUB_TORQUE: low_passed(waves, GRID, view.band)}
+    else:
+        balance, simulated = -1.0, {HUB_TORQUE: waves}
+    if acts == "time":
+        filtered = {HUB_TORQUE: low_pass_gain(orders, GRID)[:, None] * simulated[HUB_TORQUE]}
+    else:
+        filtered = {channel: low_passed(values, GRID) for channel, values in simulated.items()}
+    known = {HUB_TORQUE: view.sliding, **view.known}
+    signs = {channel: balance if channel == HUB_TORQUE else -balance for channel in filtered}
+    return {c: signs[c] * known[c] * values for c, values in filtered.items() if c in view.noise}
 
 
-def _resonances(angles: np.ndarray, view: View, model: Model) -> dict[str, np.ndarray]:
-    """Channel -> (3, o, m) derivative of the residual by inertia share and both strain sensitivities of an oscillator.
+def _response_to_oscillator(model: Model, angles: np.ndarray) -> dict[str, np.ndarray]:
+    """Channel -> (3, o, m) response by inertia share and both strain sensitivities of an oscillator on the hub.
 
     Args:
-      angles: (o, m) of the oscillator against the hub [rad].
-      view: the recording.
       model: of the rig.
+      angles: (o, m) of the oscillator against the hub [rad].
     """
-    responses = {}
-    order = ("hub_torque", "strain_base", "strain_mid")
-    for channel in {"hub_torque", *model.curvature_rows} & {"hub_torque", *view.measured}:
-        columns = np.zeros((len(order), *angles.shape))
-        if channel == "hub_torque":
-            torque = model.plant.hub_inertia * _second_derivative(angles)
-            columns[0] = low_passed(torque, GRID) / view.noise["hub_torque"]
-        else:
-            filtered = low_passed(angles, GRID)
-            columns[order.index(channel)] = -whitened(filtered, view, channel)
-        responses[channel] = columns
-    return responses
+    order = (HUB_TORQUE, "strain_base", "strain_mid")
+    seen = {HUB_TORQUE: model.plant.hub_inertia * _second_derivative(angles)}
+    seen |= {channel: angles for channel in order[1:] if channel in model.curvature_rows}
+    rows = np.eye(len(order))[..., None, None]
+    return {channel: rows[order.index(channel)] * values for channel, values in seen.items()}
 
 
 def _second_derivative(values: np.ndarray) -> np.ndarray:
@@ -353,39 +338,56 @@ def _second_derivative(values: np.ndarray) -> np.ndarray:
 
 def _response_to_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
     """Torque on the hub and readings of the link (..., m) for small accelerations of the hub (..., m) [rad/s^2]."""
-    return _clamped_response(model, acceleration, model.chain.mass_matrix()[0])
+    load = model.chain.mass_matrix()[0]
+    shapes = model.chain.modes("clamped")[1][1:]
+    return _clamped_response(model, load[0] * acceleration, (row * acceleration for row in load[1:] @ shapes))
 
 
-def _response_to_base(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and link readings (..., m) for accelerations of the base across the link (..., m) [m/s^2]."""
-    return _clamped_response(model, acceleration, np.cumsum(model.chain.first_moment[::-1])[::-1])
+def _response_to_base(model: Model, waves: np.ndarray, motion: Motion) -> dict[str, np.ndarray]:
+    """Torque on the hub and readings of the link (2 k, o, m) for accelerations of the base along x, then along y.
 
-
-def _clamped_response(model: Model, acceleration: np.ndarray, load: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque that holds the hub and readings of the link (..., m), by clamped modes, under an acceleration a (..., m).
-
-    q'' + 2 zeta omega q' + omega^2 q = -p a and torque = p_0 a + sum g q'', where p is the inertial load on hub and
-    hinges for a unit acceleration, and g is the row of the hub in the mass matrix; both in modal coordinates.
+    A segment at the angle phi feels the component across it: -sin(phi) of x, cos(phi) of y.
 
     Args:
       model: of the rig.
-      acceleration: a.
-      load: (n + 1) p in the coordinates of the chain, the hub first.
+      waves: (k, o, m) accelerations [m/s^2].
+      motion: of the link (m).
+    """
+    turns = np.cumsum(model.chain.modes("clamped")[1][1:], axis=0)
+    across = model.chain.first_moment[:, None] * np.stack([-np.sin(motion.angles.T), np.cos(motion.angles.T)])
+
+    def along(shape: np.ndarray) -> np.ndarray:
+        return np.concatenate([waves * weight for weight in np.tensordot(across, shape, (1, 0))])
+
+    on_modes = (along(np.r_[0.0, turn]) for turn in turns.T)
+    return _clamped_response(model, along(np.ones(len(turns) + 1)), on_modes)
+
+
+def _clamped_response(
+    model: Model, torque: np.ndarray, on_modes: Iterable[np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Torque that holds the hub and readings of the link (..., m) under inertial loads, by clamped modes.
+
+    q'' + 2 zeta omega q' + omega^2 q = -p and torque = p_0 + sum g q'', where p is the load on the mode and p_0 that on
+    the hub; g is the row of the hub in the mass matrix, in modal coordinates.
+
+    Args:
+      model: of the rig.
+      torque: p_0 (..., m) [N m].
+      on_modes: p (..., m) of each mode, by frequency.
     """
     mass = model.chain.mass_matrix()
     frequencies, shapes = model.chain.modes("clamped")
     ratios = model.chain.damping_ratios("clamped")
-    torque = load[0] * acceleration
-    readings = {c: np.zeros_like(acceleration) for c in model.link_rows}
-    seen = frequencies < 2 * np.pi * BAND
-    for omega, zeta, shape in zip(frequencies[seen], ratios[seen], shapes[1:, seen].T, strict=True):
-        q = lfilter(
-            *_discretised_oscillator(float(omega), float(zeta)), -float(load[1:] @ shape) * acceleration
-        )
+    readings = {c: np.zeros_like(torque) for c in model.link_rows}
+    for omega, zeta, shape, load in zip(frequencies, ratios, shapes[1:].T, on_modes, strict=False):
+        if omega >= 2 * np.pi * BAND:
+            break
+        q = lfilter(*_discretised_oscillator(float(omega), float(zeta)), -load)
         torque = torque + float(mass[0, 1:] @ shape) * _second_derivative(q)
         for channel, row in model.link_rows.items():
             readings[channel] += float(row @ shape) * q
-    return {"hub_torque": torque, **readings}
+    return {HUB_TORQUE: torque, **readings}
 
 
 @functools.lru_cache(maxsize=1024)
