@@ -36,6 +36,8 @@ _NEIGHBOURS = 60  # grid points to either side over which the local level of a s
 _SMALLEST_STEP = 0.05  # of the order
 _SEEN_BY_STRAINS = ("reading", "resonance", "shake")
 """Kinds of wave whose regression uses the sensors of the link, too."""
+_COEFFICIENTS = (HUB_TORQUE, "strain_base", "strain_mid")
+"""Channels whose own coefficient the response to an oscillator has: inertia share, sensitivities of the bridges."""
 _HIGHEST = {"torque": 60.0, "friction": 60.0, "reading": 30.0, "time": 30.0, "resonance": 55.0}
 _LOWEST = {"torque": 1.0, "friction": 1.0, "reading": 1.0, "time": 0.1, "resonance": 5.0}
 """Ends of the grid, per radian; of "time" and "resonance" [Hz]."""
@@ -193,9 +195,10 @@ class _Scan:
             slopes: Columns = {}
             for i, motion in motions.items():
                 waves = _waves(acts, orders, motion)
-                parts = scaled(
-                    _changes(acts, orders, waves, motion, views[i], base.model), views[i], base.model
-                )
+                changes = _changes(acts, orders, waves, motion, views[i], base.model)
+                parts = scaled(changes, views[i], base.model)
+                if acts == "resonance":
+                    parts = {channel: _of_oscillator(channel, part) for channel, part in parts.items()}
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
                         slopes[k] = parts[g.channel] * bench.weight[g.rows]
@@ -303,7 +306,7 @@ def _changes(
     elif acts == "shake":
         balance, simulated = 1.0, _response_to_base(model, waves, motion)
     elif acts == "resonance":
-        balance, simulated = 1.0, _response_to_oscillator(model, waves[0])
+        balance, simulated = 1.0, _response_to_oscillator(model, waves)
     elif acts == "friction":
         balance, simulated = -1.0, {HUB_TORQUE: low_passed(waves, GRID, view.band)}
     else:
@@ -318,17 +321,14 @@ def _changes(
 
 
 def _response_to_oscillator(model: Model, angles: np.ndarray) -> dict[str, np.ndarray]:
-    """Channel -> (3, o, m) response by inertia share and both strain sensitivities of an oscillator on the hub.
+    """Channel -> response (..., m) to an oscillator of angle (..., m) against the hub [rad], by its own coefficient."""
+    strains = {c: angles for c in _COEFFICIENTS[1:] if c in model.curvature_rows}
+    return {HUB_TORQUE: model.plant.hub_inertia * _second_derivative(angles), **strains}
 
-    Args:
-      model: of the rig.
-      angles: (o, m) of the oscillator against the hub [rad].
-    """
-    order = (HUB_TORQUE, "strain_base", "strain_mid")
-    seen = {HUB_TORQUE: model.plant.hub_inertia * _second_derivative(angles)}
-    seen |= {channel: angles for channel in order[1:] if channel in model.curvature_rows}
-    rows = np.eye(len(order))[..., None, None]
-    return {channel: rows[order.index(channel)] * values for channel, values in seen.items()}
+
+def _of_oscillator(channel: str, response: np.ndarray) -> np.ndarray:
+    """Derivatives (3, o, m) of a channel by inertia share and sensitivities, given that by its own (1, o, m)."""
+    return np.eye(3)[_COEFFICIENTS.index(channel), :, None, None] * response
 
 
 def _second_derivative(values: np.ndarray) -> np.ndarray:
