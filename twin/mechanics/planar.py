@@ -371,7 +371,8 @@ def _stuck(plant, size):
 def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
     """Torque [N m] of friction, reversed, that keeps at rest what it acts on, the hub or the motor."""
     stuck = _stuck(plant, phi.size)
-    return _accelerations(plant, t, phi, omega, drive, 0, stuck, _touches(plant, phi), acc, scratch)
+    still = np.int64(0)  # for a literal, numba compiles all of it once more
+    return _accelerations(plant, t, phi, omega, drive, still, stuck, _touches(plant, phi), acc, scratch)
 
 
 @compiled
