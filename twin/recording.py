@@ -177,8 +177,8 @@ class Recording:
 
     @property
     def _gaps(self) -> np.ndarray:
-        """Indices of the last rows before missing ones (k)."""
-        return gaps_in(self.commanded_at if self.sampled else self.time[:1], self.period)
+        """Indices of the last rows before missing ones (k); none where rows are no samples."""
+        return gaps_in(self.commanded_at, self.period) if self.sampled else np.empty(0, dtype=int)
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]

@@ -87,7 +87,7 @@ def _bases(
             yield FunctionOf(name, place), Basis.of(bench, groups, parts, x, samples)
         for channel in sorted({g.channel for g in groups}):
             mine = [g for g in groups if g.channel == channel]
-            parts = [_in_residual(data, g.recording, channel, weights[g.recording]) for g in mine]
+            parts = [_in_residual(data, best, g.recording, channel, weights[g.recording]) for g in mine]
             yield FunctionOf(name, channel), Basis.of(bench, mine, parts, x, samples)
 
 
@@ -110,7 +110,7 @@ def _by_forces(data: DrivenData, best: Fit, place: str, i: int, weights: np.ndar
             change = np.tensordot(chain.levers @ bends, moved, 1)
         else:
             change = np.tensordot(best.model.link_rows[channel] @ bends, bent, 1)
-        changes[channel] = _in_residual(data, i, channel, change)
+        changes[channel] = _in_residual(data, best, i, channel, change)
     return changes
 
 
@@ -123,9 +123,9 @@ def _moments(chain: Chain, motion: Motion, place: str) -> np.ndarray:
     return -np.diff(motion.rates, axis=1) @ chain.damping
 
 
-def _in_residual(data: DrivenData, i: int, channel: str, change: np.ndarray) -> np.ndarray:
+def _in_residual(data: DrivenData, best: Fit, i: int, channel: str, change: np.ndarray) -> np.ndarray:
     """Change (k x m) of a whitened residual in recording i by changes (k x m) of what a channel should read."""
     view = data.views[i]
     if data.prepared[i].hub is not None:  # with a free hub, readings pass the filter of the motion, too
         change = low_passed(change, GRID, view.band)
-    return -residual.normalise(view.known[channel] * low_passed(change, GRID), view, channel)
+    return -residual.scaled_change(view, best.model, channel, low_passed(change, GRID))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -27,7 +27,7 @@ from twin.mechanics.state import Motion
 from twin.recording import HUB_TORQUE
 from twin.residuals.data import EVENT_CHANNELS, DrivenData
 from twin.residuals.filters import BAND, GRID, low_pass_gain, low_passed
-from twin.residuals.residual import scaled
+from twin.residuals.residual import scaled_change
 from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
 
@@ -196,7 +196,7 @@ class _Scan:
             for i, motion in motions.items():
                 waves = _waves(acts, orders, motion)
                 changes = _changes(acts, orders, waves, motion, views[i], base.model)
-                parts = scaled(changes, views[i], base.model)
+                parts = {c: scaled_change(views[i], base.model, c, v) for c, v in changes.items()}
                 if acts == "resonance":
                     parts = {channel: _of_oscillator(channel, part) for channel, part in parts.items()}
                 for k, g in groups:
@@ -295,7 +295,7 @@ def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
 def _changes(
     acts: str, orders: np.ndarray, waves: np.ndarray, motion: Motion, view: View, model: Model
 ) -> dict[str, np.ndarray]:
-    """Channel -> (k, o, m) derivative of the raw residual by the coefficients of the waves, 0 where it is unknown.
+    """Channel -> (k, o, m) derivative of the raw residual by the coefficients of the waves, low-passed.
 
     The torque balance counts as measured, by the measured motion; a strain is simulated: their signs differ.
     """
@@ -315,9 +315,8 @@ def _changes(
         filtered = {HUB_TORQUE: low_pass_gain(orders, GRID)[:, None] * simulated[HUB_TORQUE]}
     else:
         filtered = {channel: low_passed(values, GRID) for channel, values in simulated.items()}
-    known = {HUB_TORQUE: view.sliding, **view.known}
     signs = {channel: balance if channel == HUB_TORQUE else -balance for channel in filtered}
-    return {c: signs[c] * known[c] * values for c, values in filtered.items() if c in view.noise}
+    return {c: signs[c] * values for c, values in filtered.items() if c in view.noise}
 
 
 def _response_to_oscillator(model: Model, angles: np.ndarray) -> dict[str, np.ndarray]:
@@ -328,7 +327,7 @@ def _response_to_oscillator(model: Model, angles: np.ndarray) -> dict[str, np.nd
 
 def _of_oscillator(channel: str, response: np.ndarray) -> np.ndarray:
     """Derivatives (3, o, m) of a channel by inertia share and sensitivities, given that by its own (1, o, m)."""
-    return np.eye(3)[_COEFFICIENTS.index(channel), :, None, None] * response
+    return np.eye(len(_COEFFICIENTS))[_COEFFICIENTS.index(channel), :, None, None] * response
 
 
 def _second_derivative(values: np.ndarray) -> np.ndarray:
@@ -337,53 +336,49 @@ def _second_derivative(values: np.ndarray) -> np.ndarray:
 
 
 def _response_to_hub(model: Model, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Torque on the hub and readings of the link (..., m) for small accelerations of the hub (..., m) [rad/s^2]."""
-    load = model.chain.mass_matrix()[0]
-    shapes = model.chain.modes("clamped")[1][1:]
-    return _clamped_response(model, load[0] * acceleration, (row * acceleration for row in load[1:] @ shapes))
+    """Torque on the hub and readings of the link (k, o, m) for small accelerations of the hub (k, o, m) [rad/s^2]."""
+    return _clamped_response(model, acceleration, model.chain.mass_matrix()[0][None, :, None])
 
 
-def _response_to_base(model: Model, waves: np.ndarray, motion: Motion) -> dict[str, np.ndarray]:
+def _response_to_base(model: Model, acceleration: np.ndarray, motion: Motion) -> dict[str, np.ndarray]:
     """Torque on the hub and readings of the link (2 k, o, m) for accelerations of the base along x, then along y.
 
     A segment at the angle phi feels the component across it: -sin(phi) of x, cos(phi) of y.
 
     Args:
       model: of the rig.
-      waves: (k, o, m) accelerations [m/s^2].
+      acceleration: (k, o, m) [m/s^2].
       motion: of the link (m).
     """
-    turns = np.cumsum(model.chain.modes("clamped")[1][1:], axis=0)
-    across = model.chain.first_moment[:, None] * np.stack([-np.sin(motion.angles.T), np.cos(motion.angles.T)])
-
-    def along(shape: np.ndarray) -> np.ndarray:
-        return np.concatenate([waves * weight for weight in np.tensordot(across, shape, (1, 0))])
-
-    on_modes = (along(np.r_[0.0, turn]) for turn in turns.T)
-    return _clamped_response(model, along(np.ones(len(turns) + 1)), on_modes)
+    across = np.stack([-np.sin(motion.angles.T), np.cos(motion.angles.T)])
+    on_segments = model.chain.first_moment[:, None] * across
+    return _clamped_response(model, acceleration, np.cumsum(on_segments[:, ::-1], axis=1)[:, ::-1])
 
 
-def _clamped_response(
-    model: Model, torque: np.ndarray, on_modes: Iterable[np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Torque that holds the hub and readings of the link (..., m) under inertial loads, by clamped modes.
+def _clamped_response(model: Model, acceleration: np.ndarray, load: np.ndarray) -> dict[str, np.ndarray]:
+    """Torque that holds the hub and readings of the link (d k, o, m), by clamped modes, under accelerations a.
 
-    q'' + 2 zeta omega q' + omega^2 q = -p and torque = p_0 + sum g q'', where p is the load on the mode and p_0 that on
-    the hub; g is the row of the hub in the mass matrix, in modal coordinates.
+    q'' + 2 zeta omega q' + omega^2 q = -p a and torque = p_0 a + sum g q'', where p is the inertial load on hub and
+    hinges for a unit acceleration, and g is the row of the hub in the mass matrix; both in modal coordinates.
 
     Args:
       model: of the rig.
-      torque: p_0 (..., m) [N m].
-      on_modes: p (..., m) of each mode, by frequency.
+      acceleration: a (k, o, m), the same in each direction.
+      load: p (d, n + 1, m) of each direction, by coordinates of the chain, hub first; (d, n + 1, 1) if constant.
     """
+
+    def inertial(weights: np.ndarray) -> np.ndarray:
+        return np.concatenate([acceleration * weight for weight in weights])
+
     mass = model.chain.mass_matrix()
     frequencies, shapes = model.chain.modes("clamped")
     ratios = model.chain.damping_ratios("clamped")
+    torque = inertial(load[:, 0])
     readings = {c: np.zeros_like(torque) for c in model.link_rows}
-    for omega, zeta, shape, load in zip(frequencies, ratios, shapes[1:].T, on_modes, strict=False):
-        if omega >= 2 * np.pi * BAND:
-            break
-        q = lfilter(*_discretised_oscillator(float(omega), float(zeta)), -load)
+    seen = frequencies < 2 * np.pi * BAND
+    for omega, zeta, shape in zip(frequencies[seen], ratios[seen], shapes[1:, seen].T, strict=True):
+        force = -inertial(np.tensordot(load[:, 1:], shape, (1, 0)))
+        q = lfilter(*_discretised_oscillator(float(omega), float(zeta)), force)
         torque = torque + float(mass[0, 1:] @ shape) * _second_derivative(q)
         for channel, row in model.link_rows.items():
             readings[channel] += float(row @ shape) * q

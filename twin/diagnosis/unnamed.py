@@ -83,7 +83,7 @@ def _basis(
         return None
     groups = sorted([*on_hub, *read], key=lambda g: g.rows.start)
     parts = [
-        _on_hub(data.views[g.recording], variables[g.recording], law, x) / best.model.torque_gain
+        _on_hub(data.views[g.recording], best.model, variables[g.recording], law, x)
         if g.channel == HUB_TORQUE
         else _on_reading(data.views[g.recording], data.prepared[g.recording], best.model, x)
         for g in groups
@@ -91,7 +91,9 @@ def _basis(
     return Basis.of(bench, groups, parts, x, samples_at(values, x))
 
 
-def _on_hub(view: View, variables: Mapping[str, np.ndarray], law: FunctionOf, x: np.ndarray) -> np.ndarray:
+def _on_hub(
+    view: View, model: Model, variables: Mapping[str, np.ndarray], law: FunctionOf, x: np.ndarray
+) -> np.ndarray:
     """Derivative (k x m) of the whitened torque balance of one recording by the value at each knot."""
     added = hats(variables[law.variable], x)
     if law.sided:
@@ -99,7 +101,7 @@ def _on_hub(view: View, variables: Mapping[str, np.ndarray], law: FunctionOf, x:
     if law.sided or law.variable == _COMMAND:
         # In the balance, friction and drive torque pass the low-pass of the motion as well.
         added = low_passed(added, GRID, view.band)
-    return -residual.normalise(view.sliding * low_passed(added, GRID), view, HUB_TORQUE)
+    return -residual.scaled_change(view, model, HUB_TORQUE, low_passed(added, GRID))
 
 
 def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:
@@ -107,4 +109,4 @@ def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> 
     time = prepared.recording.time
     read = hats(model.read_torque(prepared.recording), x)
     added = low_passed(np.array([np.interp(view.time, time, row) for row in read]), GRID)
-    return -residual.normalise(view.known[_TORQUE] * added, view, _TORQUE)
+    return -residual.scaled_change(view, model, _TORQUE, added)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twin.mechanics.state import Motion, Start
-from twin.recording import Recording, Sensor
+from twin.recording import HUB_TORQUE, Recording, Sensor
 from twin.residuals import creep
 from twin.residuals.filters import GRID, REACH, low_passed
 from twin.residuals.hub_balance import (
@@ -35,6 +35,12 @@ def scaled(residuals: dict[str, np.ndarray], noise: NoiseModel, model: Model) ->
     if "hub_torque" in parts:
         parts["hub_torque"] = parts["hub_torque"] / model.torque_gain
     return parts
+
+
+def scaled_change(view: View, model: Model, channel: str, change: np.ndarray) -> np.ndarray:
+    """Change (..., m) of a residual by a low-passed change (..., m) of the raw one: scaled alike, 0 where unknown."""
+    known = view.sliding if channel == HUB_TORQUE else view.known[channel]
+    return scaled({channel: known * change}, view, model)[channel]
 
 
 def normalise_all(residuals: dict[str, np.ndarray], noise: NoiseModel) -> dict[str, np.ndarray]:
