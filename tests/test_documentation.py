@@ -1,11 +1,12 @@
 """What README and docs/ show runs: Python blocks, notebooks, scripts and commands.
 
-Commands that take minutes (a diagnosis, an identification, a validation, a virtual rig) are not executed:
-their words are held against the parser of their command. One diagnosis of the bundled campaign serves every block,
-script and notebook that asks for one.
+The words of every command are held against its parser. Those that take minutes (a diagnosis, an identification, a
+validation, a virtual rig) are executed by `make studies`, all others here. One diagnosis of the bundled campaign
+serves every block, script and notebook that asks for one.
 """
 
 import base64
+import contextlib
 import importlib.util
 import io
 import json
@@ -54,6 +55,7 @@ _FIRST = {
     tuple(shlex.split(line, comments=True)): (name, line) for name, line in reversed(LINES)
 }  # of a command that several documents show, the first is run
 AT_ONCE = [shown for shown in _FIRST.values() if shown[1].split()[1] not in MINUTES][::-1]
+LATER = [shown for shown in _FIRST.values() if shown not in AT_ONCE][::-1]
 
 sys.path.insert(0, str(ROOT / "docs" / "tools"))
 import build  # noqa: E402
@@ -152,7 +154,15 @@ def laboratory(tmp_path, monkeypatch):
     Path("recordings").mkdir()
     for path in DEMO.glob("*.csv"):
         shutil.copy(path, "recordings")
-    shutil.copytree(DEMO, "my-rig")
+    for campaign in ("my-rig", "try", "RIGS/arm-3", "RIGS/arm-4"):
+        shutil.copytree(DEMO, campaign)
+        given = Path(campaign, "campaign.toml")
+        text = given.read_text(encoding="utf-8").replace('"demo-rig"', f'"{Path(campaign).name}"', 1)
+        given.write_text(text, encoding="utf-8")
+    (limits,) = blocks(DOCUMENTS["docs/validation.md"], "toml")
+    Path("limits.toml").write_text(limits, encoding="utf-8")
+    (known,) = blocks(DOCUMENTS["docs/identification.md"], "toml")
+    Path("my-rig.toml").write_text(_rig_file() + known, encoding="utf-8")
     Path("mine.py").write_text(blocks(DOCUMENTS["docs/control.md"], "python")[0], encoding="utf-8")
     for made in ("my-rig-identification/identified-rig.toml", "my-rig-diagnosis/augmented-rig.toml"):
         Path(made).parent.mkdir()
@@ -167,13 +177,48 @@ def test_commands_that_take_seconds_do_what_they_say(name, line, twin, monkeypat
     if given[0] == "new":
         shutil.rmtree("my-rig")
     monkeypatch.setattr(sys, "stdin", io.StringIO())  # no terminal: nothing is asked
-    code, printed, error = twin(*given)
+    assert_done(given, *twin(*given))
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("name", "line"), LATER)
+@pytest.mark.usefixtures("laboratory")
+def test_commands_that_take_minutes_do_what_they_say(name, line, twin):
+    given = words(line)[1:]
+    if given[0] == "virtual-rig":
+        shutil.rmtree("try")
+    with contextlib.ExitStack() as stack:
+        if "--scheduler" in given:
+            given[given.index("--scheduler") + 1] = stack.enter_context(_cluster())
+        code, printed, error = twin(*given)
+    if given[0] == "validate":
+        assert code in (0, 1)  # 1: too few rigs keep the limits
+        assert re.search(r"[\d.]+ % of rigs keep every limit", printed)
+        code = 0
+    assert_done(given, code, printed, error)
+    if given[0] == "diagnose":
+        many = ("fleet/arm-3", "fleet/arm-4")
+        for made in many if "--out" in given else (f"{given[1]}-diagnosis",):
+            answer = json.loads(Path(made, "diagnosis.json").read_text(encoding="utf-8"))
+            assert [effect["name"] for effect in answer["effects"]] == ["cable-torsion"]
+
+
+def assert_done(given: list[str], code: int, printed: str, error: str) -> None:
+    """A command ended well, printed its answer, and wrote what it was asked to write."""
     # Without a terminal, lines with the time in brackets show progress.
     assert (code, [text for text in error.splitlines() if not text.startswith("[")]) == (0, []), error
     assert printed
-    for option in ("--rrd", "--out"):
+    for option in ("--rrd", "--out", "--report", "--json"):
         if option in given:
             assert Path(given[given.index(option) + 1]).exists()
+
+
+@contextlib.contextmanager
+def _cluster():
+    """The address of a scheduler with two workers on the loopback interface."""
+    distributed = pytest.importorskip("distributed", reason="needs Dask: pip install -e '.[fleet]'")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
 
 
 # Files
@@ -198,16 +243,10 @@ def test_the_campaign_of_the_readme_is_read_with_its_own_rig(tmp_path):
     np.testing.assert_allclose(campaign.fit[0]["hub_angle"], runs[0]["hub_angle"], rtol=1e-9, atol=1e-12)
 
 
-def test_a_rig_file_with_the_known_effects_of_the_documents_is_read(tmp_path):
-    (block,) = blocks(DOCUMENTS["docs/identification.md"], "toml")
-    (tmp_path / "my-rig.toml").write_text(_rig_file() + block, encoding="utf-8")
-    assert package.read_rig(tmp_path / "my-rig.toml").effects == {"viscous-friction": {"viscous": 0.069}}
-
-
-def test_the_requirements_of_the_documents_are_read(tmp_path):
-    (block,) = blocks(DOCUMENTS["docs/validation.md"], "toml")
-    (tmp_path / "limits.toml").write_text(block, encoding="utf-8")
-    assert read_requirements(tmp_path / "limits.toml").share == 0.99
+@pytest.mark.usefixtures("laboratory")
+def test_the_files_of_the_documents_are_read():
+    assert package.read_rig(Path("my-rig.toml")).effects == {"viscous-friction": {"viscous": 0.069}}
+    assert read_requirements(Path("limits.toml")).share == 0.99
 
 
 def test_the_drive_of_the_documents_is_read():

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from paths import ROOT
 
+from twin.campaigns.campaign import read_campaign
+from twin.estimation.calibrate import noise_levels
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
 from twin.rigs import preset
-from twin.rigs.model import Model
+from twin.rigs.model import FINE_STEP, Model, with_fine_chain
 from twin.rigs.simulate import simulate
 
 TIME = 1e-3 * np.arange(4001)
@@ -48,3 +51,17 @@ def test_every_so_many_samples_are_those_of_all(model, kind, stride):
     np.testing.assert_array_equal(some["torque_command"], measured["torque_command"][::stride])
     for channel, size in RESOLVED.items():
         np.testing.assert_allclose(some[channel], whole[channel][::stride], atol=size, err_msg=channel)
+
+
+@pytest.mark.parametrize("file", ["torque-sweep.csv", "bang-bang-60.csv", "random-steps.csv"])
+def test_the_fine_step_moves_no_channel_by_a_tenth_of_its_noise(file):
+    """Over whole recordings in which the hub sticks and slides again and again."""
+    campaign = read_campaign(ROOT / "twin" / "data" / "demo-rig")
+    noise = noise_levels(campaign)
+    recording = next(r for r in campaign.fit if r.name == file)
+    start = Start(hub_angle=float(recording["hub_angle"][0]))
+    model = with_fine_chain(Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5)))
+    coarse, fine = (simulate(m, recording, start) for m in (model, model.replace(step=FINE_STEP / 4)))
+    for channel in ("hub_angle", "strain_base", "strain_mid"):
+        moved = np.sqrt(np.mean((coarse[channel] - fine[channel]) ** 2))
+        assert 0 < moved < 0.1 * noise[channel]

@@ -251,11 +251,11 @@ def _tab(diagnosis: Diagnosis, entry: _RecordingView) -> rrb.Horizontal:
     import rerun.blueprint as rrb
 
     arms = parts.arms_view(entry.root, entry.length)
-    left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 1])
+    left = rrb.Vertical(arms, rrb.TextDocumentView(origin="/summary", name="summary"), row_shares=[3, 2])
     rows = list(_plots(entry))
     # Axes of low plots have a single tick: the first channel is the one to read.
     plots = rrb.Vertical(*rows, row_shares=[_FIRST_ROW, *[1.0] * (len(rows) - 1)][: len(rows)])
-    return rrb.Horizontal(left, plots, column_shares=[4, 7], name=entry.file)
+    return rrb.Horizontal(left, plots, column_shares=[1, 3], name=entry.file)
 
 
 def _plots(entry: _RecordingView) -> Iterator[Any]:
