@@ -202,7 +202,10 @@ def refit_with_own_noise(bench: Workbench, base: Fit, fit: Fit) -> tuple[Workben
     """
     if not isinstance(bench.data, DrivenData) or not _has_other_resonances(fit.model, base.model):
         return bench, fit
-    return refit_in_fine_limit(with_noise_of(bench, fit.model), fit)
+    bench = chain_limit.with_limit(
+        with_noise_of(bench, fit.model), fit.model, fit.starts, chain_limit.STANDARD
+    )
+    return bench, minimise(bench, fit.model, fit.starts, fit.unknowns, fit.values)
 
 
 def _has_other_resonances(model: Model, before: Model) -> bool:

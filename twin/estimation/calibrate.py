@@ -304,9 +304,7 @@ def sound_stretches(
 def _final_calibration(bench: Workbench, model: Model, rough: Fit) -> tuple[Workbench, Fit]:
     """Data whose noise and chain correction are those of a roughly calibrated model, and the fit to them."""
     bench = with_noise_of(bench, rough.model)
-    bench, _ = chain_limit.without_discretisation_error(
-        bench, rough.model, rough.starts, chain_limit.STANDARD
-    )
+    bench = chain_limit.with_limit(bench, rough.model, rough.starts, chain_limit.STANDARD)
     return bench, minimise(bench, model, rough.starts, rough.unknowns, rough.values, iterations=3)
 
 

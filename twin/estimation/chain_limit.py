@@ -83,9 +83,20 @@ def without_discretisation_error(
       The workbench, and the change of the residual (n) by the coarsest of these chains: the contribution of the
       highest power, an estimate of the remaining error.
     """
-    bench = bench.with_defect(np.zeros(len(bench.weight)))
+    none = np.zeros(len(bench.weight))
+    plain = bench.with_defect(none).with_remaining_error(none)
     models = [model, *(with_equal_segments(model, n) for n in segments)]
-    given, *uniform = bench.residuals([(m, starts, None) for m in models])
+    given, *uniform = plain.residuals([(m, starts, None) for m in models])
     at_limit = richardson_weights(segments) @ np.array(uniform)
     last = at_limit - richardson_weights(segments[1:]) @ np.array(uniform[1:])
     return bench.with_defect(given - at_limit), last
+
+
+def with_limit(bench: Workbench, model: Model, starts: Sequence[Start], segments: Sequence[int]) -> Workbench:
+    """A workbench whose residuals are corrected, and for which what remains of the error counts as noise.
+
+    What remains is a discrepancy of known size: the model of the link is right in the limit, and the extrapolation says
+    how near that it comes (M. C. Kennedy and A. O'Hagan, 2001). Arguments as `without_discretisation_error`.
+    """
+    bench, remaining = without_discretisation_error(bench, model, starts, segments)
+    return bench.with_remaining_error(remaining)

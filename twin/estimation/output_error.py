@@ -144,7 +144,7 @@ def on_driven_data(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     if not isinstance(bench.data, OutputErrorData):
         return bench, fit
     driven = Workbench(bench.data.driven, bench.pool)
-    driven, _ = chain_limit.without_discretisation_error(driven, fit.model, fit.starts, chain_limit.ROUGH)
+    driven = chain_limit.with_limit(driven, fit.model, fit.starts, chain_limit.STANDARD)
     [r] = driven.residuals([(fit.model, fit.starts, None)])
     steps = first_steps(fit.unknowns)
     J, _ = difference_jacobian(driven, fit.model, fit.starts, fit.unknowns, fit.values, r, steps, {})
@@ -183,13 +183,17 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
     if best is None:
         return None
     free, fitted = best.bench, _fitted(best.bench, best.fit, jacobian=best.fit.jacobian)
-    exact, _ = chain_limit.without_discretisation_error(
+    exact, remaining = chain_limit.without_discretisation_error(
         free, fitted.model, fitted.starts, chain_limit.STANDARD
     )
-    at = fitted.model, fitted.starts, fitted.unknowns, fitted.values
-    corrected = minimise(exact, *at, fixed_jacobian=fitted.jacobian_columns)
+    at, slopes = (fitted.model, fitted.starts, fitted.unknowns), fitted.jacobian_columns
+    corrected = minimise(exact, *at, fitted.values, fixed_jacobian=slopes)
     # Where the discretisation decides a stick, its error is no small correction.
-    return (exact, corrected) if corrected.cost <= fitted.cost else (free, fitted)
+    if corrected.cost > fitted.cost:
+        return free, fitted
+    exact = exact.with_remaining_error(remaining)
+    slopes = {key: column / exact.deviation for key, column in slopes.items()}
+    return exact, minimise(exact, *at, corrected.values, fixed_jacobian=slopes)
 
 
 def _likeliest_run(bench: Workbench, fit: Fit, most: float) -> _Run | None:

@@ -62,6 +62,7 @@ class Workbench:
       weight: (n) 1 where a sample is compared, otherwise 0.
       count: number of independent samples in each block (g).
       defect: discretisation error of the residual that is subtracted (n), in multiples of the noise.
+      deviation: (n) of noise and of what remains of that error together, in multiples of the noise; 1 where unknown.
     """
 
     def __init__(self, data: Data, pool: ResidualPool):
@@ -69,7 +70,7 @@ class Workbench:
         self.pool = pool
         self.prepared, self.groups, self.weight = data.prepared, data.blocks, data.weight
         self.count = data.counts()
-        self.defect = np.zeros(len(self.weight))
+        self.defect, self.deviation = np.zeros(len(self.weight)), np.ones(len(self.weight))
 
     def channels(self) -> set[str]:
         """Channels that are compared in any recording."""
@@ -87,8 +88,19 @@ class Workbench:
         bench.defect = defect
         return bench
 
+    def with_remaining_error(self, error: np.ndarray) -> Workbench:
+        """A workbench for whose residuals an error counts as noise, beside that of the sensors.
+
+        Args:
+          error: (n) estimate, in multiples of the noise; its root mean square in each block is what counts.
+        """
+        bench = copy(self)
+        size = loss.group_sizes(error, self.groups, self.weight)
+        bench.deviation = np.hypot(1.0, np.repeat(size, [g.rows.stop - g.rows.start for g in self.groups]))
+        return bench
+
     def residuals(self, jobs: Sequence[tuple[Model, Sequence[Start], int | None]]) -> list[np.ndarray]:
-        """Measured minus simulated (n), in multiples of the noise, of each job.
+        """Measured minus simulated (n), in multiples of the noise and of what counts as noise, of each job.
 
         Args:
           jobs: model, initial state of each recording, and index of the only recording to simulate, or None for all.
@@ -107,7 +119,9 @@ class Workbench:
                 if group.recording == i:
                     rows = group.rows
                     part = finite(parts[group.channel])
-                    results[index][rows] = (part - self.defect[rows]) * self.weight[rows]
+                    results[index][rows] = (
+                        (part - self.defect[rows]) * self.weight[rows] / self.deviation[rows]
+                    )
         return results
 
     def sizes(self, residual: np.ndarray) -> np.ndarray:
