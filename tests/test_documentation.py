@@ -185,8 +185,9 @@ def test_commands_that_take_seconds_do_what_they_say(name, line, twin, monkeypat
 @pytest.mark.usefixtures("laboratory")
 def test_commands_that_take_minutes_do_what_they_say(name, line, twin):
     given = words(line)[1:]
-    if given[0] == "virtual-rig":
-        shutil.rmtree("try")
+    written = {"virtual-rig": "try", "identify": "my-rig-identification", "diagnose": "my-rig-diagnosis"}
+    if given[0] in written:
+        shutil.rmtree(written[given[0]])
     with contextlib.ExitStack() as stack:
         if "--scheduler" in given:
             given[given.index("--scheduler") + 1] = stack.enter_context(_cluster())
@@ -488,7 +489,13 @@ def test_reliability_of_the_readme_is_that_of_the_answers_and_adds_up():
 def _rig_file() -> str:
     """A file of the rig of the examples."""
     finite = {name: value for name, value in package.rig().items() if math.isfinite(value)}
-    lines = [f"{name} = {value!r}" for name, value in finite.items()]
+    uncertain = {"bending_stiffness": 0.03, "hub_inertia": 0.05}
+    lines = [
+        f"{name} = {{ value = {value!r}, standard_error = {uncertain[name] * value!r} }}"
+        if name in uncertain
+        else f"{name} = {value!r}"
+        for name, value in finite.items()
+    ]
     return "\n".join(['format = 1\nname = "my-rig"\n\n[parameters]', *lines, "", ""])
 
 
