@@ -82,7 +82,7 @@ def _head(proposal: Proposal) -> Iterator[str]:
     yield "# within it"
     for name, assumed in ASSUMED_UNCERTAINTY.items():
         if name in proposal.uncertainty:
-            yield f"{name} = {proposal.uncertainty[name]:.6g}"
+            yield f"{name} = {proposal.uncertainty[name]:.3g}"
         else:
             yield f"# {name} = {assumed:g}{_behind('assumed if not given')}"
 
@@ -205,7 +205,7 @@ def _drive(proposal: Proposal) -> Iterator[str]:
         line = f"# {key} = ..." if value is None else f"{key} = {value:.9g}"
         yield f"{line}{_behind(what if unit == '1' else f'{unit or raw}, {what}')}"
         if (error := proposal.drive.get(f"{key}_uncertainty")) is not None:
-            yield f"{key}_uncertainty = {error:.6g}"
+            yield f"{key}_uncertainty = {error:.3g}"
     if not any(key.endswith("_uncertainty") for key in proposal.drive):
         yield "# each may have its uncertainty, such as efficiency_uncertainty = 0.1, a share; else 10 % of the torque"
 
