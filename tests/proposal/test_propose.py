@@ -236,6 +236,44 @@ def test_the_motor_behind_a_voltage_is_asked_for(nameless, tmp_path):
     assert "torque_command.gain" not in "".join(needed(ask.complete(propose(nameless, "x"), answer)))
 
 
+@pytest.mark.parametrize("given", ["0.14 +-15%", "0.14 N*m/V ± 15 %", "140 mN·m, ± 15 %"])
+def test_how_well_the_torque_per_volt_is_known_is_written(nameless, given):
+    answers = {"_command, column": "V", "torque_command: N*m at the hub per V": given}
+
+    def answer(question):
+        return next((text for key, text in answers.items() if key in question), "")
+
+    written = tomllib.loads(campaign_text(ask.complete(propose(nameless, "x"), answer)))
+    channel = written["channels"]["torque_command"]
+    assert abs(channel["gain"]) == pytest.approx(0.14)
+    assert channel["gain_uncertainty"] == pytest.approx(0.15)
+
+
+def test_that_a_gain_counts_as_certain_is_said(nameless):
+    answers = {"_command, column": "V", "torque_command: N*m at the hub per V": "0.14"}
+
+    def answer(question):
+        return next((text for key, text in answers.items() if key in question), "")
+
+    text = campaign_text(ask.complete(propose(nameless, "x"), answer))
+    assert "# gain_uncertainty = 0.1  # a share; without it the gain counts as certain" in text
+
+
+def test_no_inertia_is_asked_of_a_payload_that_is_not_there(nameless):
+    asked: list[str] = []
+    ask.complete(propose(nameless, "x"), lambda question: asked.append(question) or "")
+    assert "tip_mass" in "".join(asked)
+    assert "tip_inertia" not in "".join(asked)
+    answers = {"tip_mass": "50 g"}
+
+    def answer(question):
+        asked.append(question)
+        return next((text for key, text in answers.items() if question.startswith(key)), "")
+
+    ask.complete(propose(nameless, "x"), answer)
+    assert "tip_inertia" in "".join(asked)
+
+
 def test_a_gauge_may_be_known_as_a_curvature_per_volt(nameless):
     found = propose(nameless, "x")
     unknown = replace(found.channels["strain_base"], unit="", gain=None)

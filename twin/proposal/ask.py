@@ -111,19 +111,23 @@ def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal
     if name == "torque_command":
         empty = "(Enter: by data of the motor, or left open)"
     turned = "; negative, as it counts the wrong way round" if channel.gain else ""
-    question = f"{name}: {what} {of}per {channel.unit}{other}{turned} {empty}? "
+    question = f"{name}: {what} {of}per {channel.unit}{other}{turned}; with its uncertainty, such as ± 10 % {empty}? "
 
-    def checked(answer: Quantity) -> tuple[float, str]:
+    def checked(answer: Quantity) -> tuple[float, str, float | None]:
         if units.is_strain(name) and answer.unit and units.is_curvature(answer.unit):
-            return answer.to("1/m"), "1/m"
-        return answer.to(units.allowed(name)[0]), channel.unit
+            return answer.to("1/m"), "1/m", answer.uncertainty
+        si = units.allowed(name)[0]
+        per = f"{si}/{channel.unit}"
+        target = per if answer.unit and units.convertible(answer.unit, per) else si
+        return answer.to(target), channel.unit, answer.uncertainty
 
     found = _quantity(question, checked, ask)
     if found is None:
         return channel
-    gain, unit = found
+    gain, unit, error = found
     reason = channel.unit_reason if unit == channel.unit else f"curvature per {channel.unit} of the column"
-    return replace(channel, gain=gain, is_gain_known=True, unit=unit, unit_reason=reason)
+    known = replace(channel, gain=gain, is_gain_known=True, gain_uncertainty=error)
+    return replace(known, unit=unit, unit_reason=reason)
 
 
 def _gauge(name: str, key: str, ask: Ask) -> float | None:
@@ -166,9 +170,9 @@ def _drive(channels: Mapping[str, ChannelProposal], ask: Ask) -> dict[str, float
 
 def _parameters(limited: bool, ask: Ask) -> Iterator[tuple[str, tuple[float, float | None]]]:
     """Name of a parameter -> its value and relative uncertainty; `limited`: the drive has a limit."""
-    is_first = True
+    is_first, has_payload = True, False
     for name in (*(n for n in PARAMETERS if n not in DEFAULTS), *DEFAULTS):
-        if limited and name == "torque_limit":
+        if (limited and name == "torque_limit") or (name == "tip_inertia" and not has_payload):
             continue
         unit = PARAMETERS[name][0]
         told = "" if unit == "1" else f" [{unit}]"
@@ -182,6 +186,7 @@ def _parameters(limited: bool, ask: Ask) -> Iterator[tuple[str, tuple[float, flo
         found = _quantity(question, checked, ask)
         is_first = False
         if found is not None:
+            has_payload = has_payload or (name == "tip_mass" and found[0] > 0)
             yield name, found
 
 

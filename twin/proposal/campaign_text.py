@@ -123,6 +123,10 @@ def _gain(name: str, channel: ChannelProposal) -> Iterator[str]:
     raw = units.raw_unit(channel.unit) if channel.unit else None
     if channel.is_gain_known:
         yield f"gain = {channel.gain!r}{_behind(channel.sign_reason)}"
+        if channel.gain_uncertainty is not None:
+            yield f"gain_uncertainty = {channel.gain_uncertainty:.3g}"
+        elif raw and name == "torque_command":
+            yield f"# gain_uncertainty = 0.1{_behind('a share; without it the gain counts as certain')}"
         return
     if raw:
         turned = "negative, " if channel.gain else ""

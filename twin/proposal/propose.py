@@ -38,6 +38,7 @@ class ChannelProposal:
       sign_reason: what is known of its sign; "" for a channel without one.
       gauge: position and half thickness of a strain gauge that the user gave [m].
       is_gain_known: whether the user gave the gain.
+      gain_uncertainty: its relative standard deviation that the user gave [1]; None where none.
     """
 
     found: Found
@@ -47,6 +48,7 @@ class ChannelProposal:
     sign_reason: str = ""
     gauge: Mapping[str, float] = field(default_factory=dict)
     is_gain_known: bool = False
+    gain_uncertainty: float | None = None
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def quantity(text: str) -> Quantity:
     found = _QUANTITY.fullmatch(text.strip())
     if found is None:
         raise InputError(f"'{shown(text.strip())}' is no number")
-    value, unit = _float(found["value"]), (found["unit"] or found["close"] or "").strip()
+    value, unit = _float(found["value"]), (found["unit"] or found["close"] or "").strip(" ,;")
     if found["error"] is None:
         return Quantity(value, unit, None)
     error, of = abs(_float(found["error"])), (found["of"] or "").strip()
