@@ -142,7 +142,7 @@ def _searched_to_end(
     state, sound = on_sound_channels(state)
     state = with_errors(state, sound)
     progress("testing for torques outside the library")
-    return _final_state(state, sound, false_alarm_rate)
+    return _final_state(state, sound, progress, false_alarm_rate)
 
 
 def _searched_on(state: SearchState, more: bool, progress: Progress, false_alarm_rate: float) -> SearchState:
@@ -158,15 +158,21 @@ def _searched_on(state: SearchState, more: bool, progress: Progress, false_alarm
     return state
 
 
-def _final_state(state: SearchState, sound: Workbench, false_alarm_rate: float) -> SearchState:
+def _final_state(
+    state: SearchState, sound: Workbench, progress: Progress, false_alarm_rate: float
+) -> SearchState:
     """The state at the end of the search, revised in one of three ways if one is justified.
 
-    Effects of undetermined size are withdrawn. Otherwise a declared parameter that the recordings contradict becomes an
+    Effects of undetermined size are withdrawn, and the search goes on without them: what they imitate may be another
+    effect, which was second to them. Otherwise a declared parameter that the recordings contradict becomes an
     effect where all else is explained, or an effect takes the place of a significant smooth function if it explains the
     residuals.
     """
     fewer = revise.without_undetermined(state)
     if fewer is not None:
+        if _can_gain(fewer) and fewer.undetermined > state.undetermined:
+            again = replace(fewer, rounds=fewer.adopting)
+            return _searched_to_end(again, True, progress, false_alarm_rate)
         return with_unnamed(with_errors(fewer, fewer.bench), fewer.bench, false_alarm_rate)
     state = with_unnamed(with_whole_orders(state, sound), sound, false_alarm_rate)
     if len(state.adopted) < MOST_EFFECTS:
@@ -273,7 +279,8 @@ def _can_gain(state: SearchState) -> bool:
 def next_round(state: SearchState, progress: Progress, false_alarm_rate: float) -> tuple[SearchState, bool]:
     """One round of the search; the state after it, and whether an effect was adopted."""
     bench, current = state.bench, state.best
-    names = candidates.candidate_names(current.model, bench.channels())
+    able = candidates.candidate_names(current.model, bench.channels())
+    names = [name for name in able if name not in state.undetermined]
     explored = candidates.explore(bench, current, names, progress)
     progress("permutation test")
     draws = permutation.permutation_scores(bench, current, explored.slopes)

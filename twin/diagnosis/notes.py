@@ -240,7 +240,7 @@ def _adopted_instead(state: SearchState) -> list[str]:
 
 def _undetermined_sizes(state: SearchState) -> list[str]:
     """Note on effects that were withdrawn because their size is not determined, or only their combination is."""
-    undetermined = [name for name, judgement in state.withdrawn if judgement.rule == "size-is-determined"]
+    undetermined = [name for name, _ in state.withdrawn if name in state.undetermined]
     if not undetermined:
         return []
     *first, last = undetermined
