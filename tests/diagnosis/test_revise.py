@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 from rig_campaigns import planned_fit
 
-from twin.diagnosis import candidates
+from twin.diagnosis import candidates, diagnose
+from twin.diagnosis.judgement import Judgement
 from twin.diagnosis.revise import revise
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
@@ -47,6 +48,42 @@ def test_a_first_pick_that_a_later_one_makes_needless_is_dropped(start):
     assert only.ranked[0] is only.adopted
     [(name, judgement)] = found.withdrawn
     assert (name, judgement.rule, judgement.passed) == ("air-pad-drag", "needed-beside-later", False)
+
+
+def test_what_was_withdrawn_for_its_size_is_no_candidate_again(start, monkeypatch):
+    """What was withdrawn for another reason is one."""
+    explored = []
+    monkeypatch.setattr(
+        candidates,
+        "explore",
+        lambda bench, base, names, progress: explored.extend(names) or candidates.Exploration([], {}),
+    )
+    untold = Judgement("size-is-determined", 0.5, 3.0, False)
+    needless = Judgement("needed-beside-later", 1.0, 30.0, False)
+    state = SearchState(start, withdrawn=(("backlash", untold), ("torque-bias", needless)))
+    assert state.undetermined == ["backlash"]
+    diagnose.next_round(state, lambda message: None, 0.01)
+    assert "torque-bias" in explored
+    assert "dead-zone" in explored
+    assert "backlash" not in explored
+
+
+def test_the_search_goes_on_without_what_was_withdrawn_for_its_size(start, monkeypatch):
+    untold = Judgement("size-is-determined", 0.5, 3.0, False)
+    found = picked(start, "air-pad-drag", "viscous-friction")
+    searched = []
+    monkeypatch.setattr(
+        diagnose.revise,
+        "without_undetermined",
+        lambda state: state.with_adoptions(state.rounds[:1], {"viscous-friction": untold}),
+    )
+    monkeypatch.setattr(
+        diagnose, "_searched_to_end", lambda state, more, *_: searched.append((state, more)) or state
+    )
+    diagnose._final_state(found, found.bench, lambda message: None, 0.01)
+    [(state, more)] = searched
+    assert more
+    assert (state.names, state.undetermined) == (["air-pad-drag"], ["viscous-friction"])
 
 
 def test_two_that_are_both_missing_stay(start):

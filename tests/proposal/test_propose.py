@@ -45,6 +45,11 @@ def nameless(tmp_path_factory):
     return sorted(folder.glob("*.mat"))
 
 
+def answering(answers):
+    """Answers a question by the first of these texts whose key stands in it; "" where none does."""
+    return lambda question: next((text for key, text in answers.items() if key in question), "")
+
+
 def test_channels_without_names_are_found_by_what_they_do(nameless):
     proposal = propose(nameless, "x")
     assert {name: c.found.column for name, c in proposal.channels.items()} == FOUND
@@ -78,9 +83,7 @@ def test_a_proposal_with_all_answers_is_a_campaign(nameless, tmp_path):
         "step-120.mat: loop": "closed",
     }
 
-    def answer(question):
-        return next((text for key, text in answers.items() if key in question), "")
-
+    answer = answering(answers)
     proposal = ask.complete(propose(nameless, "x"), answer)
     assert needed(proposal) == []
     for path in nameless:
@@ -219,9 +222,7 @@ def test_the_motor_behind_a_voltage_is_asked_for(nameless, tmp_path):
         "length [m]": "42 cm ± 0.2 %",
     }
 
-    def answer(question):
-        return next((text for key, text in answers.items() if key in question), "")
-
+    answer = answering(answers)
     text = campaign_text(ask.complete(propose(nameless, "x"), answer))
     written = tomllib.loads(text)
     assert written["drive"] == {
@@ -240,9 +241,7 @@ def test_the_motor_behind_a_voltage_is_asked_for(nameless, tmp_path):
 def test_how_well_the_torque_per_volt_is_known_is_written(nameless, given):
     answers = {"_command, column": "V", "torque_command: N*m at the hub per V": given}
 
-    def answer(question):
-        return next((text for key, text in answers.items() if key in question), "")
-
+    answer = answering(answers)
     written = tomllib.loads(campaign_text(ask.complete(propose(nameless, "x"), answer)))
     channel = written["channels"]["torque_command"]
     assert abs(channel["gain"]) == pytest.approx(0.14)
@@ -252,9 +251,7 @@ def test_how_well_the_torque_per_volt_is_known_is_written(nameless, given):
 def test_that_a_gain_counts_as_certain_is_said(nameless):
     answers = {"_command, column": "V", "torque_command: N*m at the hub per V": "0.14"}
 
-    def answer(question):
-        return next((text for key, text in answers.items() if key in question), "")
-
+    answer = answering(answers)
     text = campaign_text(ask.complete(propose(nameless, "x"), answer))
     assert "# gain_uncertainty = 0.1  # a share; without it the gain counts as certain" in text
 
@@ -264,13 +261,8 @@ def test_no_inertia_is_asked_of_a_payload_that_is_not_there(nameless):
     ask.complete(propose(nameless, "x"), lambda question: asked.append(question) or "")
     assert "tip_mass" in "".join(asked)
     assert "tip_inertia" not in "".join(asked)
-    answers = {"tip_mass": "50 g"}
-
-    def answer(question):
-        asked.append(question)
-        return next((text for key, text in answers.items() if question.startswith(key)), "")
-
-    ask.complete(propose(nameless, "x"), answer)
+    answer = answering({"tip_mass": "50 g"})
+    ask.complete(propose(nameless, "x"), lambda question: asked.append(question) or answer(question))
     assert "tip_inertia" in "".join(asked)
 
 
@@ -279,9 +271,7 @@ def test_a_gauge_may_be_known_as_a_curvature_per_volt(nameless):
     unknown = replace(found.channels["strain_base"], unit="", gain=None)
     answers = {"strain_base, column": "V", "strain_base: strain per V": "0.576 1/m"}
 
-    def answer(question):
-        return next((text for key, text in answers.items() if key in question), "")
-
+    answer = answering(answers)
     found = replace(found, channels={**found.channels, "strain_base": unknown})
     asked: list[str] = []
     channel = ask.complete(found, lambda question: asked.append(question) or answer(question)).channels[

@@ -170,7 +170,7 @@ def _final_state(
     """
     fewer = revise.without_undetermined(state)
     if fewer is not None:
-        if _can_gain(fewer) and fewer.undetermined > state.undetermined:
+        if _can_gain(fewer) and len(fewer.undetermined) > len(state.undetermined):
             again = replace(fewer, rounds=fewer.adopting)
             return _searched_to_end(again, True, progress, false_alarm_rate)
         return with_unnamed(with_errors(fewer, fewer.bench), fewer.bench, false_alarm_rate)

@@ -239,19 +239,18 @@ def _adopted_instead(state: SearchState) -> list[str]:
 
 
 def _undetermined_sizes(state: SearchState) -> list[str]:
-    """Note on effects that were withdrawn because their size is not determined, or only their combination is."""
-    undetermined = [name for name, _ in state.withdrawn if name in state.undetermined]
-    if not undetermined:
+    """Note on effects that were withdrawn because their size is not determined."""
+    if not state.undetermined:
         return []
-    *first, last = undetermined
+    *first, last = state.undetermined
     if not first:
         return [
             f"{last} fits the recordings, but its size is not determined by them, or at the end of its range: it may "
             "imitate another fault and is not taken for its cause."
         ]
     return [
-        f"{', '.join(first)} and {last} together fit the recordings, but the size of neither is determined: each "
-        "compensates the other. They imitate another fault and are not taken for its cause."
+        f"{', '.join(first)} and {last} fit the recordings, but their sizes are not determined by them: they may "
+        "imitate another fault, together or in turn, and are not taken for its cause."
     ]
 
 

@@ -201,7 +201,7 @@ class _Scan:
                     parts = {channel: _of_oscillator(channel, part) for channel, part in parts.items()}
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
-                        slopes[k] = parts[g.channel] * (bench.weight / bench.deviation)[g.rows]
+                        slopes[k] = parts[g.channel] * bench.scale[g.rows]
             return slopes
 
         weights = row_weights(bench, base.residual)

@@ -85,9 +85,11 @@ class SearchState:
         return [c.name for c in self.adopted]
 
     @property
-    def undetermined(self) -> set[str]:
+    def undetermined(self) -> list[str]:
         """Effects that were withdrawn because the recordings do not determine their size."""
-        return {name for name, judgement in self.withdrawn if judgement.rule == "size-is-determined"}
+        return list(
+            dict.fromkeys(n for n, judgement in self.withdrawn if judgement.rule == "size-is-determined")
+        )
 
     @property
     def known(self) -> list[str]:

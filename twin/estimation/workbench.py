@@ -63,6 +63,7 @@ class Workbench:
       count: number of independent samples in each block (g).
       defect: discretisation error of the residual that is subtracted (n), in multiples of the noise.
       deviation: (n) of noise and of what remains of that error together, in multiples of the noise; 1 where unknown.
+      scale: (n) weight over deviation: from an error in multiples of the noise to a residual.
     """
 
     def __init__(self, data: Data, pool: ResidualPool):
@@ -71,6 +72,7 @@ class Workbench:
         self.prepared, self.groups, self.weight = data.prepared, data.blocks, data.weight
         self.count = data.counts()
         self.defect, self.deviation = np.zeros(len(self.weight)), np.ones(len(self.weight))
+        self.scale = self.weight
 
     def channels(self) -> set[str]:
         """Channels that are compared in any recording."""
@@ -97,6 +99,7 @@ class Workbench:
         bench = copy(self)
         size = loss.group_sizes(error, self.groups, self.weight)
         bench.deviation = np.hypot(1.0, np.repeat(size, [g.rows.stop - g.rows.start for g in self.groups]))
+        bench.scale = bench.weight / bench.deviation
         return bench
 
     def residuals(self, jobs: Sequence[tuple[Model, Sequence[Start], int | None]]) -> list[np.ndarray]:
@@ -119,9 +122,7 @@ class Workbench:
                 if group.recording == i:
                     rows = group.rows
                     part = finite(parts[group.channel])
-                    results[index][rows] = (
-                        (part - self.defect[rows]) * self.weight[rows] / self.deviation[rows]
-                    )
+                    results[index][rows] = (part - self.defect[rows]) * self.scale[rows]
         return results
 
     def sizes(self, residual: np.ndarray) -> np.ndarray:

@@ -126,8 +126,9 @@ def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal
         return channel
     gain, unit, error = found
     reason = channel.unit_reason if unit == channel.unit else f"curvature per {channel.unit} of the column"
-    known = replace(channel, gain=gain, is_gain_known=True, gain_uncertainty=error)
-    return replace(known, unit=unit, unit_reason=reason)
+    return replace(
+        channel, gain=gain, is_gain_known=True, gain_uncertainty=error, unit=unit, unit_reason=reason
+    )
 
 
 def _gauge(name: str, key: str, ask: Ask) -> float | None:
