@@ -80,3 +80,19 @@ def driven_against_a_spring(*frequencies):
 def test_a_spring_is_no_turned_sensor(frequencies):
     slow, gauge = driven_against_a_spring(*frequencies), Sensor("strain_base", 1e-6, 0.02, 0.001)
     check_channels.check_signs_and_units([slow], {"strain_base": gauge}, preset("bossi2009"))
+
+
+def test_a_torque_that_the_hub_does_not_follow_is_refused_no_more_often_than_by_chance():
+    """On a hub that sticks nearly always, friction holds the torque, and what moves has nothing to do with it."""
+    draw, time, refused = np.random.default_rng(4), np.arange(0, 5, 0.01), 0
+    for _ in range(200):
+        torque, speeding = np.repeat(0.1 * draw.standard_normal((2, 50)), 10, axis=1)
+        angle = np.cumsum(np.cumsum(speeding)) * 0.01**2
+        try:
+            recording = Recording("stairs", time, {"torque_command": torque, "hub_angle": angle})
+            check_channels.check_signs_and_units([recording], {}, preset("bossi2009"))
+        except InputError:
+            refused += 1
+    assert (
+        refused <= 3
+    )  # 0.2 are expected; with the correlation alone, whatever the number of samples, it were 10

@@ -8,7 +8,8 @@ from campaign_folder import CHANNELS, FIT, GAUGE, HELD_OUT, HUB, toml_text, writ
 
 from twin.campaigns.campaign import read_campaign
 from twin.diagnosis import detectable
-from twin.diagnosis.rays import with_effect
+from twin.diagnosis.rays import point_on_ray, rays, visible_length, with_effect
+from twin.effects import REGISTRY
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import prior_precision, row_weights
@@ -79,3 +80,20 @@ def test_a_parameter_with_a_ray_of_its_own_is_not_judged_by_one_that_moves_other
     found = sizes(made(), "asymmetric-friction")
     assert not found["static_positive"].is_visible
     assert found["coulomb_positive"].sigma < found["static_positive"].sigma
+
+
+def test_a_change_of_the_residual_is_that_of_the_length_it_is_told_for(made):
+    """Also where no length changes it by one noise level: a standard error is the length over the change."""
+    bench, base = made()
+    for name, effect in REGISTRY.items():
+        if effect.wave is not None:
+            continue
+        neutral = effect.neutral(base.model.declared)
+        for ray in rays(bench, effect, neutral, base.model):
+            length, change = visible_length(bench, base, name, neutral, ray, 15.0)
+            if change is None:
+                continue
+            ahead = point_on_ray(effect, neutral, ray, length)
+            point, sign = (ahead, 1) if ahead else (point_on_ray(effect, neutral, ray, -length), -1)
+            [moved] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
+            np.testing.assert_array_equal(sign * (moved - base.residual), change, err_msg=name)

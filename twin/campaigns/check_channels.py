@@ -3,15 +3,18 @@
 Below the frequencies of vibration, three ratios of a planar link on a hub are known: torque per hub acceleration from
 the inertia, quasi-static bending per hub acceleration from the stiffness, and delivered per commanded torque, 1. Each
 is estimated by regression from low-passed channels, with springs, dry and viscous friction and gravity as nuisance
-regressors. A ratio with the wrong sign, or off by a large factor, is a fault of a channel.
+regressors: one ratio for all recordings, then one for each alone. A ratio with the wrong sign, or off by a large
+factor, is a fault of a channel.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from twin.campaigns import check_rig, schema
 from twin.errors import InputError
@@ -21,9 +24,13 @@ from twin.recording import CHANNEL_UNITS, Recording, Sensor
 
 _SPAN = 4.0  # periods of the first mode; half the width of the triangular mean, which averages vibrations out
 _SAMPLES = 32  # grid points per span
-_SHORTEST = 6.0  # spans; shorter recordings are not judged
+_CORRELATED = 1.5
+"""Time that is one independent sample [spans]: the inverse of the integral of the squared triangular mean."""
+_CHANCE = 1e-3
+"""Rate at which chance alone is taken for a clear correlation."""
 _CLEAR = 0.6
-"""Least partial correlation [1] with which a ratio is judged; channels with the right sign have 0.07 to 1."""
+"""Least partial correlation [1] with which a ratio is judged, also of long recordings: what the nuisance regressors
+leave of missing physics does not average out. Channels with the right sign have 0.07 to 1."""
 _SHARE = 0.3
 """Least low-passed share of a channel's standard deviation [1] with which it is judged."""
 _RATE_FACTOR = 3.0
@@ -41,17 +48,16 @@ def check_signs_and_units(recordings: Sequence[Recording], sensors: Mapping[str,
     Raises:
       InputError: one has, in at least one recording.
     """
-    faults: dict[str, dict[str, float]] = {}
-    for recording in recordings:
-        for channel, ratio in _faults(clear_ratios(recording, sensors, rig)).items():
-            faults.setdefault(channel, {})[recording.name] = ratio
-    for channel, ratios in faults.items():
-        raise InputError(f"{schema.FILE}: channels.{channel}: {_error_text(channel, ratios)}")
+    for together in (recordings, *([r] for r in recordings)):
+        faults = _faults(clear_ratios(together, sensors, rig))
+        for channel, ratio in faults.items():
+            files = [r.name for r in together if channel in _regressions(r, rig)]
+            raise InputError(f"{schema.FILE}: channels.{channel}: {_error_text(channel, ratio, files)}")
 
 
-def _error_text(channel: str, ratios: Mapping[str, float]) -> str:
-    """What is wrong with a channel, and what is expected. `ratios`: recording -> factor too large, signed."""
-    files, ratio = ", ".join(ratios), float(np.median(list(ratios.values())))
+def _error_text(channel: str, ratio: float, names: Sequence[str]) -> str:
+    """What is wrong with a channel, and what is expected. `ratio`: factor too large, signed."""
+    files = ", ".join(names)
     if ratio < 0 and not _is_unit_error(ratio):
         return (
             f"it counts the wrong way round in {files}: {_WHY[channel]}. Expected {_EXPECTED[channel]}; turn the "
@@ -123,23 +129,65 @@ def _is_unit_error(ratio: float, factor: float = _FACTOR) -> bool:
 # Ratios
 
 
-def clear_ratios(recording: Recording, sensors: Mapping[str, Sensor], rig: Rig) -> dict[str, float]:
-    """Channel -> low-passed ratio to the hub's acceleration, or the command, per expected ratio; only clear ones."""
+def clear_ratios(
+    recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig
+) -> dict[str, float]:
+    """Channel -> its ratio in all recordings to the hub's acceleration, or the command, per expected one, if clear."""
+    found: dict[str, list[Regression]] = {}
+    for recording in recordings:
+        for channel, regression in _regressions(recording, rig).items():
+            found.setdefault(channel, []).append(regression)
+    slopes = {channel: common_slope(regressions) for channel, regressions in found.items()}
+    return {c: slope / _expected(sensors, rig, c) for c, slope in slopes.items() if slope}
+
+
+def _expected(sensors: Mapping[str, Sensor], rig: Rig, channel: str) -> float:
+    """Ratio of a channel that the declared rig has."""
+    if channel == "torque_command":
+        return beam.rigid_inertia(rig)
+    return _quasi_static_reading(sensors[channel], rig) if channel in _SHAPE else 1.0
+
+
+def _regressions(recording: Recording, rig: Rig) -> dict[str, Regression]:
+    """Channel -> its regression on the hub's acceleration, on its rate (hub_rate), or on the command (motor_torque)."""
     span = _SPAN * check_rig.vibration_period(recording, rig)
-    if recording.clamped or "hub_angle" not in recording or recording.duration < _SHORTEST * span:
+    if recording.clamped or "hub_angle" not in recording or recording.duration < 2 * span:
         return {}
     slow = LowPassed(recording, span)
     ones = np.ones_like(slow.acceleration)
     nuisance = (ones, slow.mean("hub_angle"), slow.rate, slow.direction)
-    found = {"torque_command": slow.slope("torque_command", nuisance) / beam.rigid_inertia(rig)}
-    for channel in _SHAPE:
-        if channel in recording:
-            found[channel] = slow.slope(channel, nuisance[:2]) / _quasi_static_reading(sensors[channel], rig)
+    found = {"torque_command": slow.regression("torque_command", nuisance)}
+    found |= {c: slow.regression(c, nuisance[:2]) for c in _SHAPE if c in recording}
     if "hub_rate" in recording:
-        found["hub_rate"] = slow.slope("hub_rate", (ones,), slow.rate)
+        found["hub_rate"] = slow.regression("hub_rate", (ones,), slow.rate)
     if "motor_torque" in recording:
-        found["motor_torque"] = slow.slope("motor_torque", (ones,), slow.mean("torque_command"))
-    return {channel: ratio for channel, ratio in found.items() if ratio}
+        found["motor_torque"] = slow.regression("motor_torque", (ones,), slow.mean("torque_command"))
+    return {channel: regression for channel, regression in found.items() if regression is not None}
+
+
+class Regression(NamedTuple):
+    """A channel on one regressor, both without what the nuisance regressors explain (Frisch-Waugh-Lovell).
+
+    Attributes:
+      response, regressor, product: sum of the squares of either, and of their products.
+      degrees: of freedom that are left [1].
+    """
+
+    response: float
+    regressor: float
+    product: float
+    degrees: float
+
+
+def common_slope(regressions: Iterable[Regression]) -> float:
+    """Returns the slope that recordings have in common; 0 where their correlation is unclear, or may be chance."""
+    response, regressor, product, degrees = np.sum(list(regressions), axis=0)
+    if degrees <= 0 or response * regressor <= 0:
+        return 0.0
+    t = stats.t.isf(_CHANCE / 2, degrees)
+    correlation = abs(product) / math.sqrt(response * regressor)
+    is_clear = correlation > max(_CLEAR, t / math.hypot(t, math.sqrt(degrees)))
+    return float(product / regressor) if is_clear else 0.0
 
 
 def _quasi_static_reading(sensor: Sensor, rig: Rig) -> float:
@@ -192,8 +240,15 @@ class LowPassed:
         """Returns the triangular mean of a channel (m); NaN near a gap."""
         return _triangular_mean(self._on_grid(channel))
 
-    def slope(self, channel: str, others: Sequence[np.ndarray], cause: np.ndarray | None = None) -> float:
-        """Returns the partial regression slope of a channel; 0 where too little varies, or the correlation is unclear.
+    def slope(self, channel: str, others: Sequence[np.ndarray]) -> float:
+        """Returns the slope of a channel over the hub's acceleration, as `regression`; 0 where it is unclear."""
+        regression = self.regression(channel, others)
+        return 0.0 if regression is None else common_slope([regression])
+
+    def regression(
+        self, channel: str, others: Sequence[np.ndarray], cause: np.ndarray | None = None
+    ) -> Regression | None:
+        """Returns the regression of a channel; None where too little of it varies slowly, or it has too few samples.
 
         Args:
           channel: the channel.
@@ -203,16 +258,15 @@ class LowPassed:
         cause = self.acceleration if cause is None else cause
         values = self.mean(channel)
         known = np.isfinite(np.stack([values, cause, *others])).all(axis=0)
-        if np.count_nonzero(known) < 2 * _SAMPLES:
-            return 0.0
+        degrees = np.count_nonzero(known) / (_CORRELATED * _SAMPLES) - len(others) - 1
+        if degrees <= 0:
+            return None
         basis = np.linalg.qr(np.column_stack([other[known] for other in others]))[0]
-        # Both without what the nuisance regressors explain (Frisch-Waugh-Lovell).
         response, regressor = (v[known] - basis @ (basis.T @ v[known]) for v in (values, cause))
         if np.sqrt(np.mean(response**2)) < _SHARE * np.nanstd(self._recording[channel]):
-            return 0.0
-        length = float(np.linalg.norm(response) * np.linalg.norm(regressor))
-        product = float(response @ regressor)
-        return product / float(regressor @ regressor) if abs(product) > _CLEAR * length else 0.0
+            return None
+        sums = (float(response @ response), float(regressor @ regressor), float(response @ regressor))
+        return Regression(*sums, degrees)
 
     def _on_grid(self, channel: str) -> np.ndarray:
         """A channel interpolated to the grid; NaN farther than an eighth of a span from any sample."""

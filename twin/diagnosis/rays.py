@@ -62,23 +62,24 @@ def visible_length(
     ray: Mapping[str, float],
     tolerance: float = 3.0,
 ) -> tuple[float, np.ndarray | None]:
-    """Length along a ray at which the residual changes by one noise level (rms), within a factor, and this change (n).
+    """A length along a ray at which the residual changes by one noise level (rms), within a factor, and the change (n).
 
-    The change is None if the ray leaves the bounds.
+    Where that is not met in the range of the parameters, or within four trials, it is the last length that was tried.
+    The change is None if already the first is out of range.
     """
-    length, change = 1.0, None
+    length, tried, change = 1.0, 1.0, None
     for _ in range(4):
         forward = point_on_ray(REGISTRY[name], neutral, ray, length)
         point = forward or point_on_ray(REGISTRY[name], neutral, ray, -length)
         if point is None:
-            return length, change
+            break
         [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
-        change = (r - base.residual) * (1.0 if forward else -1.0)
+        tried, change = length, (r - base.residual) * (1.0 if forward else -1.0)
         factor = float(np.clip(1 / max(np.sqrt(np.mean(change**2)), ROUNDING), 1e-3, 1e3))
         if 1 / tolerance < factor < tolerance:
             break
         length *= factor
-    return length, change
+    return tried, change
 
 
 def point_on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):
