@@ -43,7 +43,7 @@ def add_scheduler(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="Dask scheduler whose workers take the place of --jobs processes",
+        help="Dask scheduler whose workers take the place of the processes",
     )
 
 

@@ -138,6 +138,16 @@ def test_a_gauge_in_curvature_needs_no_half_thickness(tmp_path):
     np.testing.assert_allclose(campaign.fit[0]["strain_base"] / thickness, curvature, atol=1e-8)
 
 
+@pytest.mark.parametrize(("inertia", "is_told"), [(0.05 * 0.4**2, True), (0.05 * 0.1**2, False)])
+def test_the_inertia_of_a_payload_about_the_hub_is_suspected(tmp_path, inertia, is_told):
+    payload = f"tip_mass = 0.05\ntip_inertia = {inertia}"
+    toml = toml_text().replace("[parameters]\nlength = 0.4", f"[parameters]\nlength = 0.4\n{payload}")
+    told = [
+        w for w in read_campaign(write(tmp_path, toml)).warnings if "parameters.tip_inertia is 0.008" in w
+    ]
+    assert len(told) == is_told
+
+
 def test_noise_left_unsaid(tmp_path):
     assert _read(tmp_path).sensors["torque_command"].noise is None
 

@@ -54,7 +54,7 @@ def test_rows_have_units_and_say_what_does_not_show():
     assert rows == [
         ("cable torsion", "stiffness", "0.000030 N·m/rad", "0.00025 N·m/rad"),
         ("root compliance", "stiffness", "–", "3000 N·m/rad or less"),
-        ("", "stiffness", "–", "at no size"),
+        ("", "stiffness", "–", "not seen"),
         ("strain gain", "gain base", "0.00010", "0.010"),
     ]
 
@@ -67,7 +67,7 @@ def test_the_page_says_the_same():
         "cable torsion",
         "0.00025 N·m/rad",
         "2 min to 2.0 h",
-        "'at no size' where the recordings show the effect at no value",
+        "'not seen' where these recordings show the effect at no value",
     ):
         assert text in html.unescape(page)
     assert page.count('<table class="cards') == 2

@@ -113,7 +113,7 @@ def test_each_step_says_what_it_takes_away():
     assert said == (
         "On held-out recordings, in windows of 1 s, the hub angle is off by 68° as declared: calibration takes 4.0° "
         "away, viscous friction 57°, backlash 4.0°; 3.0° is left and depends on the hub angle (sensor noise 0.020°). "
-        "Over whole runs it is off by 60° before and 60° after."
+        "Over whole runs, in which errors add up, it is off by 60° before and 60° after."
     )
 
 

@@ -266,6 +266,49 @@ def test_no_inertia_is_asked_of_a_payload_that_is_not_there(nameless):
     assert "tip_inertia" in "".join(asked)
 
 
+@pytest.mark.parametrize(
+    ("given", "limit"), [("10 V", 1.4), ("10 V ± 1 %", 1.4), ("1.3", 1.3), ("900 mN*m", 0.9)]
+)
+def test_the_limit_of_a_drive_may_be_given_in_volts(nameless, given, limit):
+    answers = {
+        "_command, column": "V",
+        "torque_command: N*m at the hub per V": "0.14",
+        "torque_limit [": given,
+    }
+    asked: list[str] = []
+    answer = answering(answers)
+    proposal = ask.complete(
+        propose(nameless, "x"), lambda question: asked.append(question) or answer(question)
+    )
+    assert proposal.parameters == {"torque_limit": pytest.approx(limit)}
+    assert any(question.startswith("torque_limit [N*m or V], ") for question in asked)
+
+
+def test_a_limit_in_volts_is_refused_where_the_torque_of_a_volt_is_not_known(nameless):
+    given = iter(["10 V", ""])
+    asked: list[str] = []
+
+    def answer(question):
+        asked.append(question)
+        return next(given) if "torque_limit [" in question else ""
+
+    assert not ask.complete(propose(nameless, "x"), answer).parameters
+    assert any("torque_limit [N*m], " in question for question in asked)
+    assert any("V" in question.split("torque_limit")[0] for question in asked if "torque_limit" in question)
+
+
+def test_one_friction_is_enough(nameless):
+    asked: list[str] = []
+    answer = answering({"static_friction [": "0.04 ± 60 %"})
+    proposal = ask.complete(
+        propose(nameless, "x"), lambda question: asked.append(question) or answer(question)
+    )
+    assert proposal.parameters == {"static_friction": 0.04, "coulomb_friction": 0.04}
+    assert proposal.uncertainty == {"static_friction": 0.6, "coulomb_friction": 0.6}
+    [question] = [question for question in asked if question.startswith("coulomb_friction")]
+    assert question.endswith("(Enter: 0.04)? ")
+
+
 def test_a_gauge_may_be_known_as_a_curvature_per_volt(nameless):
     found = propose(nameless, "x")
     unknown = replace(found.channels["strain_base"], unit="", gain=None)

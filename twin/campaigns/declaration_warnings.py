@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from twin.campaigns import schema
@@ -22,6 +23,7 @@ def declaration_warnings(content: schema.CampaignFile) -> tuple[str, ...]:
         *_uncertainty_warnings(content),
         *_channel_uncertainty_warnings(content),
         *_command_gain_warnings(content),
+        *_payload_warnings(content),
     )
 
 
@@ -40,6 +42,17 @@ def _command_gain_warnings(content: schema.CampaignFile) -> Iterator[str]:
         f"{schema.FILE}: channels.torque_command.gain is {command.gain:g}, so that 1 {command.unit} of the recording "
         f"counts as {command.gain:g} {unit} at the motor; the torque per {unit} follows from [drive]"
     )
+
+
+def _payload_warnings(content: schema.CampaignFile) -> Iterator[str]:
+    """About the hub, the inertia of a payload is at least its mass times the length of the link squared."""
+    given = content.parameters
+    inertia, mass, length = (given.get(name, 0.0) for name in ("tip_inertia", "tip_mass", "length"))
+    if mass > 0 and inertia >= mass * length**2 > 0:
+        yield (
+            f"{schema.FILE}: parameters.tip_inertia is {inertia:g} kg*m^2, that of {mass:g} kg at a distance of "
+            f"{math.sqrt(inertia / mass):.2g} m; expected the inertia about the tip, not about the hub"
+        )
 
 
 def _uncertainty_warnings(content: schema.CampaignFile) -> Iterator[str]:

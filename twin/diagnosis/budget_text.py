@@ -62,7 +62,8 @@ def sentences(budgets: Sequence[Mapping[str, ChannelBudget]], depends: Sequence[
     whole = pooled(budgets, main.channel, in_windows=False) if main.in_windows else None
     if whole is None:
         return said
-    return f"{said} Over whole runs it is off by {_amount(whole, 0)} before and {_amount(whole, -1)} after."
+    before, after = _amount(whole, 0), _amount(whole, -1)
+    return f"{said} Over whole runs, in which errors add up, it is off by {before} before and {after} after."
 
 
 def main_budget(budgets: Sequence[Mapping[str, ChannelBudget]]) -> PooledBudget | None:

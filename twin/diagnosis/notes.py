@@ -197,7 +197,7 @@ def _single_recordings(state: SearchState) -> list[str]:
     files = [prepared.recording.name for prepared in state.bench.prepared]
     return [
         f"{files[i]} alone leaves {size:.2g} noise levels of {with_the(channel)} unexplained, no other recording "
-        "does: a fault that only this experiment provokes, or a bad recording. Repeat it."
+        "does: a fault that only this experiment provokes, or a bad recording. Recorded again, a fault shows again."
         for i, channel, size in remainder.in_one_recording(state)
     ]
 

@@ -27,7 +27,7 @@ def complete(proposal: Proposal, ask: Ask) -> Proposal:
     """Returns the proposal with what the user answered."""
     channels = dict(_channels(proposal, ask))
     drive = _drive(channels, ask)
-    values = dict(_parameters("limit" in drive, ask))
+    values = _parameters(channels.get("torque_command"), "limit" in drive, ask)
     recordings = tuple(
         replace(
             entry, loop=_choice(f"{entry.path.name}: loop, open or closed [open]? ", ("open", "closed"), ask)
@@ -169,26 +169,47 @@ def _drive(channels: Mapping[str, ChannelProposal], ask: Ask) -> dict[str, float
     return found
 
 
-def _parameters(limited: bool, ask: Ask) -> Iterator[tuple[str, tuple[float, float | None]]]:
+def _parameters(
+    command: ChannelProposal | None, limited: bool, ask: Ask
+) -> dict[str, tuple[float, float | None]]:
     """Name of a parameter -> its value and relative uncertainty; `limited`: the drive has a limit."""
-    is_first, has_payload = True, False
+    found: dict[str, tuple[float, float | None]] = {}
     for name in (*(n for n in PARAMETERS if n not in DEFAULTS), *DEFAULTS):
-        if (limited and name == "torque_limit") or (name == "tip_inertia" and not has_payload):
+        if limited and name == "torque_limit":
             continue
-        unit = PARAMETERS[name][0]
-        told = "" if unit == "1" else f" [{unit}]"
-        empty = f"(Enter: {DEFAULTS[name]:g})" if name in DEFAULTS else _OPEN
-        example = f"; with unit and uncertainty if you like, such as 0.1 {unit} ± 10 %" if is_first else ""
-        question = f"{name}{told}, {MEANINGS[name]}{example} {empty}? "
+        if name == "tip_inertia" and found.get("tip_mass", (0.0, None))[0] == 0:
+            continue
+        # Of most rigs one friction is known.
+        usual = found.get("static_friction") if name == "coulomb_friction" else None
+        answer = _parameter(name, not found, usual, command, ask)
+        if answer is not None:
+            found[name] = answer
+    return found
 
-        def checked(answer: Quantity, name: str = name, unit: str = unit) -> tuple[float, float | None]:
-            return rig_parameter(name, answer.to(unit), answer.uncertainty, "").value, answer.uncertainty
 
-        found = _quantity(question, checked, ask)
-        is_first = False
-        if found is not None:
-            has_payload = has_payload or (name == "tip_mass" and found[0] > 0)
-            yield name, found
+def _parameter(
+    name: str,
+    is_first: bool,
+    usual: tuple[float, float | None] | None,
+    command: ChannelProposal | None,
+    ask: Ask,
+) -> tuple[float, float | None] | None:
+    """Value of a parameter and its relative uncertainty; `usual` where the answer is empty."""
+    unit = PARAMETERS[name][0]
+    volts = name == "torque_limit" and command is not None and command.is_gain_known
+    told = "" if unit == "1" else f" [{unit} or {command.unit}]" if volts and command else f" [{unit}]"
+    default = usual[0] if usual else DEFAULTS.get(name)
+    empty = _OPEN if default is None else f"(Enter: {default:g})"
+    example = f"; with unit and uncertainty if you like, such as 0.1 {unit} ± 10 %" if is_first else ""
+
+    def checked(answer: Quantity) -> tuple[float, float | None]:
+        if volts and command and answer.unit and units.convertible(answer.unit, command.unit):
+            value = answer.to(command.unit) * abs(command.gain or 1.0)
+        else:
+            value = answer.to(unit)
+        return rig_parameter(name, value, answer.uncertainty, "").value, answer.uncertainty
+
+    return _quantity(f"{name}{told}, {MEANINGS[name]}{example} {empty}? ", checked, ask) or usual
 
 
 def _quantity(question: str, checked: Callable[[Quantity], _Answer], ask: Ask) -> _Answer | None:

@@ -14,22 +14,22 @@ from twin.proposal.propose import ChannelProposal, Proposal, RecordingProposal
 from twin.recording import ON_LINK
 
 MEANINGS = {
-    "length": "from the axis of the hub to the tip",
+    "length": "from the axis of the hub to the tip: from there to the clamp, and from the clamp to the tip",
     "linear_density": "mass of the link per length",
     "bending_stiffness": "E I of the link: Young's modulus times width times thickness^3 / 12",
     "hub_inertia": "of all that turns with the hub, the motor times the square of its gear ratio, without the link",
     "tip_mass": "payload at the tip; 0 for none",
-    "tip_inertia": "of the payload about the tip",
+    "tip_inertia": "of the payload about the tip, not about the hub",
     "damping_ratio": "of every bending mode with the hub free to turn",
     "static_friction": "torque that a resting hub withstands",
     "coulomb_friction": "friction torque on a turning hub",
-    "torque_limit": "saturation of the amplifier, both signs",
+    "torque_limit": "saturation of the amplifier, both signs, as torque on the hub",
 }
 """Parameter -> what it is."""
 REQUIRED = tuple(name for name in PARAMETERS if name not in DEFAULTS)
 """Parameters without which a rig cannot be simulated."""
 GAUGE = {
-    "position": "m along the link, from the axis of the hub (not from the clamp)",
+    "position": "m along the link from the axis of the hub: from there to the clamp, and from the clamp to the gauge",
     "half_thickness": "m from the neutral axis of the link to the gauge, half the thickness of a strip",
 }
 """Key of a strain gauge -> what it is."""

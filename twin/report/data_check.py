@@ -35,9 +35,10 @@ EXPLANATION = (
     "By how much each parameter has to differ from the value at which its effect does nothing. Standard error: how "
     "well the recordings determine it, all declared parameters being fitted beside it. Found from: the smallest "
     "difference for which a diagnosis would adopt the effect. It is a value with 'or less' where the effect does "
-    "nothing at an infinite value, as the stiffness of a rigid clamp, and 'at no size' where the recordings show the "
-    "effect at no value in the range of the parameter. Both suppose that the declared model is right but for the "
-    "effect, and that its trace is proportional to its size: a dead zone or a play can show earlier."
+    "nothing at an infinite value, as the stiffness of a rigid clamp, and 'not seen' where these recordings show the "
+    "effect at no value in the range of the parameter, so that it takes other ones. Both suppose that the declared "
+    "model is right but for the effect, and that its trace is proportional to its size: a dead zone or a play can show "
+    "earlier."
 )
 """What the numbers of the visible effects mean."""
 
@@ -130,7 +131,7 @@ def visible_rows(check: DataCheck) -> Iterator[tuple[str, str, str, str]]:
 def _found(d: Detectable) -> str:
     """The change from neutral from which a parameter is found."""
     if not d.is_visible:
-        return "at no size"
+        return "not seen"
     if math.isfinite(d.neutral):
         return _with_unit(abs(d.found - d.neutral), d)
     return f"{_with_unit(d.found, d)} or less"
