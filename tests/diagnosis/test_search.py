@@ -9,7 +9,7 @@ from planted import PLANTED
 from rig_campaigns import planned, planned_fit
 
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import dependence, spectrum
+from twin.diagnosis import contest, dependence, rules, spectrum
 from twin.diagnosis.candidates import Candidate, explore, points_at_peaks, score_gain, try_effect
 from twin.diagnosis.conclude import explanatory_variables, verdict_of
 from twin.diagnosis.contest import (
@@ -264,6 +264,23 @@ def test_a_gain_that_is_gone_in_the_limit_of_the_chain_is_none(viscous):
     assert choice.effects == right.effects
     assert [c.effects for c in ranked] == [right.effects, wrong.effects]
     start.bench.defect = defect
+
+
+def test_what_predicts_no_other_recording_makes_room_for_the_next(viscous, monkeypatch):
+    start, right = viscous
+    local = replace(right, effects=("asymmetric-friction",), score=right.score + 10.0)
+    elsewhere = {local.name: -1.0, right.name: 100.0}
+    monkeypatch.setattr(rules, "gain_without_best_recording", lambda bench, base, c: elsewhere[c.name])
+    monkeypatch.setattr(contest, "refit_in_fine_limit", lambda bench, fit, jacobian: (bench, fit))
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [local, right], 0.0, 0.0)
+    assert choice is not None
+    assert [choice.name, *(c.name for c in ranked)] == [right.name, right.name, local.name]
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [local], 0.0, 0.0)
+    assert (choice, [c.name for c in ranked]) == (None, [local.name])
+    # It takes its place only where it would have been adopted itself.
+    few = replace(right, score=rules.least_score(0.0) / 2)
+    ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [local, few], 0.0, 0.0)
+    assert (choice, [c.name for c in ranked]) == (None, [local.name, few.name])
 
 
 def test_what_a_calibration_that_stopped_short_would_gain_is_no_gain_of_an_effect(viscous):

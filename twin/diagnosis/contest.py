@@ -10,7 +10,7 @@ import numpy as np
 from twin import labels
 from twin.diagnosis import candidates, rules
 from twin.diagnosis.candidates import CONTENDERS, Candidate
-from twin.diagnosis.judgement import Judgement, judge_all, passes
+from twin.diagnosis.judgement import Judgement, judge_all
 from twin.diagnosis.rules import Trial
 from twin.estimation import chain_limit
 from twin.estimation.calibrate import with_noise_of
@@ -157,7 +157,8 @@ def confirm_in_fine_limit(
     """Judges the best candidate with its residuals corrected for the discretisation error of the chain.
 
     The response of a coarse chain near a resonance is inaccurate, and an effect may gain by fitting this error. If the
-    corrected score is clearly smaller, the candidate that is then the best is corrected and judged in turn.
+    corrected score is clearly smaller, the candidate that is then the best is corrected and judged in turn. One that
+    does not predict other recordings than it is fitted to is no law of the rig: it makes room for the next.
 
     Args:
       bench: the data.
@@ -169,19 +170,26 @@ def confirm_in_fine_limit(
     Returns:
       The candidates, the one to adopt or None, and the data corrected at its fit.
     """
-    ranked = list(ranked)
+    ranked, local = list(ranked), list[Candidate]()
     checked: dict[Candidate, Workbench] = {}
-    while ranked and passes(judge_all(rules.ADOPTION, Trial(bench, base, ranked[0], 1, by_chance, gained))):
+    while ranked:
         choice = ranked[0]
+        judged = judge_all(rules.ADOPTION, Trial(bench, base, choice, 1, by_chance, gained))
+        failed = {judgement.rule for judgement in judged if not judgement.passed}
+        if failed == {rules.ELSEWHERE.name}:
+            local.append(ranked.pop(0))
+            continue
+        if failed:
+            break
         if choice in checked:
-            return ranked, choice, checked[choice]
+            return [choice, *local, *ranked[1:]], choice, checked[choice]
         own, fine = refit_in_fine_limit(bench, choice.fit, choice.fit.jacobian)
         corrected = replace(choice, fit=fine, score=candidates.score_gain(own, base, fine))
         checked[corrected] = own
         ranked[0] = corrected
         if corrected.score < choice.score - rules.tie(choice.score):
             ranked = prefer_simpler(ranked)
-    return ranked, None, bench
+    return [*local, *ranked], None, bench
 
 
 def judge_round(

@@ -120,6 +120,18 @@ SCREENING: tuple[Rule[Trial], ...] = (
 )
 """Whether a candidate is fitted."""
 
+ELSEWHERE: Rule[Trial] = Rule(
+    "gains-elsewhere",
+    "Does the effect improve the prediction of recordings that its fit did not use?",
+    "leave-one-recording-out cross-validated gain in log likelihood without the best recording [nat]",
+    _elsewhere,
+    lambda t: LEAST_ELSEWHERE,
+    f"{LEAST_ELSEWHERE:g}",
+    "assumed",
+    "odds of 20 000 to 1; twin.estimation.cross_validation",
+)
+"""Whether a candidate is a law of the rig, and not a fault of one recording."""
+
 ADOPTION: tuple[Rule[Trial], ...] = (
     Rule(
         "best-of-round",
@@ -162,16 +174,7 @@ ADOPTION: tuple[Rule[Trial], ...] = (
         "measured",
         f"{_NULLS}; benchmarks/results/rules.md: a torque gain beside a stop",
     ),
-    Rule(
-        "gains-elsewhere",
-        "Does the effect improve the prediction of recordings that its fit did not use?",
-        "leave-one-recording-out cross-validated gain in log likelihood without the best recording [nat]",
-        _elsewhere,
-        lambda t: LEAST_ELSEWHERE,
-        f"{LEAST_ELSEWHERE:g}",
-        "assumed",
-        "odds of 20 000 to 1; twin.estimation.cross_validation",
-    ),
+    ELSEWHERE,
 )
 """Whether a candidate is added to the model. The scores are those in the limit of a fine chain, see
 `contest.confirm_in_fine_limit`."""
