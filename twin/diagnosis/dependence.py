@@ -25,7 +25,7 @@ from twin.residuals import residual
 from twin.residuals.data import BLOCK_SPAN, EVENT_CHANNELS, DrivenData
 from twin.residuals.filters import GRID
 from twin.residuals.numerics import ROUNDING
-from twin.residuals.view import move_link
+from twin.residuals.view import as_read, move_link
 from twin.rigs.model import with_fine_chain
 
 _BINS = (16, 100)
@@ -98,9 +98,10 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
         if group.recording != i or group.channel in EVENT_CHANNELS:
             continue
         keep = bench.weight[group.rows] > 0
+        late = fit.model.hub_late if group.channel == HUB_TORQUE else 0.0
         channels[group.channel] = Unexplained(
             values[group.channel][keep],
-            {name: variable[keep] for name, variable in variables.items()},
+            {name: as_read(view.time, late, variable)[keep] for name, variable in variables.items()},
             np.full(keep.sum(), i),
             before + view.time[keep] - view.time[0],
             white[group.channel][keep],

@@ -14,7 +14,7 @@ from twin.residuals.cell_means import double_mean, double_mean_torque
 from twin.residuals.filters import BAND, GRID, REACH, low_passed
 from twin.residuals.prepared import Prepared
 from twin.residuals.rest_run import REST_SPAN
-from twin.residuals.view import Signals, View, before_end
+from twin.residuals.view import Signals, View, as_read, before_end
 from twin.rigs.model import Model
 
 _EXTRAPOLATION_ERROR = 0.05  # relative error of a break-away torque that is read this way
@@ -24,7 +24,7 @@ _INVISIBLE = 0.003  # s from a break-away to the first visible motion, and its e
 def unmodelled_torque(
     signals: Signals, model: Model, motion: Motion, required: np.ndarray, delivered: np.ndarray
 ) -> np.ndarray:
-    """Torque on the hub that the model does not account for (m) [N m], low-passed.
+    """Torque on the hub that the model does not account for (m) [N m], low-passed, at the instants of the motion.
 
     Args:
       signals: the recording.
@@ -84,7 +84,7 @@ def break_away_residual(
     if not view.onsets:
         return residual
     laws = _hub_laws(view, model, motion, np.zeros(len(residual)))
-    held = low_passed(delivered + laws - required, GRID)
+    held = as_read(view.time, model.hub_late, low_passed(delivered + laws - required, GRID))
     for k, direction in view.onsets:
         before = slice(k - int(REST_SPAN / GRID), k - round(REACH / GRID))
         t = view.time[before] - view.time[k] + _INVISIBLE

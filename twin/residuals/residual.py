@@ -15,7 +15,7 @@ from twin.residuals.hub_balance import (
     unmodelled_torque,
 )
 from twin.residuals.prepared import Prepared
-from twin.residuals.view import NoiseModel, Signals, View, before_end, move_link, whitened
+from twin.residuals.view import NoiseModel, Signals, View, as_read, before_end, move_link, whitened
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
 
@@ -38,7 +38,12 @@ def scaled(residuals: dict[str, np.ndarray], noise: NoiseModel, model: Model) ->
 
 
 def scaled_change(view: View, model: Model, channel: str, change: np.ndarray) -> np.ndarray:
-    """Change (..., m) of a residual by a low-passed change (..., m) of the raw one: scaled alike, 0 where unknown."""
+    """Change (..., m) of a residual by a low-passed change (..., m) of the raw one: scaled alike, 0 where unknown.
+
+    That of the torque on the hub is at the instants of the motion, as that of the readings is at their own.
+    """
+    if channel == HUB_TORQUE:
+        change = as_read(view.time, model.hub_late, change)
     known = view.sliding if channel == HUB_TORQUE else view.known[channel]
     return scaled({channel: known * change}, view, model)[channel]
 
@@ -98,8 +103,8 @@ def continuous_residual(
     """
     residuals = channel_residual(signals, prepared, model, motion)
     torque = unmodelled_torque(signals, model, motion, required, delivered)
-    read = before_end(signals.time, model.hub_late + REACH)
-    residuals["hub_torque"] = np.where(signals.sliding & read, torque, 0.0)
+    shown = as_read(signals.time, model.hub_late, torque)
+    residuals["hub_torque"] = np.where(signals.sliding & before_end(signals.time, REACH), shown, 0.0)
     return residuals
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.fft import irfft, rfft
+from scipy.interpolate import CubicSpline
 
 from twin.mechanics import planar
 from twin.mechanics.state import Motion, Start
@@ -174,7 +175,20 @@ def hub_trajectory(signals: Signals, model: Model) -> HubTrajectory:
     acceleration = spline(at, 2)
     rate = spline(at, 1) + acceleration * beyond
     angle = np.where(read, angle, spline(at) + (rate - acceleration * beyond / 2) * beyond)
-    return HubTrajectory(angle, rate, acceleration, np.where(signals.direction == 0, 0.0, np.sign(rate)))
+    seen = np.minimum(np.searchsorted(signals.time, signals.time + model.hub_late), len(rate) - 1)
+    return HubTrajectory(
+        angle, rate, acceleration, np.where(signals.direction[seen] == 0, 0.0, np.sign(rate))
+    )
+
+
+def as_read(time: np.ndarray, late: float, values: np.ndarray) -> np.ndarray:
+    """Values (..., m) of a motion, smooth, at the instants (m) at which a late sensor shows it [s].
+
+    What is known of a recording, as where its hub slides, is known on the clock of its readings.
+    """
+    if late == 0 or not np.isfinite(values).all():
+        return values
+    return CubicSpline(time, values, axis=-1)(np.clip(time - late, time[0], time[-1]))
 
 
 def before_end(time: np.ndarray, span: float) -> np.ndarray:
