@@ -9,7 +9,7 @@ from planted import PLANTED
 from rig_campaigns import planned, planned_fit
 
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import contest, dependence, rules, spectrum
+from twin.diagnosis import candidates, contest, dependence, rules, spectrum
 from twin.diagnosis.candidates import Candidate, explore, points_at_peaks, score_gain, try_effect
 from twin.diagnosis.conclude import explanatory_variables, verdict_of
 from twin.diagnosis.contest import (
@@ -25,6 +25,7 @@ from twin.effects import REGISTRY
 from twin.estimation.calibrate import calibrate
 from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
+from twin.estimation.unknowns import Unknown
 from twin.rigs import preset
 from twin.virtual_rig.effects import EFFECTS, OUTSIDE_EFFECTS
 
@@ -281,6 +282,30 @@ def test_what_predicts_no_other_recording_makes_room_for_the_next(viscous, monke
     few = replace(right, score=rules.least_score(0.0) / 2)
     ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [local, few], 0.0, 0.0)
     assert (choice, [c.name for c in ranked]) == (None, [local.name, few.name])
+
+
+@pytest.mark.parametrize(("name", "is_kept"), [("sensor-delay", False), ("viscous-friction", True)])
+def test_late_readings_show_an_unknown_state_at_other_instants(viscous, monkeypatch, name, is_kept):
+    """A column of the state is kept for a fit with any other effect; for a delay it may have the opposite sign."""
+    start, _ = viscous
+    rate = Unknown("start", "hub_rate", 0.0, 0.01, False, (-1.0, 1.0), recording=0)
+    before = start.base
+    base = replace(
+        before,
+        unknowns=(*before.unknowns, rate),
+        values=np.append(before.values, 0.0),
+        jacobian=np.column_stack([before.jacobian, np.zeros(len(before.residual))]),
+    )
+    kept = []
+
+    def minimise_with(bench, model, starts, unknowns, values, fixed, iterations):
+        kept.append((rate.key in fixed, before.unknowns[0].key in fixed))
+        return replace(base, model=model, unknowns=unknowns, values=values)
+
+    monkeypatch.setattr(candidates, "minimise", minimise_with)
+    effect = REGISTRY[name]
+    candidates.fit_from_best(start.bench, base, name, [dict(effect.starts(before.model.declared)[0])])
+    assert kept[0] == (is_kept, True)
 
 
 def test_what_a_calibration_that_stopped_short_would_gain_is_no_gain_of_an_effect(viscous):

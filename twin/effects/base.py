@@ -240,6 +240,12 @@ class Effect:
         return {error for errors in self.channel_errors.values() for error in errors}
 
     @property
+    def delays_readings(self) -> bool:
+        """Whether it shows the motion at other instants."""
+        errors = {kind for errors in self.channel_errors.values() for kind, _ in errors}
+        return self.acts_on_readings and "delay" in errors
+
+    @property
     def acts_on_readings(self) -> bool:
         """Whether it changes sensor readings."""
         return type(self).sensing is not Effect.sensing
