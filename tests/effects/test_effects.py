@@ -119,3 +119,14 @@ def test_coefficients_in_which_a_force_is_linear_stand_for_its_parameters(name):
 
 def test_a_cable_that_pushes_is_none():
     assert REGISTRY["cable-torsion"].from_linear_coefficients((-1e-3, 2e-3)) is None
+
+
+@pytest.mark.parametrize("rate", [0.0, 2.0])
+def test_what_late_sensors_first_show_of_a_rig_that_moves_is_older_than_its_simulation(rate):
+    time = np.arange(0, 0.2, 0.002)
+    angle = rate * time + np.exp(-30 * time) * time**2
+    late = {"delay": 0.019, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}
+    shown = REGISTRY["sensor-delay"].sensing(time, {"hub_angle": angle}, late)["hub_angle"]
+    before = time < 0.019
+    np.testing.assert_allclose(shown[before], rate * (time[before] - 0.019), atol=1e-6)
+    np.testing.assert_allclose(shown[~before], np.interp(time[~before] - 0.019, time, angle), atol=1e-4)

@@ -69,13 +69,15 @@ class SensorDelay(Effect):
 
 
 def interpolated(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (m) interpolated at other instants by a cubic spline; constant beyond the ends.
+    """Values (m) interpolated at other instants by a cubic spline; constant behind the last, and before the first as if
+    they had changed at the rate there: what a late sensor first shows of a rig that moves is older than its simulation.
 
     Values of a diverged simulation, not all finite, are returned unchanged.
     """
     if len(time) < 2 or np.array_equal(at, time) or not np.isfinite(values).all():
         return values
-    return CubicSpline(time, values)(np.clip(at, time[0], time[-1]))
+    spline = CubicSpline(time, values)
+    return spline(np.clip(at, time[0], time[-1])) + spline(time[0], 1) * np.minimum(at - time[0], 0.0)
 
 
 def _held(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
