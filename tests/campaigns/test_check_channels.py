@@ -46,14 +46,18 @@ CHANNELS = ["torque_command", "motor_torque", "hub_angle", "strain_base", "strai
 
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_it_is_told_which_one_is_turned(folder, channel, tmp_path):
-    with pytest.raises(InputError, match=rf"channels\.{channel}: .* wrong way round in .*sign of its gain"):
+    with pytest.raises(
+        InputError, match=rf"channels\.{channel}: .* wrong way round in \S+\.csv.*sign of its gain"
+    ):
         read_campaign(scaled(folder, channel, -1.0, tmp_path))
 
 
 @pytest.mark.parametrize("channel", CHANNELS)
 @pytest.mark.parametrize(("gain", "size"), [(57.3, "large"), (1e6, "large"), (1e-3, "small")])
 def test_it_is_told_which_one_has_another_unit(folder, channel, gain, size, tmp_path):
-    with pytest.raises(InputError, match=rf"channels\.{channel}: it is some [0-9]+ times too {size} in "):
+    with pytest.raises(
+        InputError, match=rf"channels\.{channel}: it is some [0-9]+ times too {size} in \S+\.csv"
+    ):
         read_campaign(scaled(folder, channel, gain, tmp_path))
 
 
@@ -93,6 +97,4 @@ def test_a_torque_that_the_hub_does_not_follow_is_refused_no_more_often_than_by_
             check_channels.check_signs_and_units([recording], {}, preset("bossi2009"))
         except InputError:
             refused += 1
-    assert (
-        refused <= 3
-    )  # 0.2 are expected; with the correlation alone, whatever the number of samples, it were 10
+    assert refused <= 1  # by a correlation of 0.6 alone, whatever the number of samples, it were 4 to 10

@@ -48,10 +48,13 @@ def check_signs_and_units(recordings: Sequence[Recording], sensors: Mapping[str,
     Raises:
       InputError: one has, in at least one recording.
     """
-    for together in (recordings, *([r] for r in recordings)):
-        faults = _faults(clear_ratios(together, sensors, rig))
+    each = [(r.name, _regressions(r, rig)) for r in recordings]
+    for together in (each, *([one] for one in each)):
+        faults = _faults(_clear([found for _, found in together], sensors, rig))
         for channel, ratio in faults.items():
-            files = [r.name for r in together if channel in _regressions(r, rig)]
+            # A fault of the hub angle shows in all ratios to its acceleration.
+            seen_by = "torque_command" if channel == "hub_angle" else channel
+            files = [name for name, found in together if seen_by in found]
             raise InputError(f"{schema.FILE}: channels.{channel}: {_error_text(channel, ratio, files)}")
 
 
@@ -133,11 +136,15 @@ def clear_ratios(
     recordings: Sequence[Recording], sensors: Mapping[str, Sensor], rig: Rig
 ) -> dict[str, float]:
     """Channel -> its ratio in all recordings to the hub's acceleration, or the command, per expected one, if clear."""
-    found: dict[str, list[Regression]] = {}
-    for recording in recordings:
-        for channel, regression in _regressions(recording, rig).items():
-            found.setdefault(channel, []).append(regression)
-    slopes = {channel: common_slope(regressions) for channel, regressions in found.items()}
+    return _clear([_regressions(recording, rig) for recording in recordings], sensors, rig)
+
+
+def _clear(
+    each: Sequence[Mapping[str, Regression]], sensors: Mapping[str, Sensor], rig: Rig
+) -> dict[str, float]:
+    """The same of the regressions of each recording."""
+    channels = dict.fromkeys(channel for found in each for channel in found)
+    slopes = {c: common_slope(found[c] for found in each if c in found) for c in channels}
     return {c: slope / _expected(sensors, rig, c) for c, slope in slopes.items() if slope}
 
 
