@@ -24,8 +24,14 @@ from twin.effects import REGISTRY
 from twin.estimation import output_error
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import QUICK_ITERATIONS, minimise
-from twin.estimation.slopes import linear_gain, linear_move
-from twin.estimation.unknowns import Unknown, effect_unknowns, model_and_starts_at, replaced_parameters
+from twin.estimation.slopes import cost_of, linear_gain, linear_move
+from twin.estimation.unknowns import (
+    Unknown,
+    effect_unknowns,
+    model_and_starts_at,
+    replaced_parameters,
+    unit_of,
+)
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
@@ -413,6 +419,38 @@ def initial_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.
         value = known.get(u.key, u.start)
         first.append(u.turned(model.effects[u.effect][u.name]) if u.effect in model.effects else value)
     return np.array(first)
+
+
+def initial_values_without(
+    name: str, bench: Workbench, unknowns: Sequence[Unknown], model: Model, base: Fit, near: Fit
+) -> np.ndarray:
+    """First values (p) of a fit without an effect that a fit near it has.
+
+    Others may take its place (`Effect.taken_over`), where a descent from their values beside it would not lead them:
+    they are moved if this costs less.
+
+    Args:
+      name: of the effect.
+      bench: the data.
+      unknowns: (p).
+      model: without the effect.
+      base, near: as the fits of `initial_values`; the last one has the effect.
+    """
+    first = initial_values(unknowns, model, base, near)
+    effect, p = REGISTRY[name], near.model.effects[name]
+    moved = [
+        u.turned(effect.taken_over(p, u.full_name, u.turned(v), unit_of(u, model))) if u.is_parameter else v
+        for u, v in zip(unknowns, first, strict=True)
+    ]
+    moved = np.clip(moved, *np.array([u.bounds for u in unknowns]).reshape(-1, 2).T)
+    if np.array_equal(moved, first):
+        return first
+    points = first, moved
+    residuals = bench.residuals(
+        [(*model_and_starts_at(model, near.starts, unknowns, x), None) for x in points]
+    )
+    costs = [cost_of(bench, unknowns, x, r) for x, r in zip(points, residuals, strict=True)]
+    return points[int(np.argmin(costs))]
 
 
 def points_at_peaks(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -> list[dict[str, float]]:

@@ -132,7 +132,8 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     continues the descent and its score contains the gain of the calibration.
     """
     moved = {name: best.fit.model.effects[name] for name in base.model.effects}
-    first = candidates.initial_values(base.unknowns, base.model.replace(effects=moved), base, best.fit)
+    model = base.model.replace(effects=moved)
+    first = candidates.initial_values_without(best.name, bench, base.unknowns, model, base, best.fit)
     # An effect that replaces a declared parameter has found a value of it, maybe beyond its uncertainty.
     instead = best.fit.model.effects.get(best.name, {})
     for k, u in enumerate(base.unknowns):

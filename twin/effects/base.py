@@ -287,6 +287,16 @@ class Effect:
         """Whether these values agree with what is declared of the sensors."""
         return True
 
+    def taken_over(self, p: Mapping[str, float], parameter: str, value: float, unit: str) -> float:
+        """Value of another parameter of a rig without this effect that behaves most alike.
+
+        Args:
+          p: the effect's parameters.
+          parameter: name of the other one, of an effect's with that of the effect before it: `effect.parameter`.
+          value, unit: of the other one beside the effect, SI.
+        """
+        return value - self.hidden_by.get(parameter, 0.0) * p[self.parameters[0].name]
+
     def linear_coefficients(self, p: Mapping[str, float]) -> tuple[float, ...]:
         """Coefficients in which the force of the effect is linear; empty if there are none."""
         return ()

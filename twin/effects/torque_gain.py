@@ -1,5 +1,7 @@
 """Gain error of the drive."""
 
+import re
+
 from twin.effects.base import GAIN_ERRORS, Effect, EffectParameter
 
 
@@ -39,6 +41,11 @@ class TorqueGain(Effect):
     def drive(self, drive, p):
         return drive.replace(torque=drive.torque * p["gain"], before=drive.before * p["gain"])
 
+    def taken_over(self, p, parameter, value, unit):
+        # Without a sensor of the torque, nothing tells the gain from the unit of mass: all motions are the same if
+        # inertias, stiffnesses and frictions are divided by it.
+        return value / p["gain"] if has_mass(unit) else value
+
     # It changes no reading of the motion.
     acts_on_readings = False
 
@@ -50,3 +57,8 @@ class TorqueGain(Effect):
         if "motor_torque" not in channels or p.get("behind_sensor", 0.0) != 1.0:
             return channels
         return {**channels, "motor_torque": channels["motor_torque"] / p["gain"]}
+
+
+def has_mass(unit):
+    """Whether a quantity with this SI unit is proportional to the unit of mass, as a torque or an inertia is."""
+    return re.match(r"(N|kg)\b", unit) is not None

@@ -94,6 +94,13 @@ def replaced_parameters(model: Model) -> set[str]:
     return {p for name in model.effects for p in REGISTRY[name].replaces}
 
 
+def unit_of(unknown: Unknown, model: Model) -> str:
+    """SI unit of a parameter of the rig or of an effect."""
+    if unknown.kind == "rig":
+        return model.declared.parameters[unknown.name].unit
+    return REGISTRY[unknown.effect].units(model.effects[unknown.effect])[unknown.name]
+
+
 def declared_unknowns(model: Model) -> list[Unknown]:
     """Declared parameters with a non-zero uncertainty, which is the deviation of a Gaussian prior."""
     unknowns, replaced = [], replaced_parameters(model)
