@@ -45,8 +45,11 @@ _FAST = {"contract", "arcp", "nsz", "reassoc"}
 # Without numba's run-time system, compiled functions count no references to arrays, and cannot make any. Counting at
 # every call, for the 14 arrays of a `Plant`, took three times as long as the equations.
 compiled = cached_njit(error_model="numpy", fastmath=_FAST, nogil=True, _nrt=False)
-# Numba passes a `Plant`, some 70 words, by value: functions called at every stage of a step are inlined.
+# Numba passes a `Plant`, some 70 words, by value: functions called at every stage of a step are inlined, by numba, or
+# by LLVM where this compiles faster. A function with a copy of its own in each caller would also round differently in
+# the process that compiles it, which takes another copy than those that load it.
 _inlined = cached_njit(error_model="numpy", fastmath=_FAST, inline="always", nogil=True)
+_within = cached_njit(error_model="numpy", fastmath=_FAST, nogil=True, _nrt=False, forceinline=True)
 
 FREE, HUB, MOTOR = 0, 1, 2
 """What is locked during a step."""
@@ -67,7 +70,7 @@ def _friction_raise(plant, theta):
     return 0.5 * plant.friction.amplitude * (1 + np.sin(plant.friction.order * theta + plant.friction.phase))
 
 
-@compiled
+@_within
 def static_level(plant, theta, direction):
     """Static friction level [N m] of a hub at rest at angle theta, for a torque in `direction` (+1 or -1)."""
     level = plant.friction.static_positive if direction > 0 else plant.friction.static_negative
@@ -146,7 +149,7 @@ def hub_torque(plant, t, theta, omega):
     return torque
 
 
-@compiled
+@_within
 def _relative_sines(phi, sin, cos):
     """Fills `sin` and `cos` of the angles phi_i - phi_0 (n + 1), which determine the mass matrix.
 
@@ -239,7 +242,7 @@ def _generalised_forces(plant, t, phi, omega, touching, force, mass, sin, cos, b
             force[i] += plant.link.first_moment[i] * (gy * cos[i] - gx * sin[i])
 
 
-@compiled
+@_within
 def _solve(mass, force, first):
     """Solves mass x = force in place (LDL' factorisation) for rows and columns from `first` on; x replaces `force`."""
     m = force.size
@@ -266,7 +269,7 @@ def _solve(mass, force, first):
         force[i] = s
 
 
-@compiled
+@_within
 def _accelerations(plant, t, phi, omega, drive, direction, locked, touching, acc, scratch):
     """Fills `acc` (n + 1) under the motor torque `drive`; returns the torque [N m] that holds what is locked, else 0.
 
@@ -303,7 +306,7 @@ def _accelerations(plant, t, phi, omega, drive, direction, locked, touching, acc
     return 0.0
 
 
-@compiled
+@_inlined
 def _lagged_torque(u, u_before, age, lag):
     """Delivered torque [N m] of a first-order lag, `age` seconds after the command stepped to u from u_before."""
     if lag <= 0.0:
@@ -311,39 +314,48 @@ def _lagged_torque(u, u_before, age, lag):
     return u + (u_before - u) * np.exp(-age / lag)
 
 
-@compiled
+@_inlined
+def _share_of_step(stage):
+    """Instant of a stage of the classical Runge-Kutta method, as a share of its step."""
+    return 0.5 * ((stage + 1) // 2)
+
+
+@_inlined
+def _to_stage(phi, omega, work, stage, after, phi1):
+    """Fills the angles `phi1` and the rates `work[stage]` of a stage, `after` the beginning of its step [s]."""
+    before = max(stage - 1, 0)
+    for i in range(phi.size):
+        phi1[i] = phi[i] + (after * work[before, i] if stage > 0 else 0.0)
+        work[stage, i] = omega[i] + (after * work[before + 4, i] if stage > 0 else 0.0)
+
+
+@_inlined
+def _to_end(phi, omega, work, h, phi1, omega1):
+    """Fills the state at the end of a step from the rates and accelerations of its stages."""
+    for i in range(phi.size):
+        phi1[i] = phi[i] + h / 6 * (work[0, i] + 2 * work[1, i] + 2 * work[2, i] + work[3, i])
+        omega1[i] = omega[i] + h / 6 * (work[4, i] + 2 * work[5, i] + 2 * work[6, i] + work[7, i])
+
+
+@_inlined
 def _step(plant, t, phi, omega, held, h, phi1, omega1, work, scratch):
     """One classical fourth-order Runge-Kutta step of length h from phi, omega to phi1, omega1.
 
     What is held during it: the command, the torque delivered when it came and the time since then, the direction of
-    sliding, what is locked, and whether the motor is on a flank of the backlash. `work[4]` holds the accelerations at
-    its beginning.
+    sliding, what is locked, and whether the motor is on a flank of the backlash. `work` holds the rates of the four
+    stages, then their accelerations, of which the first is given.
     """
     u, u_before, age, direction, locked, touching = held
-    m = phi.size
-    # Row by row: numba takes the rows of an array that is unpacked for not contiguous.
-    k1v, k2v, k3v, k4v = work[0], work[1], work[2], work[3]
-    k1a, k2a, k3a, k4a = work[4], work[5], work[6], work[7]
-    half = _lagged_torque(u, u_before, age + h / 2, plant.motor.lag)
-    end = _lagged_torque(u, u_before, age + h, plant.motor.lag)
-    for i in range(m):
-        k1v[i] = omega[i]
-        phi1[i] = phi[i] + 0.5 * h * k1v[i]
-        k2v[i] = omega[i] + 0.5 * h * k1a[i]
-    _accelerations(plant, t + h / 2, phi1, k2v, half, direction, locked, touching, k2a, scratch)
-    for i in range(m):
-        phi1[i] = phi[i] + 0.5 * h * k2v[i]
-        k3v[i] = omega[i] + 0.5 * h * k2a[i]
-    _accelerations(plant, t + h / 2, phi1, k3v, half, direction, locked, touching, k3a, scratch)
-    for i in range(m):
-        phi1[i] = phi[i] + h * k3v[i]
-        k4v[i] = omega[i] + h * k3a[i]
-    _accelerations(plant, t + h, phi1, k4v, end, direction, locked, touching, k4a, scratch)
-    for i in range(m):
-        phi1[i] = phi[i] + h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
-        omega1[i] = omega[i] + h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
+    for stage in range(4):
+        after = _share_of_step(stage) * h
+        _to_stage(phi, omega, work, stage, after, phi1)
+        if stage > 0:
+            drive = _lagged_torque(u, u_before, age + after, plant.motor.lag)
+            rate, acc = work[stage], work[stage + 4]
+            _accelerations(plant, t + after, phi1, rate, drive, direction, locked, touching, acc, scratch)
+    _to_end(phi, omega, work, h, phi1, omega1)
     if locked != FREE:
-        b = 0 if locked == HUB else m - 1
+        b = 0 if locked == HUB else phi.size - 1
         phi1[b] = phi[b]
         omega1[b] = 0.0
 
@@ -367,7 +379,13 @@ def _stuck(plant, size):
     return HUB if _rubbing(plant, size) == 0 else MOTOR
 
 
-@compiled
+@_inlined
+def _locked(plant, size, mode, clamped):
+    """What is locked during a step."""
+    return HUB if clamped else FREE if mode != 0 else _stuck(plant, size)
+
+
+@_inlined
 def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
     """Torque [N m] of friction, reversed, that keeps at rest what it acts on, the hub or the motor."""
     stuck = _stuck(plant, phi.size)
@@ -375,7 +393,7 @@ def _torque_to_hold(plant, t, phi, omega, drive, acc, scratch):
     return _accelerations(plant, t, phi, omega, drive, still, stuck, _touches(plant, phi), acc, scratch)
 
 
-@compiled
+@_inlined
 def _margin_of_hold(plant, theta, needed):
     """Static level less the torque `needed` to keep the hub at rest [N m]: friction holds while it is not negative."""
     return static_level(plant, theta, 1 if needed > 0 else -1) - abs(needed)
@@ -385,7 +403,7 @@ NO_EVENT, STOP, SLIP, CONTACT = 0, 1, 2, 3
 """Events: none is possible, the sliding rate crosses zero, friction no longer holds, the motor meets a flank."""
 
 
-@compiled
+@_inlined
 def _next_event(plant, t, held, h, phi, omega, clamped, acc, scratch):
     """The event that is nearest after a step of length h to this state, and its margin; `held` as in `_step`.
 
@@ -407,7 +425,44 @@ def _next_event(plant, t, held, h, phi, omega, clamped, acc, scratch):
     return (other, nearest) if nearest < margin else (event, margin)
 
 
-@compiled
+@_inlined
+def _step_to_event(plant, t, phi, omega, held, h, clamped, phi1, omega1, acc, work, scratch):
+    """A step of length h from phi, omega to phi1, omega1, or to just after the first event in it.
+
+    Returns its length and the event. The instant is found by the Illinois method. The search ends when it comes to the
+    root from both sides: near it, each point lies half the tolerance beyond the estimate. Without an event, `acc` holds
+    what `_next_event` left.
+    """
+    event, trial = NO_EVENT, h
+    low, high, before, after, moved = 0.0, h, 0.0, 0.0, 0
+    searching = True  # a state that is no number, of a simulation that diverges, ends it
+    while searching or event != NO_EVENT:
+        _step(plant, t, phi, omega, held, trial, phi1, omega1, work, scratch)
+        if not searching:
+            break
+        sooner, margin = _next_event(plant, t + trial, held, trial, phi1, omega1, clamped, acc, scratch)
+        if event != NO_EVENT and trial == 0.0:
+            before = max(margin, 0.0)
+        elif margin < 0.0:
+            before *= 0.5 if moved < 0 else 1.0
+            moved = -1 if event != NO_EVENT else 0
+            high, after, event = trial, margin, sooner
+        else:
+            low, before = trial, margin
+            after *= 0.5 if moved > 0 else 1.0
+            moved = 1
+        searching = event != NO_EVENT and high - low > EVENT_TOLERANCE
+        if not searching:
+            trial = high
+        elif moved == 0 and trial > 0.0:
+            trial = 0.0  # the margin at the beginning
+        else:
+            mid = low + (high - low) * before / (before - after) + 0.5 * moved * EVENT_TOLERANCE
+            trial = min(max(mid, low + 0.5 * EVENT_TOLERANCE), high - 0.5 * EVENT_TOLERANCE)
+    return high, event
+
+
+@_inlined
 def _mode_after(plant, t, held, h, phi, omega, event, acc, scratch):
     """The mode after a stop or slip at the end of a step of length h; a stop sets the sliding rate to zero."""
     u, u_before, age, _, _, _ = held
@@ -421,7 +476,7 @@ def _mode_after(plant, t, held, h, phi, omega, event, acc, scratch):
     return 1 if needed > 0 else -1
 
 
-@compiled
+@_within
 def _record(t, h, phi, omega, phi1, omega1, mode, mode1, out, row):
     """Fills the rows whose instants a step of length h has passed; returns the next row.
 
@@ -445,7 +500,7 @@ def _record(t, h, phi, omega, phi1, omega1, mode, mode1, out, row):
     return row
 
 
-@compiled
+@_within
 def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, out, row, work, scratch):
     """Integrates phi, omega in place under a held command u; returns the mode at the end, and the next row.
 
@@ -470,46 +525,24 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
         touching = _touches(plant, phi)
         if not holds:
             drive = _lagged_torque(u, u_before, age, plant.motor.lag)
-            if not clamped and mode == 0:
-                needed = _torque_to_hold(plant, t, phi, omega, drive, first, scratch)
-                if _margin_of_hold(plant, phi[_rubbing(plant, phi.size)], needed) < 0.0:
-                    mode = 1 if needed > 0 else -1
-            if clamped or mode != 0:
-                lock = HUB if clamped else FREE
-                _accelerations(plant, t, phi, omega, drive, mode, lock, touching, first, scratch)
-        locked = HUB if clamped else FREE if mode != 0 else _stuck(plant, phi.size)
+            for _ in range(2):
+                locked = _locked(plant, phi.size, mode, clamped)
+                needed = _accelerations(plant, t, phi, omega, drive, mode, locked, touching, first, scratch)
+                if clamped or mode != 0:
+                    break
+                if _margin_of_hold(plant, phi[_rubbing(plant, phi.size)], needed) >= 0.0:
+                    break
+                mode = 1 if needed > 0 else -1
+        locked = _locked(plant, phi.size, mode, clamped)
         longest = min(h_max, _contact_step(plant, phi, omega, first)) if touching else h_max
         h = left / max(1.0, np.ceil(left / longest - 1e-9))
         held = u, u_before, age, mode, locked, touching
-        _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
-        event, after = _next_event(plant, t + h, held, h, phi1, omega1, clamped, acc, scratch)
-        happened = after < 0.0
-        if happened:
-            # The instant of the first event by the Illinois method, then restart just after it. The search ends when
-            # it comes to the root from both sides: near it, each point lies half the tolerance beyond the estimate.
-            low, high, moved = 0.0, h, 0
-            _, before = _next_event(plant, t, held, 0.0, phi, omega, clamped, acc, scratch)
-            before = max(before, 0.0)
-            while high - low > EVENT_TOLERANCE:
-                mid = low + (high - low) * before / (before - after) + 0.5 * moved * EVENT_TOLERANCE
-                mid = min(max(mid, low + 0.5 * EVENT_TOLERANCE), high - 0.5 * EVENT_TOLERANCE)
-                _step(plant, t, phi, omega, held, mid, phi1, omega1, stages, scratch)
-                sooner, margin = _next_event(plant, t + mid, held, mid, phi1, omega1, clamped, acc, scratch)
-                if margin < 0.0:
-                    high, after, event = mid, margin, sooner
-                    before *= 0.5 if moved < 0 else 1.0
-                    moved = -1
-                else:
-                    low, before = mid, margin
-                    after *= 0.5 if moved > 0 else 1.0
-                    moved = 1
-            h = high
-            _step(plant, t, phi, omega, held, h, phi1, omega1, stages, scratch)
-            if event != CONTACT:
-                mode = _mode_after(plant, t + h, held, h, phi1, omega1, event, acc, scratch)
+        h, event = _step_to_event(plant, t, phi, omega, held, h, clamped, phi1, omega1, acc, stages, scratch)
+        if event in (STOP, SLIP):
+            mode = _mode_after(plant, t + h, held, h, phi1, omega1, event, acc, scratch)
         row = _record(t, h, phi, omega, phi1, omega1, held[3], mode, out, row)
         _copy_state(phi1, omega1, phi, omega)
-        holds = not happened and not clamped and mode == 0
+        holds = event == NO_EVENT and not clamped and mode == 0
         if holds:
             for i in range(phi.size):
                 first[i] = acc[i]
@@ -579,7 +612,7 @@ def simulate(
     return out
 
 
-@compiled
+@_within
 def _guide(phi, omega, mode, row, observed, anchor, rates, modes):
     """Imposes the measurement on the state at a row; returns the mode."""
     if observed[row] == STUCK and mode != 0:
@@ -709,7 +742,7 @@ def simulate_prescribed_hub(
     return out
 
 
-@compiled
+@_within
 def _prescribed_accelerations(plant, t, phi, omega, alpha, acc, scratch):
     """Fills `acc` (n + 1 + k) under the hub acceleration alpha; returns the hub torque that it takes [N m]."""
     mass, row = scratch[3:], scratch[2]
@@ -737,10 +770,7 @@ def _parabola(start, middle, end, share):
 def _simulate_prescribed_hub(
     plant, time, angle, rate, acceleration, middle, phi, omega, h_max, angles, rates, torques, work, scratch
 ):
-    m = phi.size
-    # Row by row: numba takes the rows of an array that is unpacked for not contiguous.
-    k1v, k2v, k3v, k4v = work[0], work[1], work[2], work[3]
-    k1a, k2a, k3a, k4a, p = work[4], work[5], work[6], work[7], work[8]
+    p, m = work[8], phi.size
     turn = angle[0] - phi[0]
     for i in range(m):
         phi[i] += turn
@@ -748,38 +778,23 @@ def _simulate_prescribed_hub(
     for row in range(time.size):
         _copy_state(phi, omega, angles[row], rates[row])
         torques[row] = _prescribed_accelerations(
-            plant, time[row], phi, omega, acceleration[row], k1a, scratch
+            plant, time[row], phi, omega, acceleration[row], work[4], scratch
         )
         if row + 1 == time.size:
             break
         span = time[row + 1] - time[row]
         count = int(np.ceil(span / h_max - 1e-9))
         h = span / count
-        first, half, last = acceleration[row], middle[row], acceleration[row + 1]
         for step in range(count):
-            t = time[row] + step * h
-            start = _parabola(first, half, last, step / count)
-            between = _parabola(first, half, last, (step + 0.5) / count)
-            end = _parabola(first, half, last, (step + 1) / count)
-            for i in range(m):
-                k1v[i] = omega[i]
-            if step > 0:  # those of the first step were computed above, with the torque
-                _prescribed_accelerations(plant, t, phi, omega, start, k1a, scratch)
-            for i in range(m):
-                p[i] = phi[i] + 0.5 * h * k1v[i]
-                k2v[i] = omega[i] + 0.5 * h * k1a[i]
-            _prescribed_accelerations(plant, t + h / 2, p, k2v, between, k2a, scratch)
-            for i in range(m):
-                p[i] = phi[i] + 0.5 * h * k2v[i]
-                k3v[i] = omega[i] + 0.5 * h * k2a[i]
-            _prescribed_accelerations(plant, t + h / 2, p, k3v, between, k3a, scratch)
-            for i in range(m):
-                p[i] = phi[i] + h * k3v[i]
-                k4v[i] = omega[i] + h * k3a[i]
-            _prescribed_accelerations(plant, t + h, p, k4v, end, k4a, scratch)
-            for i in range(m):
-                phi[i] += h / 6 * (k1v[i] + 2 * k2v[i] + 2 * k3v[i] + k4v[i])
-                omega[i] += h / 6 * (k1a[i] + 2 * k2a[i] + 2 * k3a[i] + k4a[i])
+            for stage in range(4):
+                share = _share_of_step(stage)
+                _to_stage(phi, omega, work, stage, share * h, p)
+                if step == 0 and stage == 0:
+                    continue  # computed above, with the torque
+                t, passed = time[row] + (step + share) * h, (step + share) / count
+                alpha = _parabola(acceleration[row], middle[row], acceleration[row + 1], passed)
+                _prescribed_accelerations(plant, t, p, work[stage], alpha, work[stage + 4], scratch)
+            _to_end(phi, omega, work, h, phi, omega)
         phi[0] = angle[row + 1]
         omega[0] = rate[row + 1]
 
@@ -874,15 +889,19 @@ def backlash_torque(
       start: instant of the first cell [s].
     """
     acceleration, angle, drive = (np.ascontiguousarray(v, dtype=float) for v in (acceleration, angle, drive))
-    torque = np.zeros(len(drive))
-    _backlash_torque(plant, period, acceleration, angle, drive, mobility, start, torque)
+    torque, steps = np.zeros(len(drive)), backlash_steps(plant, period)
+    _backlash_torque(plant, period, steps, acceleration, angle, drive, mobility, start, torque)
     return torque
 
 
+def backlash_steps(plant: Plant, period: float) -> int:
+    """Number of steps of `backlash_torque` in each cell of length `period` [s]."""
+    return math.ceil(period / min(CONTACT_STEP, plant.motor.contact_step))
+
+
 @compiled
-def _backlash_torque(plant, period, acceleration, angle, drive, mobility, start, torque):
+def _backlash_torque(plant, period, count, acceleration, angle, drive, mobility, start, torque):
     # `place` and `rate` are the motor's angle relative to the hub [rad] and its rate [rad/s].
-    count = int(np.ceil(period / min(CONTACT_STEP, plant.motor.contact_step)))
     h, inertia, last = period / count, plant.motor.inertia, drive.size - 1
     place = rate = 0.0
     sticks = False
