@@ -84,3 +84,21 @@ def test_hub_that_friction_may_hold_between_impacts_is_not_told():
     assert 0 < held[view.sliding].mean() < 0.5
     slack = model.with_friction(static_positive=0.0, static_negative=0.0)
     assert not (backlash.undetermined(view, prepared, slack, noise, 0.1) & held).any()
+
+
+def test_models_that_differ_in_the_link_share_the_torque_through_a_play(monkeypatch):
+    data, solved = _data(0.012, _sweep(3.0, 10.0, 0.13, 2.0)), []
+    solve = backlash._solve
+    monkeypatch.setattr(backlash, "_solve", lambda *a: solved.append(a) or solve(*a))
+    model = _model(0.012)
+    stiff = model.replace(declared=model.declared.replace(bending_stiffness=2.2))
+    heavy = model.replace(declared=model.declared.replace(hub_inertia=0.02))
+
+    def balance(data, model):
+        return data.residual(model, 0, data.prepared[0].start)["hub_torque"]
+
+    found = [balance(data, m) for m in (model, stiff, heavy, _model(0.013))]
+    assert len(solved) == 3
+    assert not np.array_equal(found[0], found[1])
+    # As computed without what is kept.
+    np.testing.assert_array_equal(found[1], balance(_data(0.012, _sweep(3.0, 10.0, 0.13, 2.0)), stiff))

@@ -137,6 +137,11 @@ class Drive:
     before: float = 0.0
     lag: float = 0.0
 
+    @property
+    def inputs(self) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """All that determines it."""
+        return self.time, self.torque, self.before, self.lag
+
     def replace(self, **changes) -> Drive:
         """A drive with some attributes changed."""
         return replace(self, **changes)

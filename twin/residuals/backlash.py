@@ -11,12 +11,13 @@ T is found by fixed-point iteration.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from twin.mechanics.planar import backlash_torque
+from twin.effects.base import Drive
+from twin.mechanics.planar import backlash_steps, backlash_torque
 from twin.mechanics.plant import Plant
 from twin.residuals.cell_means import (
     CELLS,
@@ -66,6 +67,16 @@ class _Hub(NamedTuple):
 def transmitted_torque(signals: Signals, prepared: Prepared, model: Model) -> np.ndarray:
     """Double mean (m) of the torque through the backlash on the hub, see `cell_means` [N m]."""
     return double_mean_of_cells(_solve(signals, prepared, model)[1])
+
+
+def inputs(signals: Signals, drive: Drive, model: Model) -> tuple[float | np.ndarray, ...]:
+    """What the torque through the backlash depends on; most declared parameters of the link are not among it."""
+    plant, hub = model.plant, hub_trajectory(signals, model)
+    steps = backlash_steps(plant, cell_length(signals.time))
+    motor: tuple[Any, ...] = (*plant.motor._replace(contact_step=0.0), steps, plant.hub_inertia)
+    friction: tuple[Any, ...] = plant.friction if plant.friction.on_motor else ()
+    laws: tuple[Any, ...] = plant.torques if plant.torques.on_motor.any() else ()
+    return (*motor, *friction, *laws, hub.angle, hub.acceleration, *drive.inputs)
 
 
 def undetermined(signals: Signals, prepared: Prepared, model: Model, noise: float, slow: float) -> np.ndarray:

@@ -25,7 +25,7 @@ class Cache(Generic[T]):
     """The last results by their inputs; safe to share between threads."""
 
     def __init__(self, most: int = _MOST) -> None:
-        """Keeps at most this number of results and drops the oldest."""
+        """Keeps at most this number of results and drops the one that was not used for longest."""
         self._most = most
         self._known: OrderedDict[Hashable, T] = OrderedDict()
         self._lock = threading.Lock()
@@ -35,6 +35,8 @@ class Cache(Generic[T]):
         key = tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in inputs)
         with self._lock:
             known = self._known.get(key)
+            if known is not None:
+                self._known.move_to_end(key)
         if known is None:
             known = compute()
             with self._lock:

@@ -122,14 +122,17 @@ def delivered_torque(signals: Signals, prepared: Prepared, model: Model) -> np.n
 
     It passes the filter of the motion.
     """
-    if model.plant.motor.gap > 0:
-        return low_passed(backlash.transmitted_torque(signals, prepared, model), GRID, signals.band)
-    drive = model.drive(prepared.recording)
+    drive, plays = model.drive(prepared.recording), model.plant.motor.gap > 0
 
     def filtered() -> np.ndarray:
-        return low_passed(double_mean_torque(drive, signals.time), GRID, signals.band)
+        torque = (
+            backlash.transmitted_torque(signals, prepared, model)
+            if plays
+            else double_mean_torque(drive, signals.time)
+        )
+        return low_passed(torque, GRID, signals.band)
 
-    return signals.torques.get((drive.time, drive.torque, drive.before, drive.lag), filtered)
+    return signals.torques.get(backlash.inputs(signals, drive, model) if plays else drive.inputs, filtered)
 
 
 def torque_reading(signals: Signals, prepared: Prepared, model: Model) -> np.ndarray:
