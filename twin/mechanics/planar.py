@@ -500,7 +500,7 @@ def _record(t, h, phi, omega, phi1, omega1, mode, mode1, out, row):
     return row
 
 
-@_within
+@compiled
 def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, out, row, work, scratch):
     """Integrates phi, omega in place under a held command u; returns the mode at the end, and the next row.
 
@@ -518,6 +518,13 @@ def advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, o
       row: the first to be filled.
       work, scratch: (11, n + 1 + k) and (n + 4 + k, n + 1 + k), of any content.
     """
+    return _advance(
+        plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, out, row, work, scratch
+    )
+
+
+@_inlined
+def _advance(plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, out, row, work, scratch):
     phi1, omega1, acc, stages, first = work[8], work[9], work[10], work[:8], work[4]
     left = end - t
     holds = False  # known from the end of the step before: that friction does, and `first`
@@ -665,7 +672,7 @@ def _simulate(
         if pointer + 1 < command_time.size and command_time[pointer + 1] < end:
             end = command_time[pointer + 1]
         age = t - since
-        mode, next_row = advance(
+        mode, next_row = _advance(
             plant, t, end, phi, omega, u, u_before, age, mode, clamped, h_max, out, row, work, scratch
         )
         if guided and next_row > row:
