@@ -421,36 +421,42 @@ def initial_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.
     return np.array(first)
 
 
-def initial_values_without(
-    name: str, bench: Workbench, unknowns: Sequence[Unknown], model: Model, base: Fit, near: Fit
+def initial_values_near(
+    bench: Workbench, unknowns: Sequence[Unknown], model: Model, base: Fit, near: Fit
 ) -> np.ndarray:
-    """First values (p) of a fit without an effect that a fit near it has.
+    """First values (p) of the fit of a model that may lack effects of a fit near it.
 
-    Others may take its place (`Effect.taken_over`), where a descent from their values beside it would not lead them:
-    they are moved if this costs less.
+    Others may take their place (`Effect.taken_over`), where a descent from the values beside them would not lead: they
+    are moved if this costs less.
 
     Args:
-      name: of the effect.
       bench: the data.
       unknowns: (p).
-      model: without the effect.
-      base, near: as the fits of `initial_values`; the last one has the effect.
+      model: to be fitted.
+      base, near: the fits whose values are taken, as by `initial_values`.
     """
     first = initial_values(unknowns, model, base, near)
-    effect, p = REGISTRY[name], near.model.effects[name]
-    moved = [
-        u.turned(effect.taken_over(p, u.full_name, u.turned(v), unit_of(u, model))) if u.is_parameter else v
-        for u, v in zip(unknowns, first, strict=True)
-    ]
-    moved = np.clip(moved, *np.array([u.bounds for u in unknowns]).reshape(-1, 2).T)
+    moved = first
+    for name in near.model.effects.keys() - model.effects.keys():
+        moved = _taken_over(name, near.model.effects[name], unknowns, moved, model)
     if np.array_equal(moved, first):
         return first
     points = first, moved
-    residuals = bench.residuals(
-        [(*model_and_starts_at(model, near.starts, unknowns, x), None) for x in points]
-    )
-    costs = [cost_of(bench, unknowns, x, r) for x, r in zip(points, residuals, strict=True)]
+    jobs = [(*model_and_starts_at(model, near.starts, unknowns, x), None) for x in points]
+    costs = [cost_of(bench, unknowns, x, r) for x, r in zip(points, bench.residuals(jobs), strict=True)]
     return points[int(np.argmin(costs))]
+
+
+def _taken_over(
+    name: str, values: Mapping[str, float], unknowns: Sequence[Unknown], x: np.ndarray, model: Model
+) -> np.ndarray:
+    """Values (p) with which other parameters take the place of an effect that has these values."""
+    moved = x.copy()
+    for k, u in enumerate(unknowns):
+        if u.is_parameter:
+            other = REGISTRY[name].taken_over(values, u.full_name, u.turned(x[k]), unit_of(u, model))
+            moved[k] = np.clip(u.turned(other), *u.bounds)
+    return moved
 
 
 def points_at_peaks(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -> list[dict[str, float]]:

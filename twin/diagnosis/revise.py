@@ -67,7 +67,7 @@ def _without_needless(state: SearchState) -> SearchState:
 def _fit_without(state: SearchState, name: str, least: float) -> Fit:
     """The fit without one effect; given up where the loss of score would stay above `least`."""
     effects = {n: p for n, p in state.best.model.effects.items() if n != name}
-    quick = refit(state, effects, QUICK_ITERATIONS, state.best, without=name)
+    quick = refit(state, effects, QUICK_ITERATIONS, state.best)
     fewer = len(state.best.unknowns) - len(quick.unknowns)
     goal = state.best.cost + least + state.bench.penalty(fewer)
     return refit(state, effects, FAR_ITERATIONS, quick, goal=goal)
@@ -143,7 +143,6 @@ def refit(
     near: Fit,
     bench: Workbench | None = None,
     goal: float = np.inf,
-    without: str | None = None,
 ) -> Fit:
     """Fits a model with these effects, starting at the values of another fit.
 
@@ -154,16 +153,12 @@ def refit(
       near: the other fit.
       bench: the data; by default those of the state.
       goal: see `minimise`.
-      without: effect of the other fit that is left out, if it is one: others may take its place.
     """
     bench = bench or state.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
     model = candidates.without_replaced_errors(model)
     unknowns = candidates.fit_unknowns(bench, model, state.base)
-    if without is None:
-        first = candidates.initial_values(unknowns, model, state.base, near)
-    else:
-        first = candidates.initial_values_without(without, bench, unknowns, model, state.base, near)
+    first = candidates.initial_values_near(bench, unknowns, model, state.base, near)
     kept = near.jacobian_columns if iterations == QUICK_ITERATIONS else None
     return minimise(bench, model, near.starts, unknowns, first, kept, iterations, goal=goal)
 
