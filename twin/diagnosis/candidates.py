@@ -437,8 +437,9 @@ def initial_values_near(
     """
     first = initial_values(unknowns, model, base, near)
     moved = first
-    for name in near.model.effects.keys() - model.effects.keys():
-        moved = _taken_over(name, near.model.effects[name], unknowns, moved, model)
+    for name, values in near.model.effects.items():
+        if name not in model.effects:
+            moved = _taken_over(name, values, unknowns, moved, model)
     if np.array_equal(moved, first):
         return first
     points = first, moved
