@@ -20,7 +20,7 @@ from twin.residuals.hub_balance import delivered_torque
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import continuous_residual, scaled
 from twin.residuals.ringing import Ringing, RingingMode
-from twin.residuals.view import PADDING, SETTLING, NoiseModel, Signals, filtered, move_link
+from twin.residuals.view import SETTLING, NoiseModel, Signals, filtered, move_link, padded_length
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
 
@@ -178,7 +178,7 @@ def whitening_filters(signals: Signals, prepared: Prepared, model: Model) -> dic
     `view.filtered`.
     """
     count = len(signals.time)
-    f = rfftfreq(count + 2 * min(count - 1, PADDING), GRID)
+    f = rfftfreq(padded_length(count), GRID)
     period = prepared.recording.period
     hub = 2 * prepared.noise["hub_angle"] ** 2 * period * low_pass_gain(f, GRID, signals.band) ** 2
     wide = float(np.trapezoid(low_pass_gain(f, GRID) ** 2, f))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.fft import irfft, rfft
+from scipy.fft import irfft, prev_fast_len, rfft
 from scipy.interpolate import CubicSpline
 
 from twin.mechanics import planar
@@ -23,7 +23,7 @@ from twin.rigs.model import Model
 from twin.rigs.simulate import initial_state
 
 PADDING = int(3.0 / GRID)
-"""Samples by which a residual is continued on either side before it is whitened: 3 s."""
+"""Samples by which a residual is continued before it is whitened: 3 s; behind it a few less, see `padded_length`."""
 SETTLING = 0.5
 """Span after which an unknown state no longer matters [s]: of the link at the start of a moving rig or behind a gap, of
 a motor in its play. Not compared until then."""
@@ -110,12 +110,18 @@ def whitened(values: np.ndarray, model: NoiseModel, channel: str) -> np.ndarray:
 
 def filtered(values: np.ndarray, gain: np.ndarray) -> np.ndarray:
     """A signal (..., m) behind a zero-phase filter with a gain over frequency; continued by its odd extension."""
-    pad = min(values.shape[-1] - 1, PADDING)
+    count = values.shape[-1]
+    length, pad = padded_length(count), min(count - 1, PADDING)
     before = 2 * values[..., :1] - values[..., pad:0:-1]
-    behind = 2 * values[..., -1:] - values[..., -2 : -pad - 2 : -1]
+    behind = 2 * values[..., -1:] - values[..., -2 : count + pad - length - 2 : -1]
     extended = np.concatenate([before, values, behind], axis=-1)
-    white = irfft(rfft(extended) * gain, extended.shape[-1])
-    return white[..., pad : pad + values.shape[-1]]
+    white = irfft(rfft(extended) * gain, length)
+    return white[..., pad : pad + count]
+
+
+def padded_length(count: int) -> int:
+    """Length of a signal of `count` samples with its continuation: one whose Fourier transform is fast."""
+    return prev_fast_len(count + 2 * min(count - 1, PADDING), real=True)
 
 
 def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) -> tuple[Motion, np.ndarray]:
