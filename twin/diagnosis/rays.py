@@ -19,25 +19,45 @@ def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
 
 
 def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, float], float]:
-    """The point on the rays with the lowest cost, nothing else refitted, and its cost."""
+    """The point on the rays with the lowest cost, nothing else refitted, and its cost.
+
+    Points are compared by successive halving (Z. Karnin, T. Koren and O. Somekh, ICML 2013): after each recording those
+    are dropped whose cost so far is above the median.
+    """
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
-    best, best_cost = neutral, np.inf
-    for ray in rays(bench, effect, neutral, base.model):
-        step, _ = visible_length(bench, base, name, neutral, ray)
-        points = [
-            point_on_ray(effect, neutral, ray, sign * step * multiple)
-            for multiple in effect.search_multiples
-            for sign in (1, -1)
-        ]
-        points = [p for p in points if p is not None]
-        if not points:
-            continue
-        jobs = [(with_effect(base.model, name, p), base.starts, None) for p in points]
-        cost = [bench.cost(r) for r in bench.residuals(jobs)]
-        if min(cost) < best_cost:
-            best, best_cost = points[int(np.argmin(cost))], min(cost)
-    return best, best_cost
+    points = [
+        point
+        for ray in rays(bench, effect, neutral, base.model)
+        for point in _points_on_ray(effect, neutral, ray, visible_length(bench, base, name, neutral, ray)[0])
+    ]
+    if not points:
+        return neutral, np.inf
+    costs = np.zeros(len(points))
+    for recording in _most_unexplained_first(bench, base):
+        kept = np.flatnonzero(costs <= np.median(costs))
+        points, costs = [points[k] for k in kept], costs[kept]
+        jobs = [(with_effect(base.model, name, p), base.starts, recording) for p in points]
+        of_recording = bench.of_recording(recording)
+        costs = costs + [of_recording.cost(r) for r in bench.residuals(jobs)]
+    best = int(np.argmin(costs))
+    return points[best], float(costs[best])
+
+
+def _points_on_ray(
+    effect, neutral: Mapping[str, float], ray: Mapping[str, float], step: float
+) -> list[dict[str, float]]:
+    """Points at the effect's multiples of a step along a ray, both ways, within the range of the parameters."""
+    lengths = [sign * step * multiple for multiple in effect.search_multiples for sign in (1, -1)]
+    points = [point_on_ray(effect, neutral, ray, length) for length in lengths]
+    return [point for point in points if point is not None]
+
+
+def _most_unexplained_first(bench: Workbench, base: Fit) -> list[int]:
+    """Indices of the recordings, that with the largest misfit of a fit first."""
+    misfits = np.zeros(len(bench.prepared))
+    np.add.at(misfits, [g.recording for g in bench.groups], bench.misfits(base.residual))
+    return np.argsort(-misfits, kind="stable").tolist()
 
 
 def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:

@@ -84,6 +84,12 @@ class Workbench:
         bench.count = np.where([g.channel in channels for g in self.groups], 0.0, self.count)
         return bench
 
+    def of_recording(self, recording: int) -> Workbench:
+        """A workbench in which only this recording has a weight."""
+        bench = copy(self)
+        bench.count = np.where([g.recording == recording for g in self.groups], self.count, 0.0)
+        return bench
+
     def with_defect(self, defect: np.ndarray) -> Workbench:
         """A workbench that subtracts `defect` (n), in multiples of the noise, from every residual."""
         bench = copy(self)
