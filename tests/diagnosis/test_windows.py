@@ -24,12 +24,12 @@ def model(**effects):
     return Model(declared, SENSORS, chain.fit_shape(declared, 8), named)
 
 
-def measured(truth, noise, clamped=False, seed=0):
-    channels = {"torque_command": SQUARE, **{c: np.zeros_like(TIME) for c in noise}}
+def measured(truth, noise, clamped=False, seed=0, command=SQUARE):
+    channels = {"torque_command": command, **{c: np.zeros_like(TIME) for c in noise}}
     run = simulate(truth, Recording("a.csv", TIME, channels, clamped), Start())
     draw = np.random.default_rng(seed)
     noisy = {c: run[c] + sigma * draw.standard_normal(len(TIME)) for c, sigma in noise.items()}
-    return Recording("a.csv", TIME, {"torque_command": SQUARE, **noisy}, clamped)
+    return Recording("a.csv", TIME, {"torque_command": command, **noisy}, clamped)
 
 
 def in_windows(told, recording, noise):
@@ -57,6 +57,17 @@ def test_the_right_model_leaves_the_noise_of_a_rough_hub_sensor(viscous):
     np.testing.assert_array_equal(
         windows.window == 2, (TIME > 2 * WINDOW - 1e-9) & (TIME < 3 * WINDOW - 1e-9)
     )
+
+
+def test_a_hub_that_shakes_the_link_beyond_the_low_pass_has_the_state_of_an_observer():
+    """From the measured state, of which 63 Hz are filtered away, the hub is off by 50."""
+    shaken = np.where(
+        TIME < 0.3, 0.0, 0.6 * np.sign(np.sin(2 * np.pi * 63 * TIME + 0.4)) + 0.4 * np.sign(SQUARE)
+    )
+    recording = measured(with_fine_chain(model()), FINE, command=shaken)
+    _, sizes = in_windows(model(), recording, FINE)
+    assert sizes["hub_angle"][0] < 2
+    assert sizes["strain_base"][0] < 2
 
 
 def test_a_wrong_model_is_off_in_windows_but_does_not_drift(viscous):

@@ -6,27 +6,30 @@ window of stated length it is bounded, and shows what the model gets wrong there
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from twin.estimation.first_state import FREE_RUN_SPAN, SPANS
+from twin.estimation.output_error import STIFFEST
 from twin.estimation.refine import MIN_GAIN
 from twin.estimation.workbench import finite
 from twin.mechanics import planar
+from twin.mechanics.hub_spring import MeasuredHub, spring_of
 from twin.mechanics.state import Motion, Start
 from twin.recording import Recording
-from twin.residuals.filters import GRID
+from twin.residuals.filters import GRID, REACH, low_passed
 from twin.residuals.make_view import derivative_noise, hub_signals
 from twin.residuals.numerics import GAUSS_NEWTON_STEPS, ROUNDING
-from twin.residuals.prepared import MIN_READINGS, Prepared
+from twin.residuals.prepared import MIN_READINGS, Prepared, sensor_corrected_start
 from twin.residuals.resample import missing_rows
 from twin.residuals.residual import has_unknown_zero
 from twin.residuals.significance import FOLLOWS, SIGNIFICANT
-from twin.residuals.view import SETTLING, move_link
+from twin.residuals.view import SETTLING, Signals, move_link
 from twin.rigs.model import Model, with_fine_chain
-from twin.rigs.simulate import bending_shapes, delivered_torque, sensor_readings
+from twin.rigs.simulate import bending_shapes, delivered_torque, integrate, sensor_readings
 
 WINDOW = FREE_RUN_SPAN
 """Length of a window [s], as of the first one, to which the state of a moving rig is fitted: a few periods of the first
@@ -66,7 +69,8 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
 
     The rate of a rough hub sensor has an error that is visible within a window. Where the model fits the readings of
     a run-in before the window, from a state as near to the measured one as noise allows, the window
-    continues this run: then it shows hardly any error of the state. Where it does not, the measured state is used.
+    continues this run: then it shows hardly any error of the state. Where it does not, the measured state is used, or
+    that of an observer where this follows the run-in better: a hub that shakes the link beyond the low-pass.
 
     There is no window where the hub is not read about its start, none with missing rows in it or just before, as
     nobody knows the command and the motion there, and none in the rest behind the last whole window.
@@ -105,40 +109,65 @@ def _window_motions(
 ) -> Iterator[tuple[int, np.ndarray, Motion | None]]:
     """Number of each window, its samples as a mask (m), and the motion of the chain at these; None for the free run."""
     recording = prepared.recording
-    fine = _DrivenRun(with_fine_chain(model), prepared, start)
-    coarse = _DrivenRun(model, prepared, start)
+    fine = _Runs(with_fine_chain(model), prepared, start)
+    coarse = _Runs(model, prepared, start)
     since = (recording.time - recording.time[0]) / WINDOW
     read, gaps = recording.time[np.isfinite(recording["hub_angle"])], missing_rows(recording)
     for k in range(int(since[-1] + ROUNDING)):
         row, inside = round(k * WINDOW / GRID), np.floor(since + ROUNDING) == k
         begin = recording.time[0] + k * WINDOW
         unseen = any(first < begin + WINDOW and last + SETTLING > begin for first, last in gaps)
-        if unseen or inside.sum() < MIN_READINGS or not (np.abs(read - fine.time[row]) < _NEAR).any():
+        if unseen or inside.sum() < MIN_READINGS or not (np.abs(read - fine.driven.time[row]) < _NEAR).any():
             continue
         if k == 0:
             yield k, inside, None
             continue
-        row, shift = _start(coarse, row)
-        yield k, inside, fine.run(row, recording.time[inside], shift)
+        run, row, shift = _start(coarse, fine, row)
+        yield k, inside, run.run(row, recording.time[inside], shift)
 
 
-class _DrivenRun:
-    """A recording with the modelled link driven by its measured hub, from which free runs branch off.
+class _Runs:
+    """Motions of a model along a recording, from which free runs branch off.
+
+    Attributes:
+      driven: the link driven by the measured hub, low-passed.
+    """
+
+    def __init__(self, model: Model, prepared: Prepared, start: Start):
+        assert prepared.hub is not None
+        self._signals = hub_signals(prepared, prepared.hub, model)
+        self._start = start
+        motion, _ = move_link(self._signals, prepared, model, start)
+        self.driven = _Run(model, prepared, self._signals, motion)
+
+    @functools.cached_property
+    def observed(self) -> _Run:
+        """A simulation whose hub a spring pulls to the measured one: an observer; turned to the measured angle."""
+        run, signals = self.driven, self._signals
+        hub = run.motion.angles[:, 0]
+        spring = spring_of(run.model.plant, *STIFFEST), MeasuredHub(REACH, GRID, hub, run.motion.rates[:, 0])
+        start = sensor_corrected_start(run.model, run.prepared, self._start)
+        motion = integrate(run.model, run.prepared.recording, start, spring=spring, instants=run.time)
+        turned = (hub - low_passed(motion.angles[:, 0], GRID, signals.band))[:, None]
+        angles, extra = motion.angles + turned, motion.extra + turned
+        return _Run(run.model, run.prepared, signals, replace(motion, angles=angles, extra=extra))
+
+
+class _Run:
+    """A motion of the modelled link along a recording, from which free runs branch off.
 
     A shift of a state (6) is that of hub angle [rad], hub rate [rad/s], and of the tip deflections by the first two
     clamped modes [m] and their rates [m/s].
 
     Attributes:
       time: instants (g) at which a free run can begin [s].
+      motion: at these.
       scale: (6) standard deviation of the error of a driven state, by noise of the hub angle.
     """
 
-    def __init__(self, model: Model, prepared: Prepared, start: Start):
-        assert prepared.hub is not None
+    def __init__(self, model: Model, prepared: Prepared, signals: Signals, motion: Motion):
         self.model, self.prepared = model, prepared
-        signals = hub_signals(prepared, prepared.hub, model)
-        self.time = signals.time
-        self.driven, _ = move_link(signals, prepared, model, start)
+        self.time, self.motion = signals.time, motion
         self.plant, self.times, self.torques = delivered_torque(model, prepared.recording)
         self.drive, self.shapes = model.drive(prepared.recording), bending_shapes(model.chain)
         angle = prepared.noise["hub_angle"]
@@ -161,17 +190,19 @@ class _DrivenRun:
 
     def _state(self, row: int, shift: np.ndarray, torque: float) -> tuple[np.ndarray, np.ndarray, int]:
         """Angles and rates (n + 1 + k) at a row, shifted, and the mode of the hub; `torque` of the motor [N m]."""
-        angles, rates = self.driven.state()
-        phi, omega = self.plant.extend_state(angles[row]), self.plant.extend_state(rates[row])
+        angles, rates = (values[row] for values in self.motion.state())
+        phi, omega = self.plant.extend_state(angles), self.plant.extend_state(rates)
+        if len(angles) < len(phi):  # the motion is one without the motor
+            phi = self.plant.on_flank(phi, torque)
         hinges = self.shapes.shape[0]
         phi[1 : hinges + 1] += np.cumsum(self.shapes @ shift[2:4])
         omega[1 : hinges + 1] += np.cumsum(self.shapes @ shift[4:6])
-        mode = int(self.driven.modes[row])
+        mode = int(self.motion.modes[row])
         if mode != 0:
             mode = int(np.sign(omega[0] + shift[1])) or mode
         phi += shift[0]
         omega += shift[1] if mode != 0 else -omega[0]
-        return self.plant.on_flank(phi, torque), omega, mode
+        return phi, omega, mode
 
     def readings(
         self, instants: np.ndarray, motion: Motion, channels: Sequence[str]
@@ -182,13 +213,25 @@ class _DrivenRun:
         return dict(sensor_readings(self.model, blank, motion, began=began).channels)
 
 
-def _start(run: _DrivenRun, row: int) -> tuple[int, np.ndarray]:
-    """Row of the grid at which the run of a window begins, and the shift of the state there (6).
+def _start(coarse: _Runs, fine: _Runs, row: int) -> tuple[_Run, int, np.ndarray]:
+    """The motion from which the run of a window branches off, at which row of the grid, and the shift of the state (6).
 
     Args:
-      run: with which the state is fitted.
+      coarse: with which the state is fitted.
+      fine: with which it is simulated.
       row: at which the window begins.
     """
+    began, shift = _fitted_start(coarse.driven, row)
+    off = _residuals_before(fine.driven, began, shift, row)
+    if not _follows(off):
+        earlier, other = _fitted_start(coarse.observed, row)
+        if _mean_square(_residuals_before(fine.observed, earlier, other, row)) < _mean_square(off):
+            return fine.observed, earlier, other
+    return fine.driven, began, shift
+
+
+def _fitted_start(run: _Run, row: int) -> tuple[int, np.ndarray]:
+    """Row from which on the model follows the readings until another row, and the shift of the state there (6)."""
     for span in reversed(SPANS):
         began = row - round(span / GRID)
         shift = _fitted_shift(run, began, row) if began >= 0 else None
@@ -197,7 +240,27 @@ def _start(run: _DrivenRun, row: int) -> tuple[int, np.ndarray]:
     return row, np.zeros(len(run.scale))
 
 
-def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
+def _residuals_before(run: _Run, began: int, shift: np.ndarray, row: int) -> list[np.ndarray]:
+    """Residuals of each fitted channel before a row, at most in the longest of `SPANS`; none without readings.
+
+    They are of what branches off at an earlier row in a shifted state, or at the begin of this span where nothing does.
+    """
+    first = began if began < row else max(row - round(SPANS[-1] / GRID), 0)
+    readings_off = _misfit_between(run, first, row)
+    return readings_off(shift / run.scale) if readings_off else []
+
+
+def _follows(residuals: Sequence[np.ndarray]) -> bool:
+    """Whether a model follows its readings, given the residuals of each channel."""
+    return all(np.mean(off**2) < FOLLOWS**2 for off in residuals)
+
+
+def _mean_square(residuals: Sequence[np.ndarray]) -> float:
+    """Mean square of the residuals of all channels; 0 without any."""
+    return float(np.mean(np.concatenate(residuals) ** 2)) if residuals else 0.0
+
+
+def _fitted_shift(run: _Run, row: int, until: int) -> np.ndarray | None:
     """Shift (6) of the state at a row, fitted to the readings before another row by Gauss-Newton steps.
 
     It is a Bayesian estimate, `run.scale` its prior. A hub that sticks or a play makes the misfit discontinuous: the
@@ -207,7 +270,7 @@ def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
     if readings_off is None:
         return None
     count = len(run.scale)
-    free = np.delete(np.arange(count), [1] if run.driven.modes[row] == 0 else [])
+    free = np.delete(np.arange(count), [1] if run.motion.modes[row] == 0 else [])
     x, now = np.zeros(count), readings_off(np.zeros(count))
     likeliest, least, follows = x, np.inf, False
     for _ in range(GAUSS_NEWTON_STEPS):
@@ -220,11 +283,11 @@ def _fitted_shift(run: _DrivenRun, row: int, until: int) -> np.ndarray | None:
         cost = sum(float(off @ off) for off in now) + float(x @ x)
         if cost > least - 2 * MIN_GAIN:
             break
-        likeliest, least, follows = x, cost, all(np.mean(off**2) < FOLLOWS**2 for off in now)
+        likeliest, least, follows = x, cost, _follows(now)
     return likeliest * run.scale if follows else None
 
 
-def _misfit_between(run: _DrivenRun, row: int, until: int) -> Callable[[np.ndarray], list[np.ndarray]] | None:
+def _misfit_between(run: _Run, row: int, until: int) -> Callable[[np.ndarray], list[np.ndarray]] | None:
     """Function from a shift (6) of the state at a row, in units of its scale, to the residuals of each fitted channel.
 
     None where no channel has readings between the two rows.
@@ -244,7 +307,7 @@ def _misfit_between(run: _DrivenRun, row: int, until: int) -> Callable[[np.ndarr
     return misfit if channels else None
 
 
-def _off(run: _DrivenRun, channel: str, known: np.ndarray) -> np.ndarray:
+def _off(run: _Run, channel: str, known: np.ndarray) -> np.ndarray:
     """Residuals of a channel (k) in multiples of its noise, without their mean where its zero is unknown."""
     has_zero = has_unknown_zero(run.model, run.prepared, channel)
     return finite((known - known.mean() if has_zero else known) / run.prepared.noise[channel])

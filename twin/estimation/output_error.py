@@ -42,6 +42,8 @@ _PERIODS = 0.5, 1.0, 2.0
 """Periods in which the rig oscillates about the measured hub, see `OutputErrorData` [s]."""
 _DAMPING_RATIOS = 0.5, 0.0
 """Damping ratios of these oscillations: an error is gone after a period, or lasts where the rig has no damping."""
+STIFFEST = _PERIODS[0], _DAMPING_RATIOS[0]
+"""Period [s] and damping ratio of the oscillation on the stiffest of these springs."""
 
 
 class OutputErrorData(FreeData):

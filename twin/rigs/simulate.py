@@ -46,10 +46,14 @@ def integrate(
     guide: Guide | None = None,
     spring: tuple[Spring, MeasuredHub] | None = None,
     stride: int = 1,
+    instants: np.ndarray | None = None,
 ) -> Motion:
-    """Returns the motion of the chain under a recording's command; arguments as for `simulate`."""
+    """Returns the motion of the chain under a recording's command, at its samples or at other instants (m) [s].
+
+    Arguments as for `simulate`.
+    """
     plant, times, torques = delivered_torque(model, recording)
-    time = recording.time[::stride]
+    time = recording.time[::stride] if instants is None else instants
     if stride > 1:
         times, torques = _means(times, torques, time)
     if spring is not None:
