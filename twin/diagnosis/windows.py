@@ -70,7 +70,7 @@ def simulate_windows(model: Model, prepared: Prepared, start: Start, free: Recor
     The rate of a rough hub sensor has an error that is visible within a window. Where the model fits the readings of
     a run-in before the window, from a state as near to the measured one as noise allows, the window
     continues this run: then it shows hardly any error of the state. Where it does not, the measured state is used, or
-    that of an observer where this follows the run-in better: a hub that shakes the link beyond the low-pass.
+    that of an observer that follows the run-in better.
 
     There is no window where the hub is not read about its start, none with missing rows in it or just before, as
     nobody knows the command and the motion there, and none in the rest behind the last whole window.
@@ -150,7 +150,21 @@ class _Runs:
         motion = integrate(run.model, run.prepared.recording, start, spring=spring, instants=run.time)
         turned = (hub - low_passed(motion.angles[:, 0], GRID, signals.band))[:, None]
         angles, extra = motion.angles + turned, motion.extra + turned
-        return _Run(run.model, run.prepared, signals, replace(motion, angles=angles, extra=extra))
+        moved = replace(motion, angles=angles, extra=extra, modes=run.motion.modes)
+        return _Run(run.model, run.prepared, signals, moved)
+
+    def may_be_observed(self, began: int, row: int) -> bool:
+        """Whether the rate of the observed hub may be nearer to the true one at a row than the measured rate.
+
+        Within the band of the low-pass the measured rate is right, whatever the model. The observed one agrees with it
+        there, within the error of the measured one, or is off less than it moves beyond the band since another row.
+        """
+        observed, measured = self.observed.motion.rates[:, 0], self.driven.motion.rates[:, 0]
+        within = low_passed(observed, GRID, self._signals.band)
+        off, beyond = within - measured, (observed - within)[began:row]
+        return bool(
+            np.abs(off[row]) < self.driven.scale[1] or np.sum(off[began:row] ** 2) < np.sum(beyond**2)
+        )
 
 
 class _Run:
@@ -223,7 +237,7 @@ def _start(coarse: _Runs, fine: _Runs, row: int) -> tuple[_Run, int, np.ndarray]
     """
     began, shift = _fitted_start(coarse.driven, row)
     off = _residuals_before(fine.driven, began, shift, row)
-    if not _follows(off):
+    if not _follows(off) and fine.may_be_observed(max(row - round(SPANS[-1] / GRID), 0), row):
         earlier, other = _fitted_start(coarse.observed, row)
         if _mean_square(_residuals_before(fine.observed, earlier, other, row)) < _mean_square(off):
             return fine.observed, earlier, other
