@@ -47,7 +47,7 @@ class Recordings:
 
 
 def compared(data):
-    """The best size with its cost, the base's residual, and the cost of a size on all recordings."""
+    """The best size with its cost, the cost without the effect, and the least cost of any size near the best."""
     rig = preset("bossi2009")
     model, starts = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3), (Start(),) * len(data.prepared)
     with ResidualPool(1) as pool:

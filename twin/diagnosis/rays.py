@@ -38,8 +38,8 @@ def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, floa
         kept = np.flatnonzero(costs <= np.median(costs))
         points, costs = [points[k] for k in kept], costs[kept]
         jobs = [(with_effect(base.model, name, p), base.starts, recording) for p in points]
-        of_recording = bench.of_recording(recording)
-        costs = costs + [of_recording.cost(r) for r in bench.residuals(jobs)]
+        # Of the other recordings the residuals are zero, and cost nothing.
+        costs = costs + [bench.cost(r) for r in bench.residuals(jobs)]
     best = int(np.argmin(costs))
     return points[best], float(costs[best])
 
@@ -55,9 +55,7 @@ def _points_on_ray(
 
 def _most_unexplained_first(bench: Workbench, base: Fit) -> list[int]:
     """Indices of the recordings, that with the largest misfit of a fit first."""
-    misfits = np.zeros(len(bench.prepared))
-    np.add.at(misfits, [g.recording for g in bench.groups], bench.misfits(base.residual))
-    return np.argsort(-misfits, kind="stable").tolist()
+    return np.argsort(-bench.by_recording(bench.misfits(base.residual)), kind="stable").tolist()
 
 
 def rays(bench: Workbench, effect, neutral: Mapping[str, float], model: Model) -> list[dict[str, float]]:

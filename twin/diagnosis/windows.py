@@ -153,18 +153,22 @@ class _Runs:
         moved = replace(motion, angles=angles, extra=extra, modes=run.motion.modes)
         return _Run(run.model, run.prepared, signals, moved)
 
+    @functools.cached_property
+    def _observed_rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rate of the observed hub within the band of the low-pass less the measured one, and beyond the band (g)."""
+        observed, measured = self.observed.motion.rates[:, 0], self.driven.motion.rates[:, 0]
+        within = low_passed(observed, GRID, self._signals.band)
+        return within - measured, observed - within
+
     def may_be_observed(self, began: int, row: int) -> bool:
         """Whether the rate of the observed hub may be nearer to the true one at a row than the measured rate.
 
         Within the band of the low-pass the measured rate is right, whatever the model. The observed one agrees with it
         there, within the error of the measured one, or is off less than it moves beyond the band since another row.
         """
-        observed, measured = self.observed.motion.rates[:, 0], self.driven.motion.rates[:, 0]
-        within = low_passed(observed, GRID, self._signals.band)
-        off, beyond = within - measured, (observed - within)[began:row]
-        return bool(
-            np.abs(off[row]) < self.driven.scale[1] or np.sum(off[began:row] ** 2) < np.sum(beyond**2)
-        )
+        off, beyond = self._observed_rates
+        agrees = np.abs(off[row]) < self.driven.scale[1]
+        return bool(agrees or np.sum(off[began:row] ** 2) < np.sum(beyond[began:row] ** 2))
 
 
 class _Run:
@@ -237,7 +241,7 @@ def _start(coarse: _Runs, fine: _Runs, row: int) -> tuple[_Run, int, np.ndarray]
     """
     began, shift = _fitted_start(coarse.driven, row)
     off = _residuals_before(fine.driven, began, shift, row)
-    if not _follows(off) and fine.may_be_observed(max(row - round(SPANS[-1] / GRID), 0), row):
+    if not _follows(off) and fine.may_be_observed(_longest_run_in(row), row):
         earlier, other = _fitted_start(coarse.observed, row)
         if _mean_square(_residuals_before(fine.observed, earlier, other, row)) < _mean_square(off):
             return fine.observed, earlier, other
@@ -254,12 +258,17 @@ def _fitted_start(run: _Run, row: int) -> tuple[int, np.ndarray]:
     return row, np.zeros(len(run.scale))
 
 
+def _longest_run_in(row: int) -> int:
+    """Row at which the longest run-in before another row begins."""
+    return max(row - round(SPANS[-1] / GRID), 0)
+
+
 def _residuals_before(run: _Run, began: int, shift: np.ndarray, row: int) -> list[np.ndarray]:
     """Residuals of each fitted channel before a row, at most in the longest of `SPANS`; none without readings.
 
     They are of what branches off at an earlier row in a shifted state, or at the begin of this span where nothing does.
     """
-    first = began if began < row else max(row - round(SPANS[-1] / GRID), 0)
+    first = began if began < row else _longest_run_in(row)
     readings_off = _misfit_between(run, first, row)
     return readings_off(shift / run.scale) if readings_off else []
 
@@ -270,8 +279,8 @@ def _follows(residuals: Sequence[np.ndarray]) -> bool:
 
 
 def _mean_square(residuals: Sequence[np.ndarray]) -> float:
-    """Mean square of the residuals of all channels; 0 without any."""
-    return float(np.mean(np.concatenate(residuals) ** 2)) if residuals else 0.0
+    """Mean square of the residuals of all channels."""
+    return float(np.mean(np.concatenate(residuals) ** 2))
 
 
 def _fitted_shift(run: _Run, row: int, until: int) -> np.ndarray | None:

@@ -278,9 +278,7 @@ def _likelier_states(bench: Workbench, fit: Fit) -> tuple[list[Start], float]:
     if not unknowns:
         return list(fit.starts), 0.0
     found = minimise(bench, fit.model, [p.start for p in anew], unknowns)
-    gained = np.zeros(len(anew))
-    gains = bench.misfits(fit.residual) - bench.misfits(found.residual)
-    np.add.at(gained, [g.recording for g in bench.groups], gains)
+    gained = bench.by_recording(bench.misfits(fit.residual) - bench.misfits(found.residual))
     pairs = zip(fit.starts, found.starts, gained, strict=True)
     return [new if gain > 0 else old for old, new, gain in pairs], float(gained[gained > 0].sum())
 

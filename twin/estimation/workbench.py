@@ -84,12 +84,6 @@ class Workbench:
         bench.count = np.where([g.channel in channels for g in self.groups], 0.0, self.count)
         return bench
 
-    def of_recording(self, recording: int) -> Workbench:
-        """A workbench in which only this recording has a weight."""
-        bench = copy(self)
-        bench.count = np.where([g.recording == recording for g in self.groups], self.count, 0.0)
-        return bench
-
     def with_defect(self, defect: np.ndarray) -> Workbench:
         """A workbench that subtracts `defect` (n), in multiples of the noise, from every residual."""
         bench = copy(self)
@@ -146,6 +140,12 @@ class Workbench:
     def misfits(self, residual: np.ndarray) -> np.ndarray:
         """The misfit of a residual (n) in each block (g)."""
         return self.count * np.maximum(loss.loss(self.sizes(residual)) - 0.5, 0.0)
+
+    def by_recording(self, of_blocks: np.ndarray) -> np.ndarray:
+        """Sum of a quantity of each block (g) over the blocks of each recording."""
+        total = np.zeros(len(self.prepared))
+        np.add.at(total, [g.recording for g in self.groups], of_blocks)
+        return total
 
     def penalty(self, parameters: int) -> float:
         """Penalty of this number of parameters: each half the log of the number of samples (Schwarz, 1978) [nat]."""

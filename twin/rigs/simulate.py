@@ -50,7 +50,7 @@ def integrate(
 ) -> Motion:
     """Returns the motion of the chain under a recording's command, at its samples or at other instants (m) [s].
 
-    Arguments as for `simulate`.
+    Arguments as for `simulate`; other instants not together with a guide or a stride.
     """
     plant, times, torques = delivered_torque(model, recording)
     time = recording.time[::stride] if instants is None else instants
