@@ -298,7 +298,7 @@ def test_late_readings_show_an_unknown_state_at_other_instants(viscous, monkeypa
     )
     kept = []
 
-    def minimise_with(bench, model, starts, unknowns, values, fixed, iterations):
+    def minimise_with(bench, model, starts, unknowns, values, fixed, *_, **__):
         kept.append((rate.key in fixed, before.unknowns[0].key in fixed))
         return replace(base, model=model, unknowns=unknowns, values=values)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.diagnosis import candidates, rays
+from twin.diagnosis import fit_start, rays
 from twin.estimation.minimise import minimise
 from twin.estimation.output_error import OutputErrorData
 from twin.estimation.residual_pool import ResidualPool
@@ -96,9 +96,9 @@ def test_an_effect_replaces_the_error_of_a_channel_that_it_is():
         "Fit", (), {"unknowns": unknowns, "values": values, "model": model_at(MODEL, unknowns, values)}
     )
     late = rays.with_effect(base.model, "hub-sensor-gain", {"gain": 1.1})
-    model = candidates.without_replaced_errors(late)
+    model = fit_start.without_replaced_errors(late)
     assert "hub_angle" not in model.channel_errors.gains
     assert model.channel_errors.gains.keys() == {"hub_rate", "strain_base"}
-    fitted = candidates.fit_unknowns(_Bench(), model, base)
+    fitted = fit_start.fit_unknowns(_Bench(), model, base)
     assert ("gain", "hub_angle") not in {(u.kind, u.name) for u in fitted}
     assert sum(u.is_channel_error for u in fitted) == len(unknowns) - 1

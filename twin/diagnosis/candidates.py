@@ -17,27 +17,30 @@ import numpy as np
 
 from twin import labels
 from twin.diagnosis import spectrum
+from twin.diagnosis.fit_start import fit_unknowns, initial_values, without_replaced_errors
 from twin.diagnosis.permutation import Slopes
-from twin.diagnosis.rays import best_on_rays, point_on_ray, rays, visible_length, with_effect
+from twin.diagnosis.rays import (
+    Reached,
+    best_on_rays,
+    point_on_ray,
+    rays,
+    size_of,
+    visible_length,
+    with_effect,
+)
 from twin.diagnosis.spectrum import Peak
 from twin.effects import REGISTRY
 from twin.estimation import output_error
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import QUICK_ITERATIONS, minimise
-from twin.estimation.slopes import cost_of, linear_gain, linear_move
-from twin.estimation.unknowns import (
-    Unknown,
-    effect_unknowns,
-    model_and_starts_at,
-    replaced_parameters,
-    unit_of,
-)
+from twin.estimation.slopes import linear_gain, linear_move
+from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.data import DrivenData
 from twin.residuals.numerics import ROUNDING
 from twin.residuals.prepared import shortest_period
-from twin.rigs.channel_errors import replaced_errors, with_replaced_errors
+from twin.rigs.channel_errors import with_replaced_errors
 from twin.rigs.model import Model
 
 CONTENDERS = 3
@@ -129,21 +132,28 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
         for k, n in enumerate(best_first)
         if k < count or strained_parameters(base, REGISTRY[n].replaces) or _is_hidden(bench, base, n)
     ]
-    scored = []
+    scored = list[Candidate]()
     for name in chosen:
         progress(f"trying {labels.words(name)}")
-        scored.append(fit_quickly(bench, base, name, slopes[name], peaks.get(name, ())))
+        goal = _cost_of_contenders(scored)
+        scored.append(fit_quickly(bench, base, name, slopes[name], peaks.get(name, ()), goal))
     others = [n for n in names if n not in chosen]
     for name, values in _large_sizes(bench, base, {n: slopes[n] for n in others}, scored).items():
         progress(f"trying {labels.words(name)}")
         chosen.append(name)
-        scored.append(fit_from_best(bench, base, name, [values]))
+        scored.append(fit_from_best(bench, base, name, [values], goal=_cost_of_contenders(scored)))
     # A score test may overestimate the gain of a fit: candidates that were not fitted rank behind those that were.
     least = min((c.score for c in scored[:count]), default=0.0)
     for name in names:
         if name not in chosen:
             scored.append(Candidate((*base.model.effects, name), base, min(tested[name], least)))
     return Exploration(sorted(scored, key=lambda c: (-c.score, -tested[c.name])), slopes)
+
+
+def _cost_of_contenders(fitted: Sequence[Candidate]) -> float:
+    """Cost below which a fit has to come to be one of the contenders; infinite while there are fewer of these."""
+    costs = sorted(c.fit.cost for c in fitted)
+    return costs[CONTENDERS - 1] if len(costs) >= CONTENDERS else np.inf
 
 
 def _wave_peaks(bench: Workbench, base: Fit, names: Sequence[str]) -> dict[str, tuple[Peak, ...]]:
@@ -167,15 +177,23 @@ def _large_sizes(
     """
     at_base = bench.cost(base.residual)
     if not isinstance(bench.data, DrivenData):
-        rough = {n: best_on_rays(bench, base, n) for n in slopes if not REGISTRY[n].smooth_at_neutral}
+        rough = {
+            n: best_on_rays(bench, base, n, of.reached)
+            for n, of in slopes.items()
+            if not REGISTRY[n].smooth_at_neutral
+        }
         return {name: values for name, (values, cost) in rough.items() if cost < at_base}
     best, misfit = max((c.score for c in fitted), default=0.0), bench.misfit(base.residual)
     # Noise alone has half a nat per independent sample.
     if best > _PROMISING * misfit or misfit < 0.5 * bench.count.sum():
         return {}
     able = [name for name, of in slopes.items() if _reach(bench, base, of.columns) > _PROMISING * best]
-    reached = {name: best_on_rays(bench, base, name) for name in able if REGISTRY[name].wave is None}
-    return {name: values for name, (values, cost) in reached.items() if at_base - cost > _PROMISING * best}
+    lowest = {
+        name: best_on_rays(bench, base, name, slopes[name].reached)
+        for name in able
+        if REGISTRY[name].wave is None
+    }
+    return {name: values for name, (values, cost) in lowest.items() if at_base - cost > _PROMISING * best}
 
 
 def _is_hidden(bench: Workbench, base: Fit, name: str) -> bool:
@@ -226,9 +244,10 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
         comparisons, level = (peaks[0].comparisons, peaks[0].level) if peaks else (1, 1.0)
         return Slopes(columns, tuple(effect.replaces), penalised, comparisons, level)
     neutral = effect.neutral(base.model.declared)
-    changes, coefficients = [], []
+    changes, coefficients, reached = [], [], list[Reached | None]()
     for ray in rays(bench, effect, neutral, base.model):
         length, change = visible_length(bench, base, name, neutral, ray, SLOPE_FACTOR)
+        reached.append(None if change is None else (length, size_of(change)))
         if change is not None:
             size = max(float(np.std(change)), ROUNDING)
             changes.append(change / size)
@@ -236,7 +255,7 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
             coefficients.append(np.array(effect.linear_coefficients(point or neutral)) / size)
     columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
     linear = np.array(coefficients) if changes else np.zeros((0, 0))
-    return Slopes(columns, tuple(effect.replaces), penalised, coefficients=linear)
+    return Slopes(columns, tuple(effect.replaces), penalised, coefficients=linear, reached=tuple(reached))
 
 
 def wave_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -> np.ndarray:
@@ -257,14 +276,20 @@ def wave_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -
 
 
 def fit_quickly(
-    bench: Workbench, base: Fit, name: str, slopes: Slopes, peaks: Sequence[Peak] = ()
+    bench: Workbench,
+    base: Fit,
+    name: str,
+    slopes: Slopes,
+    peaks: Sequence[Peak] = (),
+    goal: float = np.inf,
 ) -> Candidate:
-    """Fits an effect with few iterations, from a point off neutral or from the peaks of its wave."""
+    """Fits an effect with few iterations, from a point off neutral or from the peaks of its wave, up to a `goal`."""
     if peaks:
-        return fit_from_best(bench, base, name, points_at_peaks(bench, base, name, peaks))
+        return fit_from_best(bench, base, name, points_at_peaks(bench, base, name, peaks), goal=goal)
     values = _point_off_neutral(bench, base, name, slopes)
-    starts = [([values], base), *(([v], near) for v, near in _hidden_starts(base, name))]
-    return min((fit_from_best(bench, base, name, *start) for start in starts), key=lambda c: c.fit.cost)
+    starts = [(values, base), *_hidden_starts(base, name)]
+    fits = [fit_from_best(bench, base, name, [v], near, goal) for v, near in starts]
+    return min(fits, key=lambda c: c.fit.cost)
 
 
 def _hidden_starts(base: Fit, name: str) -> list[tuple[dict[str, float], Fit]]:
@@ -310,7 +335,7 @@ def _point_off_neutral(bench: Workbench, base: Fit, name: str, slopes: Slopes) -
             [residual] = bench.residuals([(with_effect(base.model, name, values), base.starts, None)])
             if bench.cost(residual) < bench.cost(base.residual):
                 return values
-    return best_on_rays(bench, base, name)[0]
+    return best_on_rays(bench, base, name, slopes.reached)[0]
 
 
 def fit_from_best(
@@ -319,29 +344,42 @@ def fit_from_best(
     name: str,
     points: Sequence[Mapping[str, float]],
     near: Fit | None = None,
+    goal: float = np.inf,
 ) -> Candidate:
     """The best fit of an effect from these points; the derivatives by declared parameters stay those of `base`.
 
-    All else starts from the values of `near`, by default those of `base`.
+    All else starts from the values of `near`, by default those of `base`. A fit is given up where its cost would stay
+    above `goal` or above that of an earlier one.
     """
     near, errors = near or base, base.model.channel_errors
-    starts = [with_replaced_errors(name, values, errors) for values in points]
-    result = min((_fit_from(bench, base, name, values, near) for values in starts), key=lambda f: f.cost)
+    first, *others = [with_replaced_errors(name, values, errors) for values in points]
+    result = _fit_from(bench, base, name, first, near, goal)
+
+    def better_from(values: Mapping[str, float]) -> Fit:
+        again = _fit_from(bench, base, name, values, near, min(goal, result.cost))
+        return min(result, again, key=lambda f: f.cost)
+
+    for values in others:
+        result = better_from(values)
     # Choices, as which channels are delayed, are compared at the fitted values of the other parameters.
     chosen = _with_best_choices(bench, result, name)
     if chosen != result.model.effects[name]:
-        result = min(result, _fit_from(bench, base, name, chosen, near), key=lambda f: f.cost)
+        result = better_from(chosen)
     return Candidate((*base.model.effects, name), result, score_gain(bench, base, result))
 
 
-def _fit_from(bench: Workbench, base: Fit, name: str, values: Mapping[str, float], near: Fit) -> Fit:
+def _fit_from(
+    bench: Workbench, base: Fit, name: str, values: Mapping[str, float], near: Fit, goal: float
+) -> Fit:
     model = without_replaced_errors(with_effect(base.model, name, values))
     unknowns = fit_unknowns(bench, model, base)
     first, known = initial_values(unknowns, model, base, near), base.jacobian_columns
     if REGISTRY[name].delays_readings:
         # The vibration of an unknown initial state comes later, at a few milliseconds with the opposite sign.
         known = {u.key: known[u.key] for u in base.unknowns if u.kind != "start"}
-    return minimise(bench, model, base.starts, unknowns, first, known, QUICK_ITERATIONS)
+    return minimise(
+        bench, model, base.starts, unknowns, first, known, QUICK_ITERATIONS, tolerance=1.0, goal=goal
+    )
 
 
 def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float]:
@@ -382,82 +420,6 @@ def _is_resolved(bench: Workbench, base: Fit, result: Fit) -> bool:
     period = shortest_period(bench.prepared)
     new = result.model.effects.keys() - base.model.effects.keys()
     return all(REGISTRY[name].is_resolved(result.model.effects[name], period) for name in new)
-
-
-def without_replaced_errors(model: Model) -> Model:
-    """The model without errors of channels that its effects are."""
-    return model.replace(channel_errors=model.channel_errors.without(replaced_errors(model.effects)))
-
-
-def fit_unknowns(bench: Workbench, model: Model, base: Fit) -> tuple[Unknown, ...]:
-    """Unknowns of a fit: declared parameters that no effect replaces, nuisances, effect parameters, first states.
-
-    Those of an effect that the base has are the base's: a declared effect keeps its uncertainty.
-    """
-    replaced = replaced_parameters(model)
-    kept = [u for u in base.unknowns if u.kind == "rig" and u.name not in replaced]
-    errors = replaced_errors(model.effects)
-    kept += [u for u in base.unknowns if u.is_nuisance and (u.kind, u.name) not in errors]
-    starts = [u for u in base.unknowns if u.kind == "start"]
-    effects = [
-        u
-        for name, values in model.effects.items()
-        for u in (
-            [u for u in base.unknowns if u.effect == name]
-            if name in base.model.effects
-            else effect_unknowns(name, values, bench.channels())
-        )
-    ]
-    return (*kept, *effects, *starts)
-
-
-def initial_values(unknowns: Sequence[Unknown], model: Model, *fits: Fit) -> np.ndarray:
-    """First values (p) of a fit: of effects as in the model, of all else as in the last of these fits that has them."""
-    known = {u.key: v for f in fits for u, v in zip(f.unknowns, f.values, strict=True)}
-    first = []
-    for u in unknowns:
-        value = known.get(u.key, u.start)
-        first.append(u.turned(model.effects[u.effect][u.name]) if u.effect in model.effects else value)
-    return np.array(first)
-
-
-def initial_values_near(
-    bench: Workbench, unknowns: Sequence[Unknown], model: Model, base: Fit, near: Fit
-) -> np.ndarray:
-    """First values (p) of the fit of a model that may lack effects of a fit near it.
-
-    Others may take their place (`Effect.taken_over`), where a descent from the values beside them would not lead: they
-    are moved if this costs less.
-
-    Args:
-      bench: the data.
-      unknowns: (p).
-      model: to be fitted.
-      base, near: the fits whose values are taken, as by `initial_values`.
-    """
-    first = initial_values(unknowns, model, base, near)
-    moved = first
-    for name, values in near.model.effects.items():
-        if name not in model.effects:
-            moved = _taken_over(name, values, unknowns, moved, model)
-    if np.array_equal(moved, first):
-        return first
-    points = first, moved
-    jobs = [(*model_and_starts_at(model, near.starts, unknowns, x), None) for x in points]
-    costs = [cost_of(bench, unknowns, x, r) for x, r in zip(points, bench.residuals(jobs), strict=True)]
-    return points[int(np.argmin(costs))]
-
-
-def _taken_over(
-    name: str, values: Mapping[str, float], unknowns: Sequence[Unknown], x: np.ndarray, model: Model
-) -> np.ndarray:
-    """Values (p) with which other parameters take the place of an effect that has these values."""
-    moved = x.copy()
-    for k, u in enumerate(unknowns):
-        if u.is_parameter:
-            other = REGISTRY[name].taken_over(values, u.full_name, u.turned(x[k]), unit_of(u, model))
-            moved[k] = np.clip(u.turned(other), *u.bounds)
-    return moved
 
 
 def points_at_peaks(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak]) -> list[dict[str, float]]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from twin import labels
-from twin.diagnosis import candidates, rules
+from twin.diagnosis import candidates, fit_start, rules
 from twin.diagnosis.candidates import CONTENDERS, Candidate
 from twin.diagnosis.judgement import Judgement, judge_all
 from twin.diagnosis.rules import Trial
@@ -133,7 +133,7 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     """
     moved = {name: best.fit.model.effects[name] for name in base.model.effects}
     model = base.model.replace(effects=moved)
-    first = candidates.initial_values_near(bench, base.unknowns, model, base, best.fit)
+    first = fit_start.initial_values_near(bench, base.unknowns, model, base, best.fit)
     # An effect that replaces a declared parameter has found a value of it, maybe beyond its uncertainty.
     instead = best.fit.model.effects.get(best.name, {})
     for k, u in enumerate(base.unknowns):

@@ -46,6 +46,8 @@ class Slopes:
       comparisons: number of peaks of a spectrum from which the columns were chosen.
       spectral_level: level of the spectrum near the peak, in units of white noise.
       coefficients: (k x c) `Effect.linear_coefficients` of each column; empty if the effect has none.
+      reached: of each of its `rays`, the length at which a column was taken and the root-mean-square change of the
+        residual there [noise levels]; None where there is no column. Empty for a wave.
     """
 
     columns: np.ndarray
@@ -54,6 +56,7 @@ class Slopes:
     comparisons: int = 1
     spectral_level: float = 1.0
     coefficients: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    reached: tuple[tuple[float, float] | None, ...] = ()
 
 
 def permutation_scores(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 
 import numpy as np
 
@@ -12,25 +13,30 @@ from twin.estimation.workbench import Workbench
 from twin.residuals.numerics import ROUNDING
 from twin.rigs.model import Model
 
+Reached = tuple[float, float]
+"""A length along a ray, and the root-mean-square change of the residual there [noise levels]."""
+
 
 def with_effect(model: Model, name: str, values: Mapping[str, float]) -> Model:
     """The model with an effect added, or with other parameters of it."""
     return model.replace(effects={**model.effects, name: dict(values)})
 
 
-def best_on_rays(bench: Workbench, base: Fit, name: str) -> tuple[dict[str, float], float]:
+def best_on_rays(
+    bench: Workbench, base: Fit, name: str, reached: Sequence[Reached | None] = ()
+) -> tuple[dict[str, float], float]:
     """The point on the rays with the lowest cost, nothing else refitted, and its cost.
 
+    Of each ray a length may be `reached` already, from which the visible one follows sooner.
     Points are compared by successive halving (Z. Karnin, T. Koren and O. Somekh, ICML 2013): after each recording those
     are dropped whose cost so far is above the median.
     """
     effect = REGISTRY[name]
     neutral = effect.neutral(base.model.declared)
-    points = [
-        point
-        for ray in rays(bench, effect, neutral, base.model)
-        for point in _points_on_ray(effect, neutral, ray, visible_length(bench, base, name, neutral, ray)[0])
-    ]
+    points = list[dict[str, float]]()
+    for ray, known in zip_longest(rays(bench, effect, neutral, base.model), reached):
+        step, _ = visible_length(bench, base, name, neutral, ray, reached=known)
+        points += _points_on_ray(effect, neutral, ray, step)
     if not points:
         return neutral, np.inf
     costs = np.zeros(len(points))
@@ -79,13 +85,19 @@ def visible_length(
     neutral: Mapping[str, float],
     ray: Mapping[str, float],
     tolerance: float = 3.0,
+    reached: Reached | None = None,
 ) -> tuple[float, np.ndarray | None]:
     """A length along a ray at which the residual changes by one noise level (rms), within a factor, and the change (n).
 
     Where that is not met in the range of the parameters, or within four trials, it is the last length that was tried.
-    The change is None if already the first is out of range.
+    The change is None if already the first is out of range, or if the length was `reached` before.
     """
     length, tried, change = 1.0, 1.0, None
+    if reached is not None:
+        tried, size = reached
+        if _is_near(size, tolerance):
+            return tried, None
+        length = tried * _to_visible(size)
     for _ in range(4):
         forward = point_on_ray(REGISTRY[name], neutral, ray, length)
         point = forward or point_on_ray(REGISTRY[name], neutral, ray, -length)
@@ -93,11 +105,26 @@ def visible_length(
             break
         [r] = bench.residuals([(with_effect(base.model, name, point), base.starts, None)])
         tried, change = length, (r - base.residual) * (1.0 if forward else -1.0)
-        factor = float(np.clip(1 / max(np.sqrt(np.mean(change**2)), ROUNDING), 1e-3, 1e3))
-        if 1 / tolerance < factor < tolerance:
+        size = size_of(change)
+        if _is_near(size, tolerance):
             break
-        length *= factor
+        length *= _to_visible(size)
     return tried, change
+
+
+def size_of(change: np.ndarray) -> float:
+    """Root-mean-square change of a residual (n) [noise levels]."""
+    return float(np.sqrt(np.mean(change**2)))
+
+
+def _is_near(size: float, tolerance: float) -> bool:
+    """Whether a change is of one noise level, within a factor."""
+    return 1 / tolerance < size < tolerance
+
+
+def _to_visible(size: float) -> float:
+    """Factor from a length at which the residual changes by `size` to one at which it changes by one noise level."""
+    return float(np.clip(1 / max(size, ROUNDING), 1e-3, 1e3))
 
 
 def point_on_ray(effect, neutral: Mapping[str, float], ray: Mapping[str, float], length: float):

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import approx_fprime
 
-from twin.diagnosis import candidates, contest, remainder, rules
+from twin.diagnosis import candidates, contest, fit_start, remainder, rules
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement
 from twin.diagnosis.rules import (
@@ -156,9 +156,9 @@ def refit(
     """
     bench = bench or state.bench
     model = near.model.replace(effects={name: dict(p) for name, p in effects.items()})
-    model = candidates.without_replaced_errors(model)
-    unknowns = candidates.fit_unknowns(bench, model, state.base)
-    first = candidates.initial_values_near(bench, unknowns, model, state.base, near)
+    model = fit_start.without_replaced_errors(model)
+    unknowns = fit_start.fit_unknowns(bench, model, state.base)
+    first = fit_start.initial_values_near(bench, unknowns, model, state.base, near)
     kept = near.jacobian_columns if iterations == QUICK_ITERATIONS else None
     return minimise(bench, model, near.starts, unknowns, first, kept, iterations, goal=goal)
 

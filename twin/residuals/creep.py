@@ -131,11 +131,13 @@ def _aligned_residual(time: np.ndarray, reading: np.ndarray, curve: CubicSpline,
       curve: simulated reading over time.
       late: first shift of the curve [s].
     """
-    residual = reading
+    residual, first, last = reading, curve.x[0], curve.x[-1]
+    at_first = curve(first)
     for _ in range(GAUSS_NEWTON_STEPS):
-        moved = np.clip(time + late, curve.x[0], curve.x[-1])
-        residual = reading - curve(moved)
-        columns = np.column_stack([curve(moved, 1), np.ones(len(time)), curve(moved) - curve(curve.x[0])])
+        moved = np.clip(time + late, first, last)
+        simulated = curve(moved)
+        residual = reading - simulated
+        columns = np.column_stack([curve(moved, 1), np.ones(len(time)), simulated - at_first])
         change = np.linalg.lstsq(columns, residual, rcond=None)[0]
         residual = residual - columns[:, 1:] @ change[1:]
         late = float(np.clip(late + change[0], -REACH / 2, REACH / 2))

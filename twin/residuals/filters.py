@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
-from scipy.signal import butter, sosfilt, sosfilt_zi, sosfreqz
+from scipy.signal import butter, freqz, lfilter, lfilter_zi
 
 BAND = 25.0
 """Cut-off of the low-pass [Hz]: above the second free mode of a rig like this, below the noise of its rates."""
@@ -26,37 +26,36 @@ the motion, which need a wide band, but a noisy sensor does not resolve them: se
 def low_passed(values: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
     """Zero-phase low-pass of signals (..., m) on a uniform grid: Butterworth of order 3, forwards and backwards.
 
-    The signal is continued by its odd extension at both ends, as by `scipy.signal.sosfiltfilt`; the filter's steady
-    states are cached here.
+    The signal is continued by its odd extension at both ends, as by `scipy.signal.filtfilt`; the filter's steady state
+    is cached here.
 
     Args:
       values: (..., m).
       period: step of the grid [s].
       band: cut-off of a single pass [Hz], at most 0.8 of the Nyquist frequency.
     """
-    sections, steady = _sections(min(band, 0.4 / period), period)
+    numerator, denominator, steady = _single_pass(min(band, 0.4 / period), period)
     pad = min(values.shape[-1] - 1, int(0.3 / period))
-    steady = steady.reshape(len(sections), *(1,) * (values.ndim - 1), 2)
     before = 2 * values[..., :1] - values[..., pad:0:-1]
     behind = 2 * values[..., -1:] - values[..., -2 : -pad - 2 : -1]
     signal = np.concatenate([before, values, behind], axis=-1)
     for _ in range(2):
-        signal, _ = sosfilt(sections, signal, zi=steady * signal[..., :1])
+        signal, _ = lfilter(numerator, denominator, signal, zi=steady * signal[..., :1])
         signal = signal[..., ::-1]
     return signal[..., pad : signal.shape[-1] - pad]
 
 
 @functools.lru_cache
-def _sections(cutoff: float, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Second-order sections of the Butterworth filter, and their states in the steady state of a unit step."""
-    sections = butter(3, cutoff, fs=1 / period, output="sos")
-    return sections, sosfilt_zi(sections)
+def _single_pass(cutoff: float, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Numerator and denominator of the Butterworth filter, and its state in the steady state of a unit step."""
+    numerator, denominator = butter(3, cutoff, fs=1 / period)
+    return numerator, denominator, lfilter_zi(numerator, denominator)
 
 
 def low_pass_gain(frequency: np.ndarray, period: float, band: float = BAND) -> np.ndarray:
     """Gain of `low_passed` at frequencies [Hz]: the squared magnitude response of the single pass."""
-    sections, _ = _sections(min(band, 0.4 / period), period)
-    return np.abs(sosfreqz(sections, frequency, fs=1 / period)[1]) ** 2
+    numerator, denominator, _ = _single_pass(min(band, 0.4 / period), period)
+    return np.abs(freqz(numerator, denominator, frequency, fs=1 / period)[1]) ** 2
 
 
 def smooth_spline(time: np.ndarray, values: np.ndarray) -> BSpline:
