@@ -1,8 +1,9 @@
 """Cache of parts of a simulation that many models share.
 
 Candidates that act on drive and hub alone move the link exactly as the model that they are added to: its motion depends
-on `twin.mechanics.plant.Link`, the motion of the hub and the initial state alone. Models that differ in the rig alone
-have the same drive. Entries are found by comparing these values, not a hash of them.
+on `twin.mechanics.plant.Link`, the motion of the hub and the initial state alone. So the sensors of the link read the
+same. Models that differ in the rig alone have the same drive. Entries are found by comparing these values, not a hash
+of them.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Cache(Generic[T]):
         self._known: OrderedDict[Hashable, T] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, inputs: Iterable[float | np.ndarray], compute: Callable[[], T]) -> T:
+    def get(self, inputs: Iterable[float | str | np.ndarray], compute: Callable[[], T]) -> T:
         """The result with these inputs, computed if it is not in the cache."""
         key = tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in inputs)
         with self._lock:

@@ -136,7 +136,7 @@ def delivered_torque(signals: Signals, prepared: Prepared, model: Model) -> np.n
 
 
 def torque_reading(signals: Signals, prepared: Prepared, model: Model) -> np.ndarray:
-    """Delivered torque as a current sensor reports it, on the grid, filtered like the measured one (m) [N m]."""
+    """Delivered torque as a current sensor reports it, on the grid (m) [N m]."""
     recording = prepared.recording
     read = model.report(recording.time, {"motor_torque": model.read_torque(recording)})["motor_torque"]
-    return low_passed(np.interp(signals.time, recording.time, read), GRID)
+    return np.interp(signals.time, recording.time, read)

@@ -22,7 +22,15 @@ from twin.rigs.simulate import sensor_readings
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
     """Name -> residual (m) of the recording, whitened and in multiples of the noise, 0 where unknown."""
-    return scaled(raw_residual(view, prepared, model, start), view, model)
+    raw = raw_residual(view, prepared, model, start)
+    parts = {name: values for name, values in raw.items() if name not in view.measured}
+    known = {name: _normalised_channel(view, name, raw[name]) for name in raw if name in view.measured}
+    return {**known, **scaled(parts, view, model)}
+
+
+def _normalised_channel(view: View, channel: str, values: np.ndarray) -> np.ndarray:
+    """`normalise` of the raw residual (m) of a channel, which models of the same link share."""
+    return view.normalised.get((channel, values), lambda: normalise(values, view, channel))
 
 
 def scaled(residuals: dict[str, np.ndarray], noise: NoiseModel, model: Model) -> dict[str, np.ndarray]:
@@ -114,22 +122,36 @@ def channel_residual(
     """Channel -> measured minus simulated (m) in its unit, low-passed, 0 where unknown."""
     blank = Recording("", signals.time, {c: np.zeros(len(signals.time)) for c in signals.measured})
     strains = {c: v for c, v in blank.channels.items() if c != "motor_torque"}
-    simulated = sensor_readings(model, blank.replace(channels=strains), motion)
+    simulated = dict(sensor_readings(model, blank.replace(channels=strains), motion).channels)
+    if "motor_torque" in signals.measured:
+        simulated["motor_torque"] = torque_reading(signals, prepared, model)
     residuals = {}
-    for channel, values in signals.measured.items():
-        if channel == "motor_torque":
-            predicted = torque_reading(signals, prepared, model)
-        else:
-            predicted = low_passed(simulated[channel], GRID)
-            if channel in signals.with_gaps:
-                values = values + _gap_correction(
-                    signals, channel, simulated[channel], prepared.hub is not None
-                )
-        off = values - predicted
-        if has_unknown_zero(model, prepared, channel):
-            off = without_zero(off, signals.known[channel])
-        residuals[channel] = np.where(signals.known[channel], off, 0.0)
+    for channel in signals.measured:
+        has_zero = has_unknown_zero(model, prepared, channel)
+
+        def off(channel=channel, has_zero=has_zero) -> np.ndarray:
+            return _off(signals, channel, simulated[channel], has_zero, prepared.hub is not None)
+
+        residuals[channel] = signals.residuals.get((channel, has_zero, simulated[channel]), off)
     return residuals
+
+
+def _off(signals: Signals, channel: str, simulated: np.ndarray, has_zero: bool, free: bool) -> np.ndarray:
+    """Measured minus simulated (m) of a channel, low-passed, 0 where unknown.
+
+    Args:
+      signals: the recording.
+      channel: that is compared.
+      simulated: its simulated values, not filtered (m).
+      has_zero: whether its zero is estimated.
+      free: whether the hub is free.
+    """
+    off = signals.measured[channel] - low_passed(simulated, GRID)
+    if channel in signals.with_gaps:
+        off += _gap_correction(signals, channel, simulated, free)
+    if has_zero:
+        off = without_zero(off, signals.known[channel])
+    return np.where(signals.known[channel], off, 0.0)
 
 
 def has_unknown_zero(model: Model, prepared: Prepared, channel: str) -> bool:

@@ -47,6 +47,7 @@ class Signals:
         clamped.
       motions: simulated motions of the link.
       torques: torques of the drive, see `hub_balance.delivered_torque`.
+      residuals: of channels by their simulated readings, see `residual.channel_residual`.
     """
 
     time: np.ndarray
@@ -63,6 +64,7 @@ class Signals:
     settled: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     motions: Cache[LinkMotion] = field(default_factory=Cache, repr=False)
     torques: Cache[np.ndarray] = field(default_factory=Cache, repr=False)
+    residuals: Cache[np.ndarray] = field(default_factory=Cache, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +93,13 @@ class View(Signals, NoiseModel):
       departing: whether readings at an instant are compared for one of these (m); empty where the hub is clamped.
       link_torque_noise: standard deviation of the link's torque on the hub, because noise of the hub angle excites the
         modelled link (m) [N m]; empty where the hub is clamped.
+      normalised: residuals of channels in multiples of the noise by those in their unit, see `residual.residual`.
     """
 
     departures: tuple[creep.Onset, ...] = ()
     departing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
     link_torque_noise: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
+    normalised: Cache[np.ndarray] = field(default_factory=Cache, repr=False)
 
 
 def whitened(values: np.ndarray, model: NoiseModel, channel: str) -> np.ndarray:
