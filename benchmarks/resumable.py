@@ -52,16 +52,21 @@ def answers(
 ) -> list[dict]:
     """Solves the tasks without an answer until the time is over; returns all answers in the order of the tasks.
 
+    One that fails keeps its folder, and is reported when the others are done.
+
     Args:
       tasks: name -> what to solve.
       solve: takes a task and a folder for its campaign, which is removed afterwards; picklable.
       options: of `parser`.
+
+    Raises:
+      RuntimeError: tasks have failed.
     """
     latest = time.time() + 60 * options.minutes
     options.work.mkdir(parents=True, exist_ok=True)
     file = options.work / FILE
     found = _read_answers(file)
-    elsewhere = options.scheduler is not None
+    elsewhere, failed = options.scheduler is not None, dict[str, BaseException]()
     with _executor(options) as pool, file.open("a", encoding="utf-8") as written:
         jobs = {
             pool.submit(_solve_in_time, solve, task, None if elsewhere else options.work / name, latest): name
@@ -69,10 +74,14 @@ def answers(
             if name not in found
         }
         for job in track(as_completed(jobs), "campaigns", len(jobs), disable=not sys.stdout.isatty()):
-            if (answer := job.result()) is not None:
+            if (error := job.exception()) is not None:
+                failed[jobs[job]] = error
+            elif (answer := job.result()) is not None:
                 found[jobs[job]] = answer
                 line = json.dumps({"campaign": jobs[job], "answer": answer}, separators=(",", ":"))
                 print(line, file=written, flush=True)
+    if failed:
+        raise RuntimeError(f"no answer to {', '.join(failed)}") from next(iter(failed.values()))
     return [found[name] for name in tasks if name in found]
 
 

@@ -94,3 +94,11 @@ def case(number: int, folder: Path) -> dict:
     folder.mkdir()
     (folder / "campaign.toml").write_text("")
     return {"number": number, "process": os.getpid()}
+
+
+def failing_case(number: int, folder: Path) -> dict:
+    """A case of a benchmark, of which the first fails."""
+    if number == 1:
+        folder.mkdir()
+        raise ValueError("singular")
+    return case(number, folder)

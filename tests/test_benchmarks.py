@@ -1,9 +1,13 @@
 """What benchmarks compute besides timing, where a mistake would not show in their tables."""
 
+import json
+
 import beam_peers
 import numpy as np
 import pytest
+import resumable
 import where_time_goes
+from fleet_tasks import failing_case
 
 from twin.mechanics import beam
 from twin.mechanics.chain import build, uniform_shape
@@ -46,3 +50,13 @@ def test_a_simulation_counts_for_the_innermost_purpose():
 
     assert calibrate() == "first states"
     assert where_time_goes.purpose() == where_time_goes.OTHER
+
+
+def test_a_campaign_that_fails_loses_no_other_answer(tmp_path):
+    options = resumable.parser("", 1).parse_args([str(tmp_path)])
+    with pytest.raises(RuntimeError, match="no answer to one$") as raised:
+        resumable.answers({"one": 1, "two": 2, "three": 3}, failing_case, options)
+    assert str(raised.value.__cause__) == "singular"
+    lines = (tmp_path / resumable.FILE).read_text().splitlines()
+    assert {json.loads(line)["campaign"] for line in lines} == {"two", "three"}
+    assert (tmp_path / "one").is_dir()
