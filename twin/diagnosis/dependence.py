@@ -93,11 +93,13 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
     white = residual.normalise_all(values, view)
     variables = _with_strains(data, fit, i, values)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
+    # A link that diverges on driven data, under a fit to other data, has no residuals.
+    followed = np.isfinite(list(variables.values())).all(axis=0)
     channels = {}
     for group in data.groups:
         if group.recording != i or group.channel in EVENT_CHANNELS:
             continue
-        keep = bench.weight[group.rows] > 0
+        keep = (bench.weight[group.rows] > 0) & followed
         late = fit.model.hub_late if group.channel == HUB_TORQUE else 0.0
         channels[group.channel] = Unexplained(
             values[group.channel][keep],

@@ -55,8 +55,13 @@ def functions_of(bench: Workbench, best: Fit, rate: float) -> tuple[UnnamedFunct
     """The functions behind the residuals of the link under a fit to driven data; otherwise as `find_functions`."""
     data = bench.data
     assert isinstance(data, DrivenData)
-    groups = [g for g in data.groups if g.channel in ON_LINK]
-    variables = {i: dependence.variables_in(data, best, i) for i in {g.recording for g in groups}}
+    on_link = [g for g in data.groups if g.channel in ON_LINK]
+    variables = {i: dependence.variables_in(data, best, i) for i in {g.recording for g in on_link}}
+    # The link may diverge on driven data, under a fit to other data.
+    variables = {i: v for i, v in variables.items() if np.isfinite(list(v.values())).all()}
+    groups = [g for g in on_link if g.recording in variables]
+    if not groups:
+        return ()
     return tried_functions(bench, best, _bases(bench, best, groups, variables), rate)
 
 

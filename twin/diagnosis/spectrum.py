@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -183,12 +183,10 @@ class _Scan:
             for k, g in usable
             if g.recording in moving and (acts in _SEEN_BY_STRAINS or g.channel == HUB_TORQUE)
         ]
+        motions = _followed(data, base, {g.recording for _, g in groups})
+        groups = [(k, g) for k, g in groups if g.recording in motions]
         if not groups:
             return None
-        motions = {
-            i: move_link(data.views[i], data.prepared[i], base.model, base.starts[i])[0]
-            for i in {g.recording for _, g in groups}
-        }
         views = {i: data.views[i] for i in motions}
 
         def columns(orders: np.ndarray) -> Columns:
@@ -229,6 +227,14 @@ class _Scan:
             )
             for o, order in enumerate(orders)
         ]
+
+
+def _followed(data: DrivenData, base: Fit, recordings: Collection[int]) -> dict[int, Motion]:
+    """Recording -> motion of its link under a fit; of those in which it diverges, as a fit to other data may, none."""
+    motions = {
+        i: move_link(data.views[i], data.prepared[i], base.model, base.starts[i])[0] for i in recordings
+    }
+    return {i: motion for i, motion in motions.items() if np.isfinite(motion.angles).all()}
 
 
 def _regression(
