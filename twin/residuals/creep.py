@@ -93,7 +93,7 @@ def _run_on_time(run: RestRun, time: np.ndarray, goal: float, instant: float) ->
     torque, slope = run.holding_torque
     level, slope = torque - run.level_offset, max(slope, _MIN_SLOPE)
     low, high = run.coulomb, np.inf
-    half_step = run.prepared.recording.period / 2
+    half_step, near = run.prepared.recording.period / 2, GRID / 8
     tried: list[tuple[float, float]] = []
     # A simulation that diverges, under an effect far too large, counts as one that never breaks away.
     best, simulated = np.inf, np.full(len(time), run.reading[1 : run.end + 1].mean())
@@ -105,8 +105,8 @@ def _run_on_time(run: RestRun, time: np.ndarray, goal: float, instant: float) ->
         if abs(late) < abs(best):
             best, simulated = late, readings
         low, high = (low, level) if late > 0 else (level, high)
-        in_steps = bool(tried) and abs(late - tried[-1][1]) < GRID / 8
-        if abs(late) < (half_step if in_steps else GRID / 8) or high - low < 1e-5 * level:
+        in_steps = bool(tried) and abs(late - tried[-1][1]) < near
+        if abs(late) < (half_step if in_steps else near) or high - low < 1e-5 * level:
             break
         if tried and (late - tried[-1][1]) * (level - tried[-1][0]) > 0:
             slope = (level - tried[-1][0]) / (late - tried[-1][1])
