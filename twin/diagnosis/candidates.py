@@ -377,9 +377,7 @@ def _fit_from(
     if REGISTRY[name].delays_readings:
         # The vibration of an unknown initial state comes later, at a few milliseconds with the opposite sign.
         known = {u.key: known[u.key] for u in base.unknowns if u.kind != "start"}
-    return minimise(
-        bench, model, base.starts, unknowns, first, known, QUICK_ITERATIONS, tolerance=1.0, goal=goal
-    )
+    return minimise(bench, model, base.starts, unknowns, first, known, QUICK_ITERATIONS, goal=goal)
 
 
 def _with_best_choices(bench: Workbench, fit: Fit, name: str) -> dict[str, float]:
