@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from twin.diagnosis.rays import Reached
 from twin.estimation import loss
 from twin.estimation.fit import Fit
 from twin.estimation.slopes import prior_precision, row_weights
@@ -56,7 +57,7 @@ class Slopes:
     comparisons: int = 1
     spectral_level: float = 1.0
     coefficients: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    reached: tuple[tuple[float, float] | None, ...] = ()
+    reached: tuple[Reached | None, ...] = ()
 
 
 def permutation_scores(

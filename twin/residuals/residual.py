@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from twin.mechanics.state import Motion, Start
@@ -127,12 +129,9 @@ def channel_residual(
         simulated["motor_torque"] = torque_reading(signals, prepared, model)
     residuals = {}
     for channel in signals.measured:
-        has_zero = has_unknown_zero(model, prepared, channel)
-
-        def off(channel=channel, has_zero=has_zero) -> np.ndarray:
-            return _off(signals, channel, simulated[channel], has_zero, prepared.hub is not None)
-
-        residuals[channel] = signals.residuals.get((channel, has_zero, simulated[channel]), off)
+        reading, has_zero = simulated[channel], has_unknown_zero(model, prepared, channel)
+        off = partial(_off, signals, channel, reading, has_zero, prepared.hub is not None)
+        residuals[channel] = signals.residuals.get((channel, has_zero, reading), off)
     return residuals
 
 
