@@ -14,7 +14,7 @@ from twin.rigs import preset
 
 RIG = preset("bossi2009")
 CHAIN = build(RIG, 12)
-SOFT, STIFF = 12.0, 45.0  # N m/rad, where the clamp is a hinge of its own, and where it is condensed
+SOFT, STIFF = 12.0, 70.0  # N m/rad, where the clamp is a hinge of its own, and where it is condensed
 
 
 def compliant(stiffness, links=CHAIN):

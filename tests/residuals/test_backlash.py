@@ -8,7 +8,6 @@ import pytest
 from twin.estimation import chain_limit
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
-from twin.identification import joint
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.recording import Recording, Sensor
@@ -55,7 +54,7 @@ def test_width_is_where_what_is_left_is_least(gap):
     with ResidualPool(1) as pool:
         bench = Workbench(data, pool)
         starts = [p.start for p in data.prepared]
-        bench, _ = chain_limit.without_discretisation_error(bench, _model(0.0), starts, joint.PRECISE)
+        bench, _ = chain_limit.without_discretisation_error(bench, _model(0.0), starts, chain_limit.PRECISE)
         widths = gap * np.array([0.0, 0.9, 0.95, 1.0, 1.05, 1.1])
         costs = [bench.cost(r) for r in bench.residuals([(_model(w), starts, None) for w in widths])]
     assert widths[np.argmin(costs)] == gap

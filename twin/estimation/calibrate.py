@@ -43,7 +43,7 @@ from twin.residuals.prepared import Prepared, prepare
 from twin.residuals.significance import SIGNIFICANT
 from twin.rigs.model import FixedStepModel, Model
 
-SEARCH_SEGMENTS = 5
+SEARCH_SEGMENTS = 6
 """Segments of the search, whose integration step is that of the grid. Its discretisation error is removed, see
 `chain_limit`."""
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone

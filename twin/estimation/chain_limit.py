@@ -1,9 +1,8 @@
 """Discretisation error of the chain, removed by Richardson extrapolation.
 
-A chain of few segments whose proportions are fitted to the modes is accurate, but its remaining error does not fall
-regularly with the number n of segments. With equal segments, and the curvature at a gauge interpolated from the hinges
-near it, the error of every quantity is a n^-2 + b n^-4 + ..., at large bends too. So a few coarse chains of equal
-segments give the limit n -> infinity (L. F. Richardson, 1911; W. Romberg, 1955).
+The proportions of a chain are fitted to the first modes and to the statics of the link, see `twin.mechanics.chain`.
+What remains of its error, in the modes beyond and at large bends, falls with the number n of segments as
+a n^-2 + b n^-4 + .... So a few chains give the limit n -> infinity (L. F. Richardson, 1911; W. Romberg, 1955).
 """
 
 from __future__ import annotations
@@ -15,49 +14,26 @@ import numpy as np
 
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
-from twin.mechanics.chain import Chain
 from twin.mechanics.state import Start
 from twin.residuals.filters import GRID
 from twin.rigs.model import FixedStepModel, Model
 
-ROUGH = (6, 8, 12)
-"""Numbers of segments before a calibration: an error of half the noise at a resonance, in a quarter of the time."""
+ROUGH = (8, 12)
+"""Numbers of segments before a calibration: an error of half the noise at a resonance, in half of the time."""
 STANDARD = (8, 12, 16)
 """Numbers of segments that leave an error of about a tenth of the noise."""
-_STENCIL = 4  # hinges between which the curvature at a gauge is interpolated
+PRECISE = (*STANDARD, 24)
+"""Numbers of segments for the last steps of an identification: frequencies to 2e-6."""
 
 
-class UniformChainModel(FixedStepModel):
-    """A model on a chain of equal segments, strains interpolated from the hinges near the gauge."""
-
-    def gauge_row(self, links: Chain, x: float) -> np.ndarray:
-        """See `Model.gauge_row`."""
-        return _interpolated_curvature_row(links.hinges, self.rig["length"], x)
-
-
-def with_equal_segments(model: Model, segments: int) -> UniformChainModel:
-    """The model on a chain of this number of equal segments, with half the step of the grid.
+def with_segments(model: Model, segments: int) -> FixedStepModel:
+    """The model on a chain of this number of segments, with half the step of the grid.
 
     The frequency of an oscillation of 40 Hz is then off by 3e-5, (omega h)^4/120.
     """
     values = {f.name: getattr(model, f.name) for f in fields(model)}
-    return UniformChainModel(**{**values, "shape": chain.uniform_shape(segments), "step": GRID / 2})
-
-
-def _interpolated_curvature_row(hinges: np.ndarray, length: float, x: float) -> np.ndarray:
-    """Row (n) from hinge angles [rad] to the curvature at x [1/m], by Lagrange interpolation.
-
-    Args:
-      hinges: positions of the hinges (n) [m].
-      length: of the link [m]; a hinge angle over the length of a segment is the curvature at the hinge.
-      x: position of the gauge [m].
-    """
-    near = np.argsort(np.abs(hinges - x))[:_STENCIL]
-    row = np.zeros(len(hinges))
-    for i in near:
-        others = np.setdiff1d(near, i)
-        row[i] = np.prod((x - hinges[others]) / (hinges[i] - hinges[others]))
-    return row * len(hinges) / length
+    shape = chain.fit_shape_of_similar_rig(model.rig, segments)
+    return FixedStepModel(**{**values, "shape": shape, "step": GRID / 2})
 
 
 def richardson_weights(segments: Sequence[int]) -> np.ndarray:
@@ -77,7 +53,7 @@ def without_discretisation_error(
     Args:
       bench: the data; an earlier correction is discarded.
       model, starts: where the error is evaluated. It is taken as constant in the neighbourhood.
-      segments: numbers of segments of the equal chains to extrapolate from.
+      segments: numbers of segments of the chains to extrapolate from.
 
     Returns:
       The workbench, and the change of the residual (n) by the coarsest of these chains: the contribution of the
@@ -85,10 +61,10 @@ def without_discretisation_error(
     """
     none = np.zeros(len(bench.weight))
     plain = bench.with_defect(none).with_remaining_error(none)
-    models = [model, *(with_equal_segments(model, n) for n in segments)]
-    given, *uniform = plain.residuals([(m, starts, None) for m in models])
-    at_limit = richardson_weights(segments) @ np.array(uniform)
-    last = at_limit - richardson_weights(segments[1:]) @ np.array(uniform[1:])
+    models = [model, *(with_segments(model, n) for n in segments)]
+    given, *finer = plain.residuals([(m, starts, None) for m in models])
+    at_limit = richardson_weights(segments) @ np.array(finer)
+    last = at_limit - richardson_weights(segments[1:]) @ np.array(finer[1:])
     return bench.with_defect(given - at_limit), last
 
 

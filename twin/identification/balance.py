@@ -241,8 +241,8 @@ def direction_shares(view: View) -> tuple[np.ndarray, np.ndarray]:
 
 def _required_torque(prepared: Prepared, view: View, model: Model, start: Start) -> np.ndarray:
     """Torque (m) on the hub that its measured motion requires, in the limit of fine chains [N m]."""
-    chains = [chain_limit.with_equal_segments(model, n) for n in chain_limit.STANDARD]
-    return chain_limit.richardson_weights(chain_limit.STANDARD) @ np.array(
+    chains = [chain_limit.with_segments(model, n) for n in chain_limit.PRECISE]
+    return chain_limit.richardson_weights(chain_limit.PRECISE) @ np.array(
         [move_link(view, prepared, m, start)[1] for m in chains]
     )
 

@@ -37,8 +37,6 @@ from twin.residuals.prepared import Prepared
 
 BANDS = (100.0, *MOTION_BANDS)
 """Corners of the low-pass on the hub motion [Hz]; 100 Hz beside those of a diagnosis keeps more of its harmonics."""
-PRECISE = (*chain_limit.STANDARD, 20)
-"""Numbers of segments for the last steps of a fit: frequencies to 2e-6, see tests/identification/test_errors.py."""
 _ITERATIONS = 4  # of the fit before the last one
 _MAX_VARIANCE_RATIO = 4.0  # variance over that by noise above which recordings contradict each other [1]
 _FALSE_ALARM_RATE = 0.01  # probability that noise alone makes a recording contradict the others [1]
@@ -254,14 +252,16 @@ def prior_deviation(rig: Rig, name: str) -> float:
 def _fit_in_chain_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np.ndarray]:
     """Returns the data corrected for the chain's discretisation error, the fit to them, and the remaining error (p).
 
-    The correction is computed where the fit starts, and once more, with one chain more, where it ends. The remaining
+    The correction is computed where the fit starts, and once more, with finer chains, where it ends. The remaining
     error is the change of the estimate by the last order of the extrapolation.
     """
     kept = refine.observable(base)
     unknowns = [u for u, k in zip(base.unknowns, kept, strict=True) if k]
     bench, _ = chain_limit.without_discretisation_error(bench, base.model, base.starts, chain_limit.STANDARD)
     fit = minimise(bench, base.model, base.starts, unknowns, base.values[kept], None, _ITERATIONS)
-    bench, change = chain_limit.without_discretisation_error(bench, fit.model, fit.starts, PRECISE)
+    bench, change = chain_limit.without_discretisation_error(
+        bench, fit.model, fit.starts, chain_limit.PRECISE
+    )
     fit = refine.refined_fit(bench, fit)
     information, _ = normal_equations(bench, fit)
     gradient = fit.jacobian.T @ (row_weights(bench, fit.residual) * change)

@@ -2,9 +2,10 @@
 
 A chain of equal segments of length h with k = EI/h needs many of them, as the error of its frequencies is O(n^-2). Here
 the lengths and masses of the segments and the stiffnesses of the hinges are the unknowns of a small least-squares
-problem instead. Its targets: three free and three clamped frequencies, the static deflection and rotation of the tip,
+problem instead. Its targets: the first free and clamped frequencies, the static deflection and rotation of the tip,
 the rig's mass moments, and the quadratic change of the modal masses with the deflection, on which the shift of the
-frequencies with the amplitude depends. The regularisation favours equal segments.
+frequencies with the amplitude depends. The regularisation favours equal segments. What remains of the error falls with
+n^-2 as well: the modes beyond the targets, and the change with the amplitude.
 
 Relative coordinates: hub angle, then the n hinge angles. Absolute coordinates: the angles of the n + 1 segments.
 """
@@ -28,16 +29,17 @@ DEFAULT_SEGMENTS = 8
 SHAPE_PARAMETERS = ("length", "linear_density", "bending_stiffness", "hub_inertia", "tip_mass", "tip_inertia")
 """Parameters of a rig on which the proportions of its chain depend."""
 _CACHED = 64  # shapes, chains and rows that are kept: more than a fit has unknowns that change them
-_TARGET_MODES = 3
-"""Modes of each boundary condition, free and clamped, that the fit targets."""
+_TARGET_MODES = 4
+"""Modes of each boundary condition, free and clamped, that the fit targets; an impact on the hub excites them all."""
 # Weights of the fit's residuals [1], chosen: of relative errors in units of 1e-3, and of log ratios to equal segments.
 _UNIFORMITY_WEIGHT = 2.0  # of the log ratios of lengths, stiffnesses and densities: the regularisation
 _FREQUENCY_WEIGHT = 60.0
 _STATIC_WEIGHT = 25.0
 _MOMENT_WEIGHT = 10.0
+_CURVATURE_WEIGHT = np.array([1.0, 0.3, 0.1, 0.03])  # of the relative curvatures of modes
 _AMPLITUDE_WEIGHT = (0.6, 0.15, 0.03)  # first free, first clamped, second free mode
 _CONDENSED = 0.25  # [1] largest share of a hinge's compliance that a compliant clamp may subtract from it
-_FINEST = 20  # largest number of equal segments with which a discretisation limit is extrapolated
+_COARSEST, _FINEST = 8, 24  # smallest and largest number of segments with which a limit is extrapolated
 _STABLE = 2.55  # [1] step times the size of the largest eigenvalue; RK4 is stable up to 2.6, see `Chain.largest_step`
 _DIFFERENCE_STEP = 1e-4
 """Step of the fit's central differences [1]. With a step as short as forward differences need, rounding outweighs the
@@ -74,10 +76,6 @@ class ChainShape:
 
     def __hash__(self) -> int:
         return hash(self._key)
-
-    def is_uniform(self) -> bool:
-        """Whether all hinges are equally stiff, as those of `uniform_shape`."""
-        return bool(np.ptp(self.stiffnesses) < 1e-9 * self.stiffnesses[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +212,8 @@ def with_root_compliance(links: Chain, hub_inertia: float, stiffness: float) -> 
     weights = _extrapolation(links.hinges[:3])
     shares = np.zeros(len(links.stiffness))
     shares[: len(weights)] = compliance * weights * links.stiffness[: len(weights)]
-    # Uniform shapes serve to extrapolate to infinitely many segments: all of them must treat the clamp alike.
-    most = max(len(shares), _FINEST) if links.shape.is_uniform() else len(shares)
+    # Chains from which the limit of infinitely many segments is extrapolated must treat the clamp alike.
+    most = max(len(shares), _FINEST) if len(shares) >= _COARSEST else len(shares)
     if np.all(shares * most / len(shares) > -_CONDENSED):
         bending = 1 / (1 + shares)
         damping = links.damping * np.outer(bending, bending)
@@ -261,6 +259,14 @@ def fit_shape(rig: Mapping[str, float], segments: int = DEFAULT_SEGMENTS) -> Cha
     return _fit_shape(tuple(rig[name] for name in SHAPE_PARAMETERS), segments)
 
 
+def fit_shape_of_similar_rig(rig: Mapping[str, float], segments: int) -> ChainShape:
+    """Returns `fit_shape` of a rig with rounded parameters, which the cache is likelier to have.
+
+    A shape suits all similar rigs: the frequencies change by 1e-5.
+    """
+    return fit_shape({name: float(f"{rig[name]:.2g}") for name in SHAPE_PARAMETERS}, segments)
+
+
 @functools.lru_cache(maxsize=_CACHED)
 def _fit_shape(values: tuple[float, ...], segments: int) -> ChainShape:
     length, density, _, hub_inertia, tip_mass, tip_inertia = values
@@ -295,7 +301,7 @@ def uniform_shape(segments: int) -> ChainShape:
 def curvature_row(chain: Chain, rig: Mapping[str, float], x: float) -> np.ndarray:
     """Returns the row (n) from hinge angles to the link's curvature w'' at x [1/m per rad].
 
-    A regularised least-squares fit to the exact curvature of the first three free and clamped modes, and of a static
+    A regularised least-squares fit to the exact curvature of the modes that the chain's fit targets, and of a static
     tip force and tip moment. Rotation in a compliant clamp is no curvature.
 
     Args:
@@ -315,14 +321,14 @@ def _curvature_row(chain: Chain, values: tuple[float, ...], x: float) -> np.ndar
     curvatures: list[float] = []
     weights: list[float] = []
     for boundary in ("free", "clamped"):
-        count = min(_TARGET_MODES, chain.shape.segments)
+        count = min(chain.shape.segments, _TARGET_MODES)
         exact = beam.modes(rig, count, boundary)
         shapes = chain.modes(boundary)[1][1:, :count]
         bends.extend(shapes.T)
         curvatures.extend(exact.shape(x, 2)[:, 0])
         # Relative to the mode's largest curvature: at the gauge it may be zero.
         scale = np.abs(exact.shape(np.linspace(0, rig["length"], 41), 2)).max(axis=1)
-        weights.extend(np.array([1.0, 0.3, 0.1])[:count] / scale)
+        weights.extend(_CURVATURE_WEIGHT[:count] / scale)
     stiffness, lever = rig["bending_stiffness"], rig["length"] - x
     for bend, curvature in (
         (chain.levers / chain.stiffness, lever / stiffness),
@@ -455,7 +461,7 @@ def _compared_quantities(shape: ChainShape, ends: tuple[float, float, float], mo
 
 def _targets(unit: Mapping[str, float], modes: int) -> np.ndarray:
     """The same quantities of the exact beam."""
-    free, clamped = (beam.modes(unit, _TARGET_MODES, boundary) for boundary in ("free", "clamped"))
+    free, clamped = (beam.modes(unit, max(modes, 2), boundary) for boundary in ("free", "clamped"))
     static = (1 / 3, 1 / 2, 1.0)
     moments = (1 / 2 + unit["tip_mass"], beam.rigid_inertia(unit))
     stretched = [_beam_mass_change(unit, *which) for which in ((free, 0), (clamped, 0), (free, 1))]

@@ -225,10 +225,5 @@ FINE_SEGMENTS, FINE_STEP = 12, 2.5e-4
 
 def with_fine_chain(model: Model) -> Model:
     """Returns the model on a chain whose discretisation error is taken as negligible."""
-    return model.replace(shape=_fine_shape(model), step=FINE_STEP)
-
-
-def _fine_shape(model: Model) -> ChainShape:
-    # A shape suits all similar rigs: parameters are rounded, so that the cache of `fit_shape` has it already.
-    rounded = {name: float(f"{model.rig[name]:.2g}") for name in chain.SHAPE_PARAMETERS}
-    return chain.fit_shape(rounded, FINE_SEGMENTS)
+    shape = chain.fit_shape_of_similar_rig(model.rig, FINE_SEGMENTS)
+    return model.replace(shape=shape, step=FINE_STEP)
