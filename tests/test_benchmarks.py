@@ -3,6 +3,7 @@
 import json
 
 import beam_peers
+import benches
 import numpy as np
 import pytest
 import resumable
@@ -60,3 +61,19 @@ def test_a_campaign_that_fails_loses_no_other_answer(tmp_path):
     lines = (tmp_path / resumable.FILE).read_text().splitlines()
     assert {json.loads(line)["campaign"] for line in lines} == {"two", "three"}
     assert (tmp_path / "one").is_dir()
+
+
+@pytest.mark.parametrize(
+    ("true", "adopted", "right"),
+    [
+        (["sensor-delay"], ["actuator-delay"], True),
+        (["sensor-delay", "backlash"], ["backlash", "actuator-delay"], True),
+        (["sensor-delay"], ["actuator-lag"], False),
+        (["sensor-delay"], ["sensor-delay", "actuator-lag"], False),
+    ],
+)
+def test_late_readings_of_a_bench_are_a_late_drive(true, adopted, right):
+    answer = {"verdict": "explained", "adopted": dict.fromkeys(adopted)}
+    answer["truth"] = {"kind": "other", "effects": dict.fromkeys(true)}
+    assert benches.is_right(answer) is right
+    assert not benches.is_right({**answer, "verdict": "outside-library"})
