@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/method.md from the diagnosis of the bundled campaign, and fills its table.
+"""Draws the pictures of docs/method.md from the diagnosis of the bundled campaign, and prints its table.
 
 python docs/tools/draw_method.py      (minutes: it runs the diagnosis)
 """
