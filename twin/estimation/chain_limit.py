@@ -19,9 +19,9 @@ from twin.residuals.filters import GRID
 from twin.rigs.model import FixedStepModel, Model
 
 ROUGH = (8, 12)
-"""Numbers of segments before a calibration: an error of half the noise at a resonance, in half of the time."""
+"""Numbers of segments before a calibration. They leave 0.2 noise levels on the demo, 2 at a resonance."""
 STANDARD = (8, 12, 16)
-"""Numbers of segments that leave an error of about a tenth of the noise."""
+"""Numbers of segments that leave 0.06 noise levels on the demo, 0.4 behind a rough hub sensor."""
 PRECISE = (*STANDARD, 24)
 """Numbers of segments for the last steps of an identification: frequencies to 2e-6."""
 
