@@ -7,6 +7,7 @@ from finite_elements import FiniteElementLink
 from marks import slow_except
 from scipy.linalg import eigh
 
+from twin.estimation import chain_limit
 from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import build, curvature_row, with_root_compliance
 from twin.mechanics.plant import declared_plant
@@ -14,7 +15,7 @@ from twin.rigs import preset
 
 RIG = preset("bossi2009")
 CHAIN = build(RIG, 12)
-SOFT, STIFF = 12.0, 70.0  # N m/rad, where the clamp is a hinge of its own, and where it is condensed
+SOFT, STIFF = 12.0, 75.0  # N m/rad, where the clamp is a hinge of its own, and where it is condensed
 
 
 def compliant(stiffness, links=CHAIN):
@@ -39,6 +40,12 @@ def exact(stiffness, boundary):
 def test_both_forms_are_used():
     assert len(compliant(SOFT).stiffness) == len(CHAIN.stiffness) + 1
     assert len(compliant(STIFF).stiffness) == len(CHAIN.stiffness)
+
+
+@pytest.mark.parametrize("stiffness", [20.0, 60.0, 70.0, 75.0])
+def test_chains_of_a_limit_treat_the_clamp_alike(stiffness):
+    added = {len(compliant(stiffness, build(RIG, n)).stiffness) - n for n in chain_limit.PRECISE}
+    assert len(added) == 1
 
 
 @pytest.mark.parametrize("stiffness", slow_except([3.0, SOFT, 25.0, STIFF, 200.0], SOFT))
