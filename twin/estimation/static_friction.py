@@ -14,13 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin.estimation.chain_limit import ROUGH
 from twin.estimation.fit import Fit
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import costs_at
 from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import FreeData, Workbench
-from twin.mechanics import chain
 from twin.residuals import static_levels
 from twin.residuals.data import DrivenData
 from twin.residuals.filters import GRID
@@ -134,7 +132,7 @@ def _grid_search(
       indices: of the unknowns to search for.
       errors: receives their standard errors, by index.
     """
-    model = best.model.replace(shape=chain.fit_shape(best.model.rig, ROUGH[0]), step=GRID / 2)
+    model = best.model.replace(step=GRID / 2)
     for reach, count in _GRIDS:
         remaining = list(indices)
         while remaining:
