@@ -22,22 +22,17 @@ from machine import command, describe
 
 from twin.campaigns.campaign import read_campaign
 from twin.estimation import chain_limit
-from twin.estimation.calibrate import calibrate
+from twin.estimation.calibrate import SEARCH_SEGMENTS, calibrate
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
 from twin.mechanics.chain import uniform_shape
-from twin.rigs.model import Model
+from twin.rigs.model import FINE_SEGMENTS, Model
 from twin.virtual_rig.bench import make_bench
 
 RESULTS = Path(__file__).parent / "results" / "discretisation.md"
 LIMIT = (16, 20, 24)
-ORDERS = {
-    "search, 6 segments": (),
-    "12 segments": (12,),
-    "limit of 8, 12": chain_limit.ROUGH,
-    "limit of 8, 12, 16": chain_limit.STANDARD,
-    "limit of 8, 12, 16, 24": chain_limit.PRECISE,
-}
+ORDERS = (), (FINE_SEGMENTS,), chain_limit.ROUGH, chain_limit.STANDARD, chain_limit.PRECISE
+"""Numbers of segments from which a limit is extrapolated; none for the chain of the search."""
 
 
 def equal_segments(model: Model, segments: int) -> Model:
@@ -59,13 +54,19 @@ def errors(folder: Path) -> dict[str, list[tuple[float, float]]]:
 
         exact = residual(chain_limit.with_segments, LIMIT)
         return {
-            name: [
+            _label(segments): [
                 _size(bench.sizes(residual(of, segments) - exact))
                 for of in (chain_limit.with_segments, equal_segments)
                 if segments or of is not equal_segments
             ]
-            for name, segments in ORDERS.items()
+            for segments in ORDERS
         }
+
+
+def _label(segments: Sequence[int]) -> str:
+    if len(segments) > 1:
+        return f"limit of {', '.join(map(str, segments))}"
+    return f"{segments[0]} segments" if segments else f"search, {SEARCH_SEGMENTS} segments"
 
 
 def _size(sizes: np.ndarray) -> tuple[float, float]:

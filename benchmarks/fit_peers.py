@@ -2,7 +2,7 @@
 
 Recordings of the virtual rig (random steps and a slew; 18 s at 500 Hz; stiction at the Coulomb level, as MuJoCo has no
 other) whose declared parameters are one standard deviation off. All fits begin there, keep within three
-of them, and simulate five segments at 2 ms on two threads:
+of them, and simulate six segments at 2 ms on two threads:
 
     twin           `calibrate`: the measured hub angle drives the link; compiled equations. It fits the time at which
                    commands act and the initial states besides, and weighs channels by what is left of them

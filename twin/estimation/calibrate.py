@@ -45,7 +45,7 @@ from twin.rigs.model import FixedStepModel, Model
 
 SEARCH_SEGMENTS = 6
 """Segments of the search, whose integration step is that of the grid. Its discretisation error is removed, see
-`chain_limit`."""
+`chain_limit`. With the fourth mode, five change with the amplitude by an error that is larger by a third."""
 _IMPOSSIBLE = 3.0  # times the acceleration that the largest torque gives the hub alone
 _WIDE = 0.2  # relative standard deviation beyond which a declared value is only a rough starting value
 

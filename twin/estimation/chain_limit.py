@@ -23,7 +23,8 @@ ROUGH = (8, 12)
 STANDARD = (8, 12, 16)
 """Numbers of segments that leave 0.06 noise levels on the demo, 0.4 behind a rough hub sensor."""
 PRECISE = (*STANDARD, 24)
-"""Numbers of segments for the last steps of an identification: frequencies to 2e-6."""
+"""Numbers of segments for the last steps of an identification: frequencies to 2e-6, see
+tests/identification/test_errors.py, and hub inertias to 1.5e-4; with 20 in place of 24, to 2.5e-4."""
 
 
 def with_segments(model: Model, segments: int) -> FixedStepModel:

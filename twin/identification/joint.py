@@ -252,7 +252,7 @@ def prior_deviation(rig: Rig, name: str) -> float:
 def _fit_in_chain_limit(bench: Workbench, base: Fit) -> tuple[Workbench, Fit, np.ndarray]:
     """Returns the data corrected for the chain's discretisation error, the fit to them, and the remaining error (p).
 
-    The correction is computed where the fit starts, and once more, with finer chains, where it ends. The remaining
+    The correction is computed where the fit starts, and once more, with one chain more, where it ends. The remaining
     error is the change of the estimate by the last order of the extrapolation.
     """
     kept = refine.observable(base)
