@@ -41,7 +41,7 @@ _MOMENT_WEIGHT = 10.0
 _CURVATURE_WEIGHT = np.array([1.0, 0.3, 0.1, 0.03])  # of the relative curvatures of modes
 _AMPLITUDE_WEIGHT = (0.6, 0.15, 0.03)  # first free, first clamped, second free mode
 _CONDENSED = 0.2
-"""Compliance of a clamp, over that of a hinge [1], up to which the first hinges take it; one of them loses a quarter."""
+"""Compliance of a clamp, over that of a hinge [1], up to which the first hinges take it; one loses a quarter."""
 _COARSEST, _FINEST = 8, 24  # smallest and largest number of segments of `twin.estimation.chain_limit`
 _STABLE = 2.55  # [1] step times the size of the largest eigenvalue; RK4 is stable up to 2.6, see `Chain.largest_step`
 _DIFFERENCE_STEP = 1e-4
