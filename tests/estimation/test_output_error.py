@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from twin.diagnosis.dependence import unexplained_residuals
+from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.output_error import OutputErrorData, fit_output_error, on_driven_data
 from twin.estimation.residual_pool import ResidualPool
@@ -171,3 +172,26 @@ def test_a_first_state_that_a_wrong_model_left_in_another_minimum_is_found_anew(
     fit = replace(plain, starts=(lost,), unknowns=unknowns, values=values, jacobian=slopes)
     _, found = fit_output_error(free, fit)
     assert found.size.max() < 1.2
+
+
+def test_of_minima_that_are_apart_the_likeliest_is_found(pool, monkeypatch):
+    right = {"amplitude": 0.05, "order": 7.0, "phase": 0.3}
+    wrong = {**right, "order": 11.0}
+    model, trapped = (replace(rig(0.05), effects={"cogging": values}) for values in (right, wrong))
+    unknowns = tuple(effect_unknowns("cogging", wrong, set()))
+    _, free = bench_of(model, SQUARE, pool, 0.5)
+    plain = fit_of(free, trapped)
+    fit = replace(
+        plain,
+        unknowns=unknowns,
+        values=np.array([wrong[u.name] for u in unknowns]),
+        cost=free.cost(plain.residual),
+        jacobian=np.zeros((len(plain.residual), len(unknowns))),
+    )
+    order = {}
+    for others in ((), ({**right, "order": 7.2},)):
+        monkeypatch.setattr(type(REGISTRY["cogging"]), "other_minima", lambda *_, others=others: others)
+        _, found = fit_output_error(free, fit)
+        order[bool(others)] = found.model.effects["cogging"]["order"]
+    assert abs(order[False] - 7) > 1
+    assert abs(order[True] - 7) < 0.1

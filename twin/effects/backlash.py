@@ -8,6 +8,9 @@ import numpy as np
 from twin.effects.base import Effect, EffectParameter
 from twin.mechanics.plant import CONTACT_DAMPING, CONTACT_STIFFNESS
 
+_REBOUNDING = 0.1
+"""Damping ratio of a flank that rebounds with 0.73 of the speed, as gears of steel do."""
+
 
 class Backlash(Effect):
     """The motor, an inertia of motor_inertia_share times the hub's, turns freely within the total play `gap`.
@@ -66,6 +69,11 @@ class Backlash(Effect):
             {**own, "motor_inertia_share": share, "friction_on_motor": placed}
             for share, placed in (*((share, 1.0) for share in shares), (0.4, 0.0))
         )
+
+    def other_minima(self, values):
+        # A flank that rebounds and one that gives are alike on average, and a fit does not pass from one to the other.
+        damped = values["contact_damping"] > CONTACT_DAMPING
+        return ({**values, "contact_damping": _REBOUNDING},) if damped else ()
 
     def placed(self, torque, p):
         moved = torque.name == "viscous-friction" and p["gap"] > 0 and p.get("friction_on_motor", 0.0) == 1.0

@@ -288,6 +288,10 @@ class Effect:
         neutral = self.neutral(rig)
         return ({p.name: p.turned(p.turned(neutral[p.name]) + p.step) for p in self.parameters},)
 
+    def other_minima(self, values: Mapping[str, float]) -> tuple[dict[str, float], ...]:
+        """Values from which a fit to output errors begins, too, as its cost may have minima apart from this one."""
+        return ()
+
     def fits(self, values: Mapping[str, float], sensors: Mapping[str, Sensor]) -> bool:
         """Whether these values agree with what is declared of the sensors."""
         return True

@@ -9,12 +9,13 @@ Where they do decide it, a soft spring pulls the simulated hub to the measured o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
+from twin.effects import REGISTRY
 from twin.estimation import chain_limit, loss, refine
 from twin.estimation.first_state import first_states, with_bends
 from twin.estimation.fit import Fit
@@ -201,18 +202,22 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
 def _likeliest_run(bench: Workbench, fit: Fit, most: float) -> _Run | None:
     """The likeliest of rough fits with springs, and without; arguments as `fit_output_error`.
 
-    Each begins at the likeliest before it. The spring softens as long as that is likelier, and once more with the other
-    damping ratio. A free run has two parameters less than a spring, and may be less likely by their penalty.
+    Each begins at the likeliest before it, the second one also at other minima. The spring softens as long as that is
+    likelier, and once more with the other damping ratio. A free run has two parameters less than a spring, and may be
+    less likely by their penalty.
     """
-    best = _with_own_spring(bench, fit)
+    best = _with_own_spring(bench, fit) or _rough_run(bench, fit, most, None, *STIFFEST)
+    if best is None:
+        return None
+    best = _at_likeliest_minimum(best)
     for ratio in _DAMPING_RATIOS:
         for period in _PERIODS:
-            if best is None or best.data.is_stiffer(period, ratio):
+            if best.data.is_stiffer(period, ratio):
                 run = _rough_run(bench, fit, most, best, period, ratio)
                 if run is None:
                     break
                 best = run
-    if best is None or best.data.is_free:
+    if best.data.is_free:
         return best
     return _rough_run(bench, fit, most, best, np.inf, 0.0, best.bench.penalty(2)) or best
 
@@ -226,6 +231,30 @@ def _with_own_spring(bench: Workbench, fit: Fit) -> _Run | None:
     [r] = free.residuals([(fit.model, fit.starts, None)])
     cost = cost_of(free, fit.unknowns, fit.values, r)
     return _Run(data, free, replace(fit, residual=r, size=free.sizes(r), cost=cost))
+
+
+def _at_likeliest_minimum(run: _Run) -> _Run:
+    """The likeliest of rough fits that begin at a run and at the other minima of its effects; without any, the run."""
+    effects = run.fit.model.effects
+    others = [
+        _with_effect_values(run.fit, name, values)
+        for name in effects
+        for values in REGISTRY[name].other_minima(effects[name])
+    ]
+    if not others:
+        return run
+    best = _fitted(run.bench, run.fit, run.fit.cost)
+    for other in others:
+        best = min(best, _fitted(run.bench, other, best.cost), key=lambda f: f.cost)
+    return replace(run, fit=best)
+
+
+def _with_effect_values(fit: Fit, name: str, parameters: Mapping[str, float]) -> Fit:
+    """The fit with the unknowns of an effect at these parameters."""
+    mine = [u.effect == name and u.name in parameters for u in fit.unknowns]
+    pairs = zip(fit.unknowns, fit.values, mine, strict=True)
+    values = np.array([u.turned(parameters[u.name]) if new else v for u, v, new in pairs])
+    return replace(fit, values=values)
 
 
 def _rough_run(
