@@ -5,6 +5,7 @@ import pytest
 
 from twin.campaigns.readings import longest_valid_stretch
 from twin.campaigns.rests import classify_hub_motion
+from twin.mechanics.planar import STUCK
 from twin.recording import Recording
 
 TIME = np.arange(0.0, 4.0, 1e-3)
@@ -67,3 +68,18 @@ def test_a_part_whose_clock_hung_is_classified():
     time = np.r_[0.002 * np.arange(100), 0.2 + 1e-12 * np.arange(1, 200), 0.202 + 0.002 * np.arange(50)]
     part = Recording("a.csv", time, {"hub_angle": 0.1 * time})
     assert len(classify_hub_motion(part, 1e-4).observed) == len(time)
+
+
+def test_a_hub_that_a_link_rocks_on_a_flank_does_not_rest():
+    noise = NOISE * np.random.default_rng(2).normal(size=len(TIME))
+    still = classify_hub_motion(recording(0.1 + noise), NOISE)
+    assert (still.observed == STUCK).mean() > 0.9
+    # In 0.08 s it moves by less than the noise.
+    rocked = classify_hub_motion(recording(0.1 + noise + 2 * NOISE * np.sin(2 * np.pi * 0.3 * TIME)), NOISE)
+    assert (rocked.observed == STUCK).mean() < 0.1
+
+
+def test_a_hub_rests_though_neighbouring_samples_have_the_same_noise():
+    noise = np.repeat(np.random.default_rng(3).normal(size=len(TIME) // 5), 5)
+    seen = classify_hub_motion(recording(0.1 + NOISE * noise), NOISE)
+    assert (seen.observed == STUCK).mean() > 0.5

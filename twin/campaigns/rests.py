@@ -16,6 +16,9 @@ from twin.recording import Recording, sample_period
 _REST_SPAN = 0.08  # s, window of the test for rest, so the shortest rest that is recognised
 _EDGE = 0.02  # s before and after a change between rest and motion that are undecided
 _CERTAIN = 6.0  # standard errors of the rate, from which the hub moves
+_STEADY = 3.5
+"""Standard errors of a window up to which its slope is none, and the spread of the means of a rest's windows, too: it
+allows for noise that is correlated over ten samples."""
 ONSET_LEVEL, ONSET_SAMPLES = 4.0, 4
 """Distance from the rest reading in standard deviations, and consecutive readings beyond it, that show an onset."""
 SAMPLES_BEFORE_ONSET = 2
@@ -115,10 +118,25 @@ def _resting(filled: np.ndarray, noise: float, dt: float) -> np.ndarray:
     error = noise / dt / np.sqrt(window * (window**2 - 1) / 12)
     mean = savgol_filter(filled, window, 0)
     spread = np.sqrt(np.maximum(savgol_filter(filled**2, window, 0) - mean**2, 0))
-    still = (np.abs(slope) < 3.5 * error) & (spread < 1.6 * noise)
+    still = (np.abs(slope) < _STEADY * error) & (spread < 1.6 * noise)
     # `still` marks the centres of windows at rest: rests extend half a window beyond.
     still = binary_erosion(still, iterations=2, border_value=1)
-    return binary_dilation(still, iterations=window // 2 - 2)
+    resting = binary_dilation(still, iterations=window // 2 - 2)
+    return resting & ~_drifting(resting, filled, window, noise)
+
+
+def _drifting(resting: np.ndarray, filled: np.ndarray, window: int, noise: float) -> np.ndarray:
+    """Stretches of a mask (n) whose windows differ in their means: each seems at rest, and the hub moves slowly.
+
+    So does a hub that the link presses on a flank of a backlash, while friction holds the motor.
+    """
+    drifting, (stretches, count) = np.zeros(len(resting), dtype=bool), label(resting)
+    for index in range(1, count + 1):
+        inside = np.flatnonzero(stretches == index)
+        parts = np.array_split(inside, max(len(inside) // window, 1))
+        means = np.array([filled[part].mean() for part in parts])
+        drifting[inside] = means.std() > _STEADY * noise / np.sqrt(window)
+    return drifting
 
 
 def _with_margins(observed: np.ndarray, dt: float) -> np.ndarray:
