@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import binary_dilation, binary_erosion, label
+from scipy.ndimage import binary_dilation, binary_erosion, find_objects, label
 from scipy.signal import savgol_filter
 
 from twin.mechanics.planar import STUCK, UNDECIDED
@@ -17,8 +17,8 @@ _REST_SPAN = 0.08  # s, window of the test for rest, so the shortest rest that i
 _EDGE = 0.02  # s before and after a change between rest and motion that are undecided
 _CERTAIN = 6.0  # standard errors of the rate, from which the hub moves
 _STEADY = 3.5
-"""Standard errors of a window up to which its slope is none, and the spread of the means of a rest's windows, too: it
-allows for noise that is correlated over ten samples."""
+"""Standard errors up to which the slope of a window is none, and the spread of the means of a rest's windows, too:
+noise that is the same over 12 = 3.5^2 samples spreads these as far."""
 ONSET_LEVEL, ONSET_SAMPLES = 4.0, 4
 """Distance from the rest reading in standard deviations, and consecutive readings beyond it, that show an onset."""
 SAMPLES_BEFORE_ONSET = 2
@@ -130,12 +130,11 @@ def _drifting(resting: np.ndarray, filled: np.ndarray, window: int, noise: float
 
     So does a hub that the link presses on a flank of a backlash, while friction holds the motor.
     """
-    drifting, (stretches, count) = np.zeros(len(resting), dtype=bool), label(resting)
-    for index in range(1, count + 1):
-        inside = np.flatnonzero(stretches == index)
-        parts = np.array_split(inside, max(len(inside) // window, 1))
-        means = np.array([filled[part].mean() for part in parts])
-        drifting[inside] = means.std() > _STEADY * noise / np.sqrt(window)
+    drifting = np.zeros(len(resting), dtype=bool)
+    for (inside,) in find_objects(label(resting)[0]):
+        reading = filled[inside]
+        means = [part.mean() for part in np.array_split(reading, max(len(reading) // window, 1))]
+        drifting[inside] = np.std(means) > _STEADY * noise / np.sqrt(window)
     return drifting
 
 
@@ -189,8 +188,6 @@ def _tightened(observed: np.ndarray, onsets: tuple[tuple[int, int], ...]) -> np.
 def _rest_reading(filled: np.ndarray, resting: np.ndarray) -> np.ndarray:
     """Returns the readings (n) with each rest replaced by its mean [rad]."""
     reading = filled.copy()
-    stretches, count = label(resting)
-    for index in range(1, count + 1):
-        inside = stretches == index
+    for (inside,) in find_objects(label(resting)[0]):
         reading[inside] = filled[inside].mean()
     return reading

@@ -251,9 +251,8 @@ def _at_likeliest_minimum(run: _Run) -> _Run:
 
 def _with_effect_values(fit: Fit, name: str, parameters: Mapping[str, float]) -> Fit:
     """The fit with the unknowns of an effect at these parameters."""
-    mine = [u.effect == name and u.name in parameters for u in fit.unknowns]
-    pairs = zip(fit.unknowns, fit.values, mine, strict=True)
-    values = np.array([u.turned(parameters[u.name]) if new else v for u, v, new in pairs])
+    pairs = zip(fit.unknowns, fit.values, strict=True)
+    values = np.array([u.turned(parameters[u.name]) if u.effect == name else v for u, v in pairs])
     return replace(fit, values=values)
 
 
