@@ -7,9 +7,10 @@ Nodes have positions and slopes in fixed axes, so that no rotating frame, no mod
 lie on points of Gauss of two elements, where the curvature of a cubic element is one order more exact (J. Barlow, Int.
 J. Numer. Meth. Eng. 10 (1976)). The cable's axial stiffness is that of the strip of the gauges' thickness.
 
-Damping: the declared ratio of every free mode belongs to no material law. A network of torsional dampers between all
-pairs of nodes gives it to as many modes as there are elements: their rates eta of the slopes psi = Psi eta about the
-root lose sum 2 zeta omega eta^2 = psi' C psi, and a symmetric C is a sum of losses by differences of slopes.
+Damping: the declared ratio of every free mode belongs to no material law. Moments in the link, proportional to the
+rates of curvature at all points of Gauss, give it to as many modes as there are elements and to no other. (Dampers
+between the nodes would give the same ratios; but their moments are constant within an element and bend the modes above,
+so that a gauge at the second free mode lags by one per cent.)
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numba
 import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import newton
@@ -218,7 +220,12 @@ def build(rig: Rig, sensors: Sensors, angle: float) -> Model:
         drag=[b.load(b.coordinate(tip, number)) for number in (0, 1)],
     )
     b.system.Assemble()
-    _damp(b, rig, nodes, hub, tip, rigid, [n for n in (motor, torsion) if n is not None])
+    _damp(
+        b,
+        rig,
+        nodes,
+        transverse(b.system, angle, nodes, hub, tip, [n for n in (motor, torsion) if n is not None]),
+    )
     b.system.Assemble()
     place = b.system.GetNodeODE2Index
     model.hub, model.tip = place(hub) + 2, place(tip)
@@ -304,25 +311,71 @@ def free_modes(system: Any, coordinates: Array) -> tuple[Array, Array]:
     return np.sqrt(np.maximum(squares, 0.0)), shapes
 
 
-def _damp(
-    b: Builder, rig: Rig, nodes: list[Any], hub: Any, tip: Any, rigid: list[Any], rotors: list[Any]
-) -> None:
-    """Adds the dampers that give as many free modes as there are elements the declared ratio."""
-    omega, shapes = free_modes(b.system, transverse(b.system, b.angle, nodes, hub, tip, rotors))
+def _damp(b: Builder, rig: Rig, nodes: list[Any], coordinates: Array) -> None:
+    """Adds the moments that give as many free modes as there are elements the declared ratio.
+
+    They are -C kappa' with the rates kappa' of curvature, kappa = X eta, of modes eta: their losses kappa' C kappa'
+    are those of the damped modes, sum 2 zeta omega eta'^2.
+
+    Args:
+      coordinates: those of the system per transverse ones, as from `transverse`.
+    """
+    omega, shapes = free_modes(b.system, coordinates)
     count = len(nodes)
-    slopes = shapes[1:count, 1:count] - shapes[0, 1:count]
-    rates = np.linalg.inv(slopes)
-    matrix = rates.T @ np.diag(2.0 * rig.damping_ratio * omega[1:count]) @ rates
-    # Slopes count from the root: its row and column make every sum zero.
-    whole = np.pad(matrix, ((1, 0), (1, 0)))
-    whole[0, 1:] = whole[1:, 0] = -matrix.sum(axis=0)
-    for i in range(count):
-        for j in range(i + 1, count):
-            b.system.AddObject(
-                items.ObjectConnectorTorsionalSpringDamper(
-                    markerNumbers=[rigid[i], rigid[j]], stiffness=0.0, damping=-float(whole[i, j])
-                )
-            )
+    straight = np.concatenate([[*(s * b.along), *b.along] for s in b.mesh.nodes])
+    lengths = np.diff(b.mesh.nodes)
+    rows = np.concatenate([b.system.GetNodeODE2Index(node) + np.arange(4) for node in nodes])
+    modes = np.linalg.inv(curvature_rates(straight, lengths) @ (coordinates @ shapes[:, 1:])[rows])
+    matrix = modes[: count - 1].T * (2.0 * rig.damping_ratio * omega[1:count]) @ modes[: count - 1]
+
+    def force(_system: Any, _t: float, _item: int, q: Any, rates: Any) -> Array:
+        by_rate = curvature_rates(straight + np.asarray(q), lengths)
+        return -(matrix @ (by_rate @ np.asarray(rates))) @ by_rate
+
+    def jacobian(_system: Any, _t: float, _item: int, q: Any, _rates: Any, _: float, share: float) -> Array:
+        by_rate = curvature_rates(straight + np.asarray(q), lengths)
+        return share * by_rate.T @ matrix @ by_rate
+
+    b.system.AddObject(
+        items.ObjectGenericODE2(
+            nodeNumbers=nodes,
+            massMatrix=np.zeros((4 * count, 4 * count)),
+            forceUserFunction=force,
+            jacobianUserFunction=jacobian,
+        )
+    )
+
+
+@numba.njit
+def curvature_rates(place: Array, lengths: Array) -> Array:
+    """Returns the rates of curvature per rate of the nodes' coordinates, kappa = r' x r''/|r'|^2 of cubic elements.
+
+    Args:
+      place: x, y and their derivatives along the link, of each node (4 nodes,).
+      lengths: of the elements (nodes - 1,) [m].
+
+    Returns:
+      at both points of Gauss of each element (2 (nodes - 1), 4 nodes).
+    """
+    count = len(lengths)
+    rates = np.zeros((2 * count, 4 * count + 4))
+    for k in range(count):
+        h, first = lengths[k], 4 * k
+        for point, u in enumerate((GAUSS, 1.0 - GAUSS)):
+            once = (6 * u * (u - 1) / h, 1 - 4 * u + 3 * u * u, 6 * u * (1 - u) / h, 3 * u * u - 2 * u)
+            twice = ((12 * u - 6) / h**2, (6 * u - 4) / h, (6 - 12 * u) / h**2, (6 * u - 2) / h)
+            dx, dy, ddx, ddy = 0.0, 0.0, 0.0, 0.0
+            for i in range(4):
+                x, y = place[first + 2 * i], place[first + 2 * i + 1]
+                dx, dy = dx + once[i] * x, dy + once[i] * y
+                ddx, ddy = ddx + twice[i] * x, ddy + twice[i] * y
+            square = dx * dx + dy * dy
+            twist = 2.0 * (dx * ddy - dy * ddx) / square
+            row = rates[2 * k + point]
+            for i in range(4):
+                row[first + 2 * i] = (once[i] * (ddy - twist * dx) - twice[i] * dy) / square
+                row[first + 2 * i + 1] = (twice[i] * dx - once[i] * (ddx + twist * dy)) / square
+    return rates
 
 
 def gauge_curvatures(model: Model) -> list[float]:
