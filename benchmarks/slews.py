@@ -57,7 +57,7 @@ def _slews(seed: int, folder: Path) -> dict:
     true = campaign.rig.replace("true", **truth)
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
     prepared = _prepared(campaign)
-    data = DrivenData(prepared, model, joint.BANDS)
+    data = DrivenData.of(prepared, model, joint.BANDS)
     whole = total_inertia.momentum_balance(data, model)
     if whole is None:
         return {}

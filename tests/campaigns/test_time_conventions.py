@@ -132,7 +132,7 @@ def test_a_late_sensor_and_a_late_drive_leave_the_same_though_a_run_ends_in_moti
     read["hub_angle"] = read["hub_angle"] + np.random.default_rng(5).normal(scale=noise, size=len(time))
     measured = resonant.replace(channels=read)
     prepared, _ = prepare(measured, {"hub_angle": noise, "strain_base": 2e-6})
-    [view] = DrivenData([prepared], model).views
+    [view] = DrivenData.of([prepared], model).views
     [first, then] = [residual.raw_residual(view, prepared, m, prepared.start) for m in (sensor, drive)]
     # Both residuals stand at the time of the reading, on whose clock it is known where the hub slides.
     shown = np.flatnonzero(view.sliding)

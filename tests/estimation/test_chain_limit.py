@@ -34,7 +34,7 @@ def swinging():
     read = {c: exact[c] + NOISE[c] * draw.standard_normal(2500) for c in NOISE}
     prepared = prepare(Recording("a.csv", TIME, {"torque_command": slew, **read}), NOISE)[0]
     with ResidualPool(1) as pool:
-        yield Workbench(DrivenData([prepared], model), pool), model, (prepared.start,)
+        yield Workbench(DrivenData.of([prepared], model), pool), model, (prepared.start,)
 
 
 def test_noise_grows_by_the_size_of_an_error_in_each_stretch(swinging):

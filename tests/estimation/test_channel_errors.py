@@ -51,7 +51,7 @@ def prepared():
 )
 def test_they_come_near_the_truth(prepared, data):
     with ResidualPool(1) as pool:
-        bench = Workbench(data(DrivenData([prepared], MODEL)), pool)
+        bench = Workbench(data(DrivenData.of([prepared], MODEL)), pool)
         unknowns = channel_unknowns(MODEL, bench.channels())
         fit = minimise(bench, MODEL, [Start()], unknowns)
     assert fit.size.max() < 1.5

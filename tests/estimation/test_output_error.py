@@ -57,7 +57,7 @@ def pool():
 
 
 def bench_of(model, command, pool, period=np.inf):
-    driven = DrivenData([prepare(measured(model, command), NOISE)[0]], model)
+    driven = DrivenData.of([prepare(measured(model, command), NOISE)[0]], model)
     return Workbench(driven, pool), Workbench(OutputErrorData(driven, model, period), pool)
 
 
@@ -93,7 +93,7 @@ def test_of_the_right_model_noise_is_left_though_the_zero_of_the_gauge_is_unknow
 def test_of_samples_at_1_khz_every_other_one_is_compared(pool):
     time = 1e-3 * np.arange(3001)
     recording = measured(rig(0.05), np.interp(time, TIME, SQUARE), time=time)
-    driven = DrivenData([prepare(recording, NOISE)[0]], rig(0.05))
+    driven = DrivenData.of([prepare(recording, NOISE)[0]], rig(0.05))
     data = OutputErrorData(driven, rig(0.05))
     assert data.strides == (2,)
     assert {g.rows.stop - g.rows.start for g in data.groups} == {1501}
@@ -151,7 +151,7 @@ def test_a_tip_deflection_driven_by_a_rough_hub_leaves_its_noise(pool):
     model = plain.replace(declared=lightly, sensors=WITH_TIP)
     command = np.where(time < 0.5, 0.0, 0.3 * np.sign(np.sin(2 * np.pi * 0.9 * time)))
     draws = [prepare(measured(model, command, seed, time), NOISE)[0] for seed in range(3)]
-    bench = Workbench(DrivenData(draws, model), pool)
+    bench = Workbench(DrivenData.of(draws, model), pool)
     [residual] = bench.residuals([(model, (Start(),) * len(draws), None)])
     sizes = bench.sizes(residual)[[g.channel == "tip_deflection" for g in bench.groups]]
     assert 0.7 < sizes.min() < sizes.max() < 1.8
@@ -160,7 +160,7 @@ def test_a_tip_deflection_driven_by_a_rough_hub_leaves_its_noise(pool):
 def test_a_first_state_that_a_wrong_model_left_in_another_minimum_is_found_anew(pool):
     model = rig(0.05)
     recording = measured(model, SQUARE).part(slice(300, None)).replace(start="unknown")
-    driven = DrivenData([prepare(recording, NOISE)[0]], model)
+    driven = DrivenData.of([prepare(recording, NOISE)[0]], model)
     free = Workbench(OutputErrorData(driven, model), pool)
     unknowns = tuple(start_unknowns(driven.prepared))
     lost = Start(driven.prepared[0].start.hub_angle, -6.0, bend=(-0.01, 0.09), bend_rate=(2.4, -7.5))

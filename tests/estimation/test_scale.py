@@ -37,7 +37,7 @@ def slewed():
     read = simulate(model, Recording("", time, asked), Start()).channels
     read = {c: v + drawn.normal(scale=NOISE[c], size=len(time)) if c in NOISE else v for c, v in read.items()}
     prepared, _ = prepare(Recording("", time, read), NOISE)
-    return DrivenData([prepared], model), model, prepared
+    return DrivenData.of([prepared], model), model, prepared
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.06])

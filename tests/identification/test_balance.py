@@ -27,7 +27,7 @@ def swept(rig_campaign):
     rig = campaign.rig.replace("true", **truth)
     model = Model(rig, campaign.sensors, chain.fit_shape(rig, 5), step=2e-3)
     prepared = [prepare(r, NOISE)[0] for r in campaign.fit]
-    return truth, model, DrivenData(prepared, model, joint.BANDS), [p.start for p in prepared]
+    return truth, model, DrivenData.of(prepared, model, joint.BANDS), [p.start for p in prepared]
 
 
 def test_hub_inertia_and_coulomb_friction_have_no_bias(swept):

@@ -129,7 +129,7 @@ def left(sweep, **gone):
     recording = recording.replace(channels={**recording.channels, **lost})
     prepared, _ = prepare(recording, noise)
     with ResidualPool(1) as pool:
-        bench = Workbench(DrivenData([prepared], twin), pool)
+        bench = Workbench(DrivenData.of([prepared], twin), pool)
         bench, _ = chain_limit.without_discretisation_error(
             bench, twin, [prepared.start], chain_limit.STANDARD
         )

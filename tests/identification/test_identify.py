@@ -669,7 +669,7 @@ def test_break_away_on_a_staircase_lies_between_two_stairs():
         "stairs.csv", time, {"torque_command": stairs, "hub_angle": still, "strain_base": still}
     )
     prepared = recorded(model, climb, seed=1)
-    found = break_away.static_friction(DrivenData([prepared], model), model, [prepared.start])
+    found = break_away.static_friction(DrivenData.of([prepared], model), model, [prepared.start])
     assert set(found.by_direction) == {-1}
     assert found.level.value == pytest.approx(0.045)
     assert found.level.standard_error == pytest.approx(0.01 / math.sqrt(12))

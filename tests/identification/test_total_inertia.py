@@ -35,7 +35,7 @@ def slewed(rig_campaign, seed, sensors=None, noise=None):
     model = Model(true, campaign.sensors, chain.fit_shape(true, 5), step=2e-3)
     noise = noise or noise_levels(campaign)
     prepared = [prepare(recording, noise)[0] for recording in campaign.fit]
-    return truth, campaign.rig, model, DrivenData(prepared, model, joint.BANDS)
+    return truth, campaign.rig, model, DrivenData.of(prepared, model, joint.BANDS)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_a_strain_that_is_bridged_is_no_reading(quiet):
         mid[fastest : fastest + 75] = np.nan  # 0.15 s
         channels = {**p.recording.channels, "strain_mid": mid}
         prepared.append(prepare(p.recording.replace(channels=channels), NOISE)[0])
-    found = total_inertia.momentum_balance(DrivenData(prepared, model, joint.BANDS), model)
+    found = total_inertia.momentum_balance(DrivenData.of(prepared, model, joint.BANDS), model)
     assert found.inertia.value == pytest.approx(beam.rigid_inertia(model.declared), rel=5e-3)
 
 
@@ -91,7 +91,7 @@ def test_the_shape_of_the_link_needs_two_gauges(quiet):
 @pytest.mark.slow
 def test_few_runs_say_nothing(quiet):
     _, _, model, data = quiet
-    assert total_inertia.momentum_balance(DrivenData(data.prepared[:2], model, joint.BANDS), model) is None
+    assert total_inertia.momentum_balance(DrivenData.of(data.prepared[:2], model, joint.BANDS), model) is None
 
 
 @pytest.mark.slow

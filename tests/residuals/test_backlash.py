@@ -44,7 +44,7 @@ def _data(gap: float, torque: np.ndarray) -> DrivenData:
     prepared, _ = prepare(
         asked.replace(channels={"torque_command": torque, "hub_angle": hub + noise}), _NOISE
     )
-    return DrivenData([prepared], _model(0.0))
+    return DrivenData.of([prepared], _model(0.0))
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ def mean_residual(release, effects):
     """Mean residual of the base strain [noise levels of the low-passed channel]."""
     twin, prepared = release
     model = twin.replace(effects=effects)
-    residual = DrivenData(prepared, model).residual(model, 0, prepared[0].start)["strain_base"]
+    residual = DrivenData.of(prepared, model).residual(model, 0, prepared[0].start)["strain_base"]
     return float(np.mean(residual))
 
 

@@ -30,7 +30,7 @@ def ramps(folder, effects, seed):
     make_campaign(folder, effects, seed, experiments=slow)
     campaign = read_campaign(folder)
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
-    return DrivenData([prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
+    return DrivenData.of([prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_a_missing_reading_about_a_break_away_is_not_compared(plain):
     hub = prepared.recording["hub_angle"].copy()
     hub[[onset - 20, onset + 10]] = np.nan
     holed = prepared.recording.replace(channels={**prepared.recording.channels, "hub_angle": hub})
-    again = DrivenData([prepare(holed, prepared.noise)[0]], twin)
+    again = DrivenData.of([prepare(holed, prepared.noise)[0]], twin)
     assert again.views[0].departing.sum() == view.departing.sum() - 2
     assert misfit(again, twin) < 1.2
 

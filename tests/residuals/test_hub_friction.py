@@ -60,7 +60,7 @@ def ramps(tmp_path_factory):
     campaign = read_campaign(folder)
     twin = model(campaign.rig, campaign.sensors)
     prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
-    return DrivenData(prepared, twin), twin, [p.start for p in prepared]
+    return DrivenData.of(prepared, twin), twin, [p.start for p in prepared]
 
 
 def test_static_levels_are_read_to_some_parts_in_ten_thousand(ramps):
@@ -104,7 +104,7 @@ def test_a_play_makes_static_levels_less_sure(tmp_path):
     }
     twin = Model(campaign.rig, campaign.sensors, shape, step=2e-3, effects=known)
     prepared = [prepare(r, noise_levels(campaign))[0] for r in campaign.fit]
-    found = static_levels.levels(DrivenData(prepared, twin), twin, [p.start for p in prepared])
+    found = static_levels.levels(DrivenData.of(prepared, twin), twin, [p.start for p in prepared])
     assert found
     for level in found.values():
         assert level.value == pytest.approx(campaign.rig["static_friction"], abs=2 * level.error)

@@ -21,7 +21,7 @@ def recorded(rig_campaign):
     [slew, *_] = [r for r in campaign.fit if r.name.startswith("bang-bang")]
     prepared, _ = prepare(slew, noise_levels(campaign))
     model = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
-    return DrivenData([prepared], model), model
+    return DrivenData.of([prepared], model), model
 
 
 def late_sensors(model, delay):

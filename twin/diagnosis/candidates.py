@@ -123,7 +123,13 @@ def explore(bench: Workbench, base: Fit, names: Iterable[str], progress: Progres
     names = list(names)
     progress("scoring the effects")
     peaks = _wave_peaks(bench, base, names)
-    slopes = {name: effect_slopes(bench, base, name, peaks.get(name, ())) for name in names}
+    slopes = dict(
+        zip(
+            names,
+            bench.pool.map(lambda n: effect_slopes(bench, base, n, peaks.get(n, ())), names),
+            strict=True,
+        )
+    )
     tested = {name: score_test(bench, base, slopes[name]) for name in names}
     best_first = sorted(names, key=lambda name: -tested[name])
     count = int(np.clip(sum(score > 0 for score in tested.values()), CONTENDERS, 2 * CONTENDERS))

@@ -74,16 +74,16 @@ def permutation_scores(
     """
     signs = random_signs(bench, draws, np.random.default_rng(seed))
     weights = row_weights(bench, base.residual)
+    candidates = [c for c in slopes.values() if c.columns.shape[1]]
+    replaced = {c.replaces for c in candidates}
+
+    def costs(replaces: tuple[str, ...], columns: np.ndarray | None) -> np.ndarray:
+        return _linearised_costs(bench, base, weights, signs, replaces, columns)
+
+    alone = dict(zip(replaced, bench.pool.map(lambda names: costs(names, None), replaced), strict=True))
     largest = np.zeros(draws)
-    alone = {}
-    for candidate in slopes.values():
-        if not candidate.columns.shape[1]:
-            continue
-        if candidate.replaces not in alone:
-            alone[candidate.replaces] = _linearised_costs(
-                bench, base, weights, signs, candidate.replaces, None
-            )
-        with_it = _linearised_costs(bench, base, weights, signs, candidate.replaces, candidate.columns)
+    with_each = bench.pool.map(lambda c: costs(c.replaces, c.columns), candidates)
+    for candidate, with_it in zip(candidates, with_each, strict=True):
         selection = candidate.spectral_level * np.log(candidate.comparisons)
         gain = alone[candidate.replaces] - with_it - candidate.penalty + selection
         largest = np.maximum(largest, gain)

@@ -87,7 +87,7 @@ def predict(
         )
         given.append(one)
     # Those with a budget take longest.
-    order = sorted(range(len(given)), key=lambda k: not given[k].has_budget)
+    order = sorted(range(len(given)), key=lambda k: (not given[k].has_budget, -recordings[k].duration))
     done = dict(zip(order, pool.spread(_predicted, [given[k] for k in order]), strict=True))
     return {r.name: replace(done[k], measured=r) for k, r in enumerate(recordings)}
 

@@ -76,7 +76,7 @@ def held_out_torque(
       lacking: the model and its state at the first sample; of two, the difference is what the second explains.
       prepared: the recording.
     """
-    data = DrivenData([prepared], calibrated)
+    data = DrivenData.of([prepared], calibrated)
     rows = next((g.rows for g in data.groups if g.channel == HUB_TORQUE), None)
     if rows is None or data.weight[rows].sum() < FEWEST:
         return None

@@ -32,7 +32,7 @@ from twin.estimation.unknowns import (
     model_at,
     start_unknowns,
 )
-from twin.estimation.workbench import Workbench
+from twin.estimation.workbench import Workbench, driven_data
 from twin.mechanics import chain
 from twin.mechanics.state import Start
 from twin.progress import Progress, silent
@@ -135,7 +135,7 @@ def declared_fit(campaign: Campaign, pool: ResidualPool) -> tuple[Workbench, Fit
     readings, _ = defects.without_defects(campaign.fit, campaign.sensors)
     sound, _ = sound_stretches(readings, noise, model)
     clock = possible_clocks(sound)[0]
-    data = DrivenData([_prepare_on_clock(clock, r, noise, model)[0] for r in sound], model)
+    data = driven_data([_prepare_on_clock(clock, r, noise, model)[0] for r in sound], model, pool)
     _divergence_notes(data)
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
     unknowns = _all_unknowns(model, bench, _Given(campaign.effect_errors, {}))
@@ -158,7 +158,8 @@ def _cost_on(clock: Clock, start: Calibration, best: Fit) -> float:
     """Cost of the model of `best`, refitted to the recordings with commands held on this clock."""
     pairs = zip(start.sound, start.prepared, strict=True)
     prepared = [_prepare_on_clock(clock, recording, p.noise, best.model)[0] for recording, p in pairs]
-    bench = Workbench(DrivenData(prepared, best.model), start.bench.pool)
+    pool = start.bench.pool
+    bench = Workbench(driven_data(prepared, best.model, pool), pool)
     bench, _ = chain_limit.without_discretisation_error(bench, best.model, best.starts, chain_limit.ROUGH)
     return minimise(bench, best.model, best.starts, best.unknowns, best.values).cost
 
@@ -208,7 +209,7 @@ def _rough_calibration(
       pool: where residuals are computed.
     """
     pairs = [_prepare_on_clock(clock, recording, noise, model) for recording in recordings]
-    data = DrivenData([prepared for prepared, _ in pairs], model)
+    data = driven_data([prepared for prepared, _ in pairs], model, pool)
     left_out = [note for _, notes in pairs for note in notes]
     notes = (*left_out, *clock_notes(clock), *_divergence_notes(data))
     bench, starts = Workbench(data, pool), tuple(p.start for p in data.prepared)
@@ -218,7 +219,7 @@ def _rough_calibration(
     if any(p.recording.start == "unknown" for p in data.prepared):
         # The bend of a moving link is estimated with its frequencies: those of the declared link may be far off.
         near = model_at(model, unknowns, x)
-        bench = Workbench(DrivenData(first_state.with_bends(data.prepared, near, pool), near), pool)
+        bench = Workbench(driven_data(first_state.with_bends(data.prepared, near, pool), near, pool), pool)
         starts, unknowns = tuple(p.start for p in bench.prepared), _all_unknowns(model, bench, given)
         bench, _ = chain_limit.without_discretisation_error(bench, near, starts, chain_limit.ROUGH)
         nearer = {u.name: float(v) for u, v in zip(unknowns, x, strict=True) if u.kind == "rig"}
@@ -310,7 +311,7 @@ def _final_calibration(bench: Workbench, model: Model, rough: Fit) -> tuple[Work
 
 def with_noise_of(bench: Workbench, model: Model) -> Workbench:
     """The same recordings, their noise propagated through this model: the link rings at its clamped frequencies."""
-    return Workbench(DrivenData(bench.prepared, model), bench.pool)
+    return Workbench(driven_data(bench.prepared, model, bench.pool), bench.pool)
 
 
 def initial_point(

@@ -12,6 +12,7 @@ from dataclasses import fields
 
 import numpy as np
 
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
 from twin.mechanics.state import Start
@@ -35,6 +36,10 @@ def with_segments(model: Model, segments: int) -> FixedStepModel:
     values = {f.name: getattr(model, f.name) for f in fields(model)}
     shape = chain.fit_shape_of_similar_rig(model.rig, segments)
     return FixedStepModel(**{**values, "shape": shape, "step": GRID / 2})
+
+
+def _with_segments(given: tuple[Model, int], _: ResidualPool) -> FixedStepModel:
+    return with_segments(*given)
 
 
 def richardson_weights(segments: Sequence[int]) -> np.ndarray:
@@ -62,7 +67,8 @@ def without_discretisation_error(
     """
     none = np.zeros(len(bench.weight))
     plain = bench.with_defect(none).with_remaining_error(none)
-    models = [model, *(with_segments(model, n) for n in segments)]
+    chains = bench.pool.spread(_with_segments, [(model, n) for n in sorted(segments, reverse=True)])
+    models = [model, *reversed(chains)]
     given, *finer = plain.residuals([(m, starts, None) for m in models])
     at_limit = richardson_weights(segments) @ np.array(finer)
     last = at_limit - richardson_weights(segments[1:]) @ np.array(finer[1:])

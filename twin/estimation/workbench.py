@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from copy import copy
+from operator import itemgetter
 from typing import Protocol
 
 import numpy as np
@@ -15,9 +16,12 @@ from twin.mechanics.state import Start
 from twin.recording import HUB_TORQUE, Recording
 from twin.residuals import hub_balance
 from twin.residuals.data import DrivenData
+from twin.residuals.filters import MOTION_BANDS
 from twin.residuals.groups import Group
+from twin.residuals.make_view import make_view
 from twin.residuals.numerics import ROUNDING
 from twin.residuals.prepared import Prepared, guide_for, sensor_corrected_start
+from twin.residuals.view import View
 from twin.rigs.model import Model
 from twin.rigs.simulate import simulate
 
@@ -32,6 +36,21 @@ DIVERGED = 1e6
 def finite(residual: np.ndarray) -> np.ndarray:
     """A residual of any shape [noise levels], at most `DIVERGED`, and that where it is no number."""
     return np.clip(np.nan_to_num(residual, nan=DIVERGED), -DIVERGED, DIVERGED)
+
+
+def driven_data(
+    prepared: Sequence[Prepared], model: Model, pool: ResidualPool, bands: Sequence[float] = MOTION_BANDS
+) -> DrivenData:
+    """`DrivenData.of`, its views made side by side."""
+    longest = sorted(range(len(prepared)), key=lambda k: -prepared[k].recording.duration)
+    views = pool.spread(_view_of, [(prepared[k], model, bands) for k in longest])
+    return DrivenData(
+        prepared, [view for _, view in sorted(zip(longest, views, strict=True), key=itemgetter(0))]
+    )
+
+
+def _view_of(given: tuple[Prepared, Model, Sequence[float]], _: ResidualPool) -> View:
+    return make_view(*given)
 
 
 class Data(ResidualData, Protocol):

@@ -119,7 +119,7 @@ def _driven_link_errors(
     prepared: Prepared, model: Model, start: Start, pool: ResidualPool
 ) -> dict[str, float]:
     """Channel of the link -> RMS error with the hub driven as measured, after the low-pass of `twin.residuals.data`."""
-    data = DrivenData([prepared], model)
+    data = DrivenData.of([prepared], model)
     view = data.views[0]
     if prepared.recording.start == "unknown" and data.groups:
         # The driven link oscillates for long: its initial state is fitted to the whole recording.

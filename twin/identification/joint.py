@@ -25,7 +25,7 @@ from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.sandwich import RecordingInformation
 from twin.estimation.slopes import costs_at, normal_equations, row_weights
 from twin.estimation.unknowns import Unknown
-from twin.estimation.workbench import Workbench
+from twin.estimation.workbench import Workbench, driven_data
 from twin.identification.estimates import TWO_SIDED_95, Estimate, positive_estimate
 from twin.identification.likelihood_profile import Profile
 from twin.parameters import Rig, relative_uncertainty
@@ -199,7 +199,7 @@ def joint_estimate(
     """
     calibration = calibrate(campaign, pool, progress, initial)
     progress("fitting in the limit of a fine chain")
-    bench = Workbench(DrivenData(calibration.prepared, calibration.base.model, BANDS), pool)
+    bench = Workbench(driven_data(calibration.prepared, calibration.base.model, pool, BANDS), pool)
     bench, base, chain_error = _fit_in_chain_limit(bench, calibration.base)
     progress("leaving recordings out")
     evidence = sandwich.recording_information(bench, base)

@@ -19,7 +19,7 @@ from twin.residuals.groups import Group, split_into_blocks
 from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import residual
-from twin.residuals.view import SETTLING, before_end
+from twin.residuals.view import SETTLING, View, before_end
 from twin.rigs.model import Model
 
 BLOCK_SPAN = 1.5
@@ -39,11 +39,15 @@ class DrivenData:
       blocks: the groups, cut into stretches of `BLOCK_SPAN` (g).
     """
 
-    def __init__(self, prepared: Sequence[Prepared], model: Model, bands: Sequence[float] = MOTION_BANDS):
-        self.prepared = tuple(prepared)
-        self.views = tuple(make_view(p, model, bands) for p in self.prepared)
+    def __init__(self, prepared: Sequence[Prepared], views: Sequence[View]):
+        self.prepared, self.views = tuple(prepared), tuple(views)
         self.groups, self.weight = self._layout()
         self.blocks = split_into_blocks(self.groups, self.weight, int(BLOCK_SPAN / GRID))
+
+    @staticmethod
+    def of(prepared: Sequence[Prepared], model: Model, bands: Sequence[float] = MOTION_BANDS) -> DrivenData:
+        """The data of recordings, their noise propagated through a model, see `make_view.make_view`."""
+        return DrivenData(prepared, [make_view(p, model, bands) for p in prepared])
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """Name -> residual (m) of recording i, see `residual.residual`."""
