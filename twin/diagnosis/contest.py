@@ -31,9 +31,7 @@ def fit_to_convergence(
 ) -> list[Candidate]:
     """Fits the candidates that may be best to convergence; returns all candidates, ranked again.
 
-    If their misfit stays large, each is fitted again from the declared parameters and the better fit is kept: groups of
-    large residuals have little weight, so that a fit can converge to a local minimum. A fit is given up where it would
-    stay behind the best by more than `rules.decisive_difference`.
+    A fit is given up where it would stay behind the best by more than `rules.decisive_difference`.
     """
     contenders = [c for c in ranked[:CONTENDERS] if c.score > 0]
     progress(f"comparing {', '.join(labels.words(c.name) for c in contenders)}")
@@ -41,13 +39,7 @@ def fit_to_convergence(
     refined = list[Candidate]()
     for c in contenders:
         known = c.fit.jacobian if len(c.fit.jacobian) else None
-        refined.append(fit_fully(bench, base, c, c.fit.values, _most_cost(refined), known))
-    left = min(bench.misfit(c.fit.residual) for c in refined)
-    if left > rules.MODEL_SHARE * bench.misfit(base.residual):
-        for k, c in enumerate(refined):
-            goal = min(c.fit.cost, _most_cost(refined))
-            other = fit_fully(bench, base, c, _from_declared(c.fit), goal)
-            refined[k] = min(c, other, key=lambda c: c.fit.cost)
+        refined.append(fit_fully(bench, base, c, _most_cost(refined), known))
     return prefer_simpler(refined + rest)
 
 
@@ -101,7 +93,6 @@ def fit_fully(
     bench: Workbench,
     base: Fit,
     candidate: Candidate,
-    first: np.ndarray,
     goal: float = np.inf,
     jacobian: np.ndarray | None = None,
 ) -> Candidate:
@@ -110,15 +101,14 @@ def fit_fully(
     Args:
       bench: the data.
       base: the fit that it was added to.
-      candidate: what is fitted.
-      first: (p) values to start from.
+      candidate: what is fitted, from its values.
       goal: cost that it has to come below; the fit is given up where it would not.
       jacobian: (n x p) of these data there, if it is known.
     """
     before = candidate.fit
     # What is less than the error of the model decides nothing.
     tolerance = rules.MODEL_ERROR_SHARE * max(candidate.score, rules.MODEL_ERROR_SCORE)
-    at = before.model, before.starts, before.unknowns, first
+    at = before.model, before.starts, before.unknowns, before.values
     result = minimise(
         bench, *at, iterations=FAR_ITERATIONS, tolerance=tolerance, goal=goal, first_jacobian=jacobian
     )
@@ -143,13 +133,6 @@ def better_calibration(bench: Workbench, base: Fit, best: Candidate) -> Fit | No
     at = bench, base.model, base.starts, base.unknowns, first
     again = minimise(*at, iterations=FAR_ITERATIONS, goal=goal, first_jacobian=base.jacobian)
     return again if again.cost < goal else None
-
-
-def _from_declared(before: Fit) -> np.ndarray:
-    """The values (p) of a fit with the declared parameters at their declared values."""
-    return np.array(
-        [u.start if u.kind == "rig" else v for u, v in zip(before.unknowns, before.values, strict=True)]
-    )
 
 
 def confirm_in_fine_limit(

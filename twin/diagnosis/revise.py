@@ -339,7 +339,7 @@ def with_contradicted_declaration(state: SearchState, rate: float) -> SearchStat
     if not strained or remainder.unexplained_channels(state):
         return None
     tried = [candidates.try_effect(state.bench, best, n) for n in strained]
-    fitted = [contest.fit_fully(state.bench, best, c, c.fit.values) for c in tried]
+    fitted = [contest.fit_fully(state.bench, best, c) for c in tried]
     deviations = [_deviations(state, c) for c in fitted]
     choice = fitted[int(np.argmax(deviations))]
     judgement = CONTRADICTED.judge(Declaration(max(deviations), rate, len(names)))
