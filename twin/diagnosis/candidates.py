@@ -246,7 +246,7 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
     effect = REGISTRY[name]
     penalised = bench.penalty(len(effect.free_parameters(effect.neutral(base.model.declared))))
     if effect.wave is not None:
-        columns = wave_slopes(bench, base, name, peaks)
+        columns: np.ndarray = wave_slopes(bench, base, name, peaks).astype(np.float32)
         comparisons, level = (peaks[0].comparisons, peaks[0].level) if peaks else (1, 1.0)
         return Slopes(columns, tuple(effect.replaces), penalised, comparisons, level)
     neutral = effect.neutral(base.model.declared)
@@ -256,7 +256,7 @@ def effect_slopes(bench: Workbench, base: Fit, name: str, peaks: Sequence[Peak] 
         reached.append(None if change is None else (length, size_of(change)))
         if change is not None:
             size = max(float(np.std(change)), ROUNDING)
-            changes.append(change / size)
+            changes.append((change / size).astype(np.float32))
             point = point_on_ray(effect, neutral, ray, length)
             coefficients.append(np.array(effect.linear_coefficients(point or neutral)) / size)
     columns = np.column_stack(changes) if changes else np.zeros((len(base.residual), 0))
@@ -371,7 +371,9 @@ def fit_from_best(
     chosen = _with_best_choices(bench, result, name)
     if chosen != result.model.effects[name]:
         result = better_from(chosen)
-    return Candidate((*base.model.effects, name), result, score_gain(bench, base, result))
+    # A round keeps the Jacobians of all its candidates, which decide what to predict and where to go on from.
+    single = replace(result, jacobian=result.jacobian.astype(np.float32))
+    return Candidate((*base.model.effects, name), single, score_gain(bench, base, result))
 
 
 def _fit_from(

@@ -41,7 +41,8 @@ class Slopes:
     """A candidate to first order, for the score test and the permutation test.
 
     Attributes:
-      columns: (n x k) derivative of the residual with respect to each of its parameters.
+      columns: (n x k) derivative of the residual with respect to each of its parameters, in single precision: those of
+        all candidates are the largest arrays of a search.
       replaces: declared parameters that it replaces.
       penalty: of its parameters, see `candidates.penalty`.
       comparisons: number of peaks of a spectrum from which the columns were chosen.
@@ -147,9 +148,9 @@ def _linearised_costs(
 ) -> np.ndarray:
     """Cost (draws) of the sign-flipped residuals after one Gauss-Newton step of the base's unknowns and the columns."""
     kept = np.array([u.kind != "rig" or u.name not in replaces for u in base.unknowns], dtype=bool)
-    J = base.jacobian[:, kept] if columns is None else np.hstack([base.jacobian[:, kept], columns])
-    scale = np.sqrt(np.maximum(J.T**2 @ weights, 1e-300))
-    J = J / scale
+    J = np.hstack([base.jacobian[:, kept], *([] if columns is None else [columns])])
+    scale = np.sqrt(np.maximum(np.einsum("np,np,n->p", J, J, weights), 1e-300))
+    J /= scale
     prior = prior_precision(base.unknowns)[kept]
     ridge = np.full(J.shape[1], ROUNDING)
     ridge[: len(prior)] += prior / scale[: len(prior)] ** 2

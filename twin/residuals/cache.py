@@ -18,8 +18,8 @@ import numpy as np
 LinkMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Angles (m, n + 1) [rad] and rates (m, n + 1) [rad/s] of the segments, required torque on the hub (m) [N m]."""
 T = TypeVar("T")
-_MOST = 12
-"""Results that are kept: twice as many as candidates are fitted in a round."""
+_MOST = 3
+"""Results that are kept. With 12 in place of 3 a diagnosis takes as long, and 130 MB more."""
 
 
 class Cache(Generic[T]):
