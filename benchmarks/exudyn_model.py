@@ -189,18 +189,19 @@ def build(rig: Rig, sensors: Sensors, angle: float) -> Model:
     if has_play:
         share_out += rig.backlash_motor_share
     nodes, cables = b.cable()
-    rigid = [b.system.AddMarker(items.MarkerNodeRigid(nodeNumber=node)) for node in nodes]
     hub, _ = b.body(0.0, HUB_MASS, (1.0 - share_out) * rig.hub_inertia)
     tip, payload = b.body(rig.length, rig.tip_mass, rig.tip_inertia)
-    hub_rigid, tip_rigid = (b.system.AddMarker(items.MarkerNodeRigid(nodeNumber=n)) for n in (hub, tip))
+    root_rigid, end_rigid, hub_rigid, tip_rigid = (
+        b.system.AddMarker(items.MarkerNodeRigid(nodeNumber=n)) for n in (nodes[0], nodes[-1], hub, tip)
+    )
     turn = b.coordinate(hub, 2)
     for number in (0, 1):
         b.system.AddObject(
             items.ObjectConnectorCoordinate(markerNumbers=[b.ground, b.coordinate(hub, number)])
         )
     lock = b.system.AddObject(items.ObjectConnectorCoordinate(markerNumbers=[b.ground, turn]))
-    _clamp(b, rig, hub_rigid, rigid[0])
-    b.joint(rigid[-1], tip_rigid)
+    _clamp(b, rig, hub_rigid, root_rigid)
+    b.joint(end_rigid, tip_rigid)
     torsion = _torsion(b, rig, turn) if rig.torsional_inertia_share > 0.0 else None
     motor, driven = _motor(b, rig, turn) if has_play else (None, turn)
     hub_load = b.load(turn)
@@ -220,12 +221,8 @@ def build(rig: Rig, sensors: Sensors, angle: float) -> Model:
         drag=[b.load(b.coordinate(tip, number)) for number in (0, 1)],
     )
     b.system.Assemble()
-    _damp(
-        b,
-        rig,
-        nodes,
-        transverse(b.system, angle, nodes, hub, tip, [n for n in (motor, torsion) if n is not None]),
-    )
+    rotors = [n for n in (motor, torsion) if n is not None]
+    _damp(b, rig, nodes, transverse(b.system, angle, nodes, hub, tip, rotors))
     b.system.Assemble()
     place = b.system.GetNodeODE2Index
     model.hub, model.tip = place(hub) + 2, place(tip)

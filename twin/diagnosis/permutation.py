@@ -78,10 +78,12 @@ def permutation_scores(
     candidates = [c for c in slopes.values() if c.columns.shape[1]]
     replaced = {c.replaces for c in candidates}
 
-    def costs(replaces: tuple[str, ...], columns: np.ndarray | None) -> np.ndarray:
+    none = np.zeros((len(base.residual), 0))
+
+    def costs(replaces: tuple[str, ...], columns: np.ndarray) -> np.ndarray:
         return _linearised_costs(bench, base, weights, signs, replaces, columns)
 
-    alone = dict(zip(replaced, bench.pool.map(lambda names: costs(names, None), replaced), strict=True))
+    alone = dict(zip(replaced, bench.pool.map(lambda names: costs(names, none), replaced), strict=True))
     largest = np.zeros(draws)
     with_each = bench.pool.map(lambda c: costs(c.replaces, c.columns), candidates)
     for candidate, with_it in zip(candidates, with_each, strict=True):
@@ -144,11 +146,11 @@ def _linearised_costs(
     weights: np.ndarray,
     signs: np.ndarray,
     replaces: Sequence[str],
-    columns: np.ndarray | None,
+    columns: np.ndarray,
 ) -> np.ndarray:
     """Cost (draws) of the sign-flipped residuals after one Gauss-Newton step of the base's unknowns and the columns."""
     kept = np.array([u.kind != "rig" or u.name not in replaces for u in base.unknowns], dtype=bool)
-    J = np.hstack([base.jacobian[:, kept], *([] if columns is None else [columns])])
+    J = np.hstack([base.jacobian[:, kept], columns])
     scale = np.sqrt(np.maximum(np.einsum("np,np,n->p", J, J, weights), 1e-300))
     J /= scale
     prior = prior_precision(base.unknowns)[kept]

@@ -86,10 +86,11 @@ def predict(
             has_windows=bool(held_out) and not unexplained,
         )
         given.append(one)
+    longest = max(r.duration for r in recordings)
     # Those with a budget take longest.
-    order = sorted(range(len(given)), key=lambda k: (not given[k].has_budget, -recordings[k].duration))
-    done = dict(zip(order, pool.spread(_predicted, [given[k] for k in order]), strict=True))
-    return {r.name: replace(done[k], measured=r) for k, r in enumerate(recordings)}
+    times = [r.duration + longest * one.has_budget for r, one in zip(recordings, given, strict=True)]
+    done = pool.spread(_predicted, given, times)
+    return {r.name: replace(one, measured=r) for r, one in zip(recordings, done, strict=True)}
 
 
 def _predicted(given: _Given, pool: ResidualPool) -> Prediction:

@@ -67,8 +67,7 @@ def without_discretisation_error(
     """
     none = np.zeros(len(bench.weight))
     plain = bench.with_defect(none).with_remaining_error(none)
-    chains = bench.pool.spread(_with_segments, [(model, n) for n in sorted(segments, reverse=True)])
-    models = [model, *reversed(chains)]
+    models = [model, *bench.pool.spread(_with_segments, [(model, n) for n in segments], segments)]
     given, *finer = plain.residuals([(m, starts, None) for m in models])
     at_limit = richardson_weights(segments) @ np.array(finer)
     last = at_limit - richardson_weights(segments[1:]) @ np.array(finer[1:])

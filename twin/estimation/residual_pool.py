@@ -77,14 +77,21 @@ class ResidualPool(ThreadPoolExecutor):
         self._learn_times(data, [(tasks[k][0], seconds) for k, (_, seconds) in done.items()])
         return [done[k][0] for k in range(len(tasks))]
 
-    def spread(self, function: Callable[[ItemT, ResidualPool], T], items: Sequence[ItemT]) -> list[T]:
+    def spread(
+        self,
+        function: Callable[[ItemT, ResidualPool], T],
+        items: Sequence[ItemT],
+        times: Sequence[float] = (),
+    ) -> list[T]:
         """The result of a function of each item and a pool of one, here and in the processes, as these become free.
 
         Args:
           function: of a module, which a process can import.
-          items: the longest first.
+          items: what it is computed of.
+          times: that each is expected to take, in proportion: the longest begins. Without them the first does.
         """
-        waiting, results = deque(range(len(items))), dict[int, T]()
+        order = sorted(range(len(items)), key=lambda k: -times[k]) if times else range(len(items))
+        waiting, results = deque(order), dict[int, T]()
 
         def work(compute: Callable[[Callable[[ItemT, ResidualPool], T], ItemT], T]) -> None:
             while True:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from copy import copy
-from operator import itemgetter
 from typing import Protocol
 
 import numpy as np
@@ -42,11 +41,8 @@ def driven_data(
     prepared: Sequence[Prepared], model: Model, pool: ResidualPool, bands: Sequence[float] = MOTION_BANDS
 ) -> DrivenData:
     """`DrivenData.of`, its views made side by side."""
-    longest = sorted(range(len(prepared)), key=lambda k: -prepared[k].recording.duration)
-    views = pool.spread(_view_of, [(prepared[k], model, bands) for k in longest])
-    return DrivenData(
-        prepared, [view for _, view in sorted(zip(longest, views, strict=True), key=itemgetter(0))]
-    )
+    given = [(p, model, bands) for p in prepared]
+    return DrivenData(prepared, pool.spread(_view_of, given, [p.recording.duration for p in prepared]))
 
 
 def _view_of(given: tuple[Prepared, Model, Sequence[float]], _: ResidualPool) -> View:

@@ -19,7 +19,8 @@ LinkMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Angles (m, n + 1) [rad] and rates (m, n + 1) [rad/s] of the segments, required torque on the hub (m) [N m]."""
 T = TypeVar("T")
 _MOST = 3
-"""Results that are kept. With 12 in place of 3 a diagnosis takes as long, and 130 MB more."""
+"""Results that are kept. With 12 in place of 3 a diagnosis takes as long, and 130 MiB more, see
+benchmarks/results/where_time_goes.md."""
 
 
 class Cache(Generic[T]):
