@@ -17,6 +17,7 @@ AFTER_THE_VERDICT = {
     "diagnosis/plan.py": "what to record next",
     "diagnosis/separation.py": "what to record next",
     "diagnosis/traces.py": "what is drawn",
+    "residuals/cache.py": "memory",
 }
 """Modules that no verdict depends on."""
 PLAIN = {-1, 0, 0.5, 1, 2, 3, 4}

@@ -49,8 +49,7 @@ def misfit(data, model):
     parts = np.concatenate(
         [data.residual(model, i, p.start)["departure"] for i, p in enumerate(data.prepared)]
     )
-    departing = np.concatenate([view.departing for view in data.views])
-    return float(np.sqrt(np.mean(parts[departing] ** 2)))
+    return float(np.sqrt(np.mean(parts**2)))
 
 
 def with_velocity(model, value):

@@ -23,7 +23,7 @@ from twin.estimation.workbench import CORRELATION_TIME, Workbench
 from twin.recording import HUB_TORQUE
 from twin.residuals import residual
 from twin.residuals.data import BLOCK_SPAN, EVENT_CHANNELS, DrivenData
-from twin.residuals.filters import GRID
+from twin.residuals.filters import GRID, STRIDE
 from twin.residuals.numerics import ROUNDING
 from twin.residuals.view import as_read, move_link
 from twin.rigs.model import with_fine_chain
@@ -94,19 +94,20 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
     variables = _with_strains(data, fit, i, values)
     before = sum(v.time[-1] - v.time[0] for v in data.views[:i])
     # A link that diverges on driven data, under a fit to other data, has no residuals.
-    followed = np.isfinite(list(variables.values())).all(axis=0)
+    followed = np.all(np.isfinite(list(variables.values())), axis=0)
     channels = {}
     for group in data.groups:
         if group.recording != i or group.channel in EVENT_CHANNELS:
             continue
-        keep = (bench.weight[group.rows] > 0) & followed
+        at = group.instants
+        keep = (bench.weight[group.rows] > 0) & followed[at]
         late = fit.model.hub_late if group.channel == HUB_TORQUE else 0.0
         channels[group.channel] = Unexplained(
-            values[group.channel][keep],
-            {name: as_read(view.time, late, variable)[keep] for name, variable in variables.items()},
+            values[group.channel][at[keep]],
+            {name: as_read(view.time, late, variable)[at[keep]] for name, variable in variables.items()},
             np.full(keep.sum(), i),
-            before + view.time[keep] - view.time[0],
-            white[group.channel][keep],
+            before + view.time[at[keep]] - view.time[0],
+            white[group.channel][at[keep]],
             slopes=_slopes(fit, np.flatnonzero(keep) + group.rows.start)
             if group.channel == HUB_TORQUE
             else {},
@@ -212,7 +213,7 @@ def travel(unexplained: Unexplained) -> dict[str, np.ndarray]:
         return {}
     angle, rate = unexplained.variables["hub_angle"], unexplained.variables["hub_rate"]
     reversal = np.diff(np.sign(rate)) != 0
-    gap = (np.diff(unexplained.time) > 2 * GRID) | (np.diff(unexplained.recording) != 0)
+    gap = (np.diff(unexplained.time) > 2 * STRIDE * GRID) | (np.diff(unexplained.recording) != 0)
     begins = np.append(True, reversal | gap)
     first = np.maximum.accumulate(np.where(begins, np.arange(len(angle)), 0))
     return {TRAVEL: angle - angle[first]}

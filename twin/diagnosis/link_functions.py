@@ -79,7 +79,7 @@ def _bases(
     assert isinstance(data, DrivenData)
     for name in sorted(set.intersection(*(set(v) for v in variables.values()))):
         values = {i: v[name] for i, v in variables.items()}
-        seen = np.concatenate([values[g.recording][bench.weight[g.rows] > 0] for g in groups])
+        seen = np.concatenate([values[g.recording][g.instants][bench.weight[g.rows] > 0] for g in groups])
         x = knots(seen)
         if x is None:
             continue

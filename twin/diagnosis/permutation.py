@@ -129,12 +129,7 @@ def posterior_bound(p: float) -> float:
 
 def random_signs(bench: Workbench, draws: int, random: np.random.Generator) -> np.ndarray:
     """Random signs (draws x g) of the groups; the channels of one stretch of a recording have the same sign."""
-    place: dict[tuple[int, str], int] = {}
-    stretch = []
-    for group in bench.groups:
-        key = (group.recording, group.channel)
-        place[key] = place.get(key, -1) + 1
-        stretch.append((group.recording, place[key]))
+    stretch = [(group.recording, group.stretch) for group in bench.groups]
     names = {name: index for index, name in enumerate(dict.fromkeys(stretch))}
     drawn = random.choice([-1.0, 1.0], size=(draws, len(names)))
     return drawn[:, [names[name] for name in stretch]]

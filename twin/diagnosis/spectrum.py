@@ -26,7 +26,7 @@ from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
 from twin.recording import HUB_TORQUE
 from twin.residuals.data import EVENT_CHANNELS, DrivenData
-from twin.residuals.filters import BAND, GRID, low_pass_gain, low_passed
+from twin.residuals.filters import BAND, GRID, STRIDE, low_pass_gain, low_passed
 from twin.residuals.residual import scaled_change
 from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
@@ -107,13 +107,14 @@ def _base_acceleration_peaks(bench: Workbench, base: Fit, frequencies: np.ndarra
 
 def _residual_power(scan: _Scan, frequencies: np.ndarray) -> np.ndarray:
     """Power spectrum (f) of the residuals at evenly spaced frequencies [Hz], relative to its median."""
-    size = next_fast_len(round(1 / ((frequencies[1] - frequencies[0]) * GRID)))
+    period = STRIDE * GRID
+    size = next_fast_len(round(1 / ((frequencies[1] - frequencies[0]) * period)))
     total = np.zeros(len(frequencies))
     for group in (scan.bench.data.groups[k] for k in scan.groups):
         signal = scan.base.residual[group.rows] * np.sqrt(scan.weights[group.rows])
         length = max(size, len(signal))
         power = np.abs(rfft(signal, length)) ** 2
-        total += np.interp(frequencies, rfftfreq(length, GRID), power) / max(
+        total += np.interp(frequencies, rfftfreq(length, period), power) / max(
             float(power.mean()), np.finfo(float).tiny
         )
     return total / np.median(total)
@@ -199,7 +200,7 @@ class _Scan:
                     parts = {channel: _of_oscillator(channel, part) for channel, part in parts.items()}
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
-                        slopes[k] = parts[g.channel] * bench.scale[g.rows]
+                        slopes[k] = parts[g.channel][..., g.instants] * bench.scale[g.rows]
             return slopes
 
         weights = row_weights(bench, base.residual)

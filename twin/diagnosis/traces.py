@@ -17,8 +17,8 @@ from twin.residuals.prepared import Prepared
 from twin.residuals.residual import raw_residual
 from twin.rigs.model import Model, with_fine_chain
 
-FEWEST = 50
-"""Samples from which the residuals of a channel are plotted."""
+FEWEST = 12
+"""Samples from which the residuals of a channel are plotted or judged: a tenth of a second."""
 _SHOWN = (HUB_TORQUE, "strain_base", "strain_mid", "tip_deflection", "tip_acceleration")
 _EXPLAINED = 0.1  # share of the variance from which a variable is named
 
@@ -77,10 +77,10 @@ def held_out_torque(
       prepared: the recording.
     """
     data = DrivenData.of([prepared], calibrated)
-    rows = next((g.rows for g in data.groups if g.channel == HUB_TORQUE), None)
-    if rows is None or data.weight[rows].sum() < FEWEST:
+    group = next((g for g in data.groups if g.channel == HUB_TORQUE), None)
+    if group is None or data.weight[group.rows].sum() < FEWEST:
         return None
-    keep, view = data.weight[rows] > 0, data.views[0]
+    keep, view = group.instants[data.weight[group.rows] > 0], data.views[0]
     values, *others = (
         raw_residual(view, prepared, with_fine_chain(model), start)[HUB_TORQUE][keep]
         for model, start in lacking

@@ -77,7 +77,9 @@ def _basis(
     read = [g for g in data.groups if g.channel == _TORQUE and law.place == DRIVE]
     if law.place == DRIVE and not read:
         return None
-    values = np.concatenate([variables[g.recording][law.variable][bench.weight[g.rows] > 0] for g in on_hub])
+    values = np.concatenate(
+        [variables[g.recording][law.variable][g.instants][bench.weight[g.rows] > 0] for g in on_hub]
+    )
     x = knots(values)
     if x is None:
         return None

@@ -69,15 +69,16 @@ class OutputErrorData(FreeData):
             for p, stride in zip(self.prepared, self.strides, strict=True)
         ]
         self.groups, self.weight = layout(compared, lambda channel, recording: recording[channel])
+        counts = [len(p.recording.time) for p in compared]
         self.blocks = tuple(
             block
             for g in self.groups
             for block in split_into_blocks(
-                [g], self.weight, max(1, round(BLOCK_SPAN / self._period(g.recording)))
+                [g], self.weight, counts, max(1, round(BLOCK_SPAN / self.row_period(g.recording)))
             )
         )
 
-    def _period(self, i: int) -> float:
+    def row_period(self, i: int) -> float:
         """Time between two samples of recording i that are compared [s]."""
         return self.strides[i] * self.prepared[i].recording.period
 
@@ -93,7 +94,7 @@ class OutputErrorData(FreeData):
 
     def counts(self) -> np.ndarray:
         """Number of independent samples in each block (g): one per `CORRELATION_TIME`."""
-        periods = [self._period(g.recording) for g in self.blocks]
+        periods = [self.row_period(g.recording) for g in self.blocks]
         known = [self.weight[g.rows].sum() for g in self.blocks]
         return np.array(known) * np.minimum(1.0, np.array(periods) / CORRELATION_TIME)
 

@@ -124,22 +124,26 @@ def recording_information(bench: Workbench, base: Fit) -> RecordingInformation:
                 np.stack([bench.weight[r] for r in rows], axis=1),
                 np.stack([base.residual[r] for r in rows], axis=1),
                 np.stack([w[r, None] * jacobian[r] for r in rows], axis=1),
+                bench.data.row_period(i),
             )
     return RecordingInformation(information, scores, covariance, prior_precision(base.unknowns))
 
 
-def _score_covariance(known: np.ndarray, residual: np.ndarray, weighted: np.ndarray) -> np.ndarray:
+def _score_covariance(
+    known: np.ndarray, residual: np.ndarray, weighted: np.ndarray, period: float
+) -> np.ndarray:
     """Covariance (p x p) of the score of one recording with m samples of c channels, by the cross spectra.
 
     Args:
       known: (m x c) 1 where a channel is compared, else 0.
       residual: (m x c), 0 where it is not.
       weighted: (m x c x p) weight times Jacobian.
+      period: time between two samples [s].
     """
-    size = next_fast_len(len(residual) + PADDING, real=True)
+    size = next_fast_len(len(residual) + round(PADDING * GRID / period), real=True)
     r, z = rfft(residual, size, axis=0), rfft(weighted, size, axis=0)
     common = np.maximum(known.T @ known, 1.0)
-    half = max(1, round(_SMOOTHING * size * GRID))
+    half = max(1, round(_SMOOTHING * size * period))
     spectra = r[:, :, None] * r.conj()[:, None, :] / common
     smooth = _moving_average(spectra, half)
     # The one-sided spectrum counts twice but for the frequencies 0 and Nyquist.

@@ -65,6 +65,9 @@ class Data(ResidualData, Protocol):
     def counts(self) -> np.ndarray:
         """Number of independent samples in each block (g)."""
 
+    def row_period(self, i: int) -> float:
+        """Time between two rows of recording i that are not single instants [s]."""
+
 
 class Workbench:
     """Data of a fit and the pool in which their residuals are computed; n residuals, g blocks.
@@ -179,6 +182,10 @@ class GuidedData:
         """See `guided_residual`."""
         return guided_residual(model, self.prepared[i], start)
 
+    def row_period(self, i: int) -> float:
+        """Time between two samples of recording i [s]."""
+        return self.prepared[i].recording.period
+
     def counts(self) -> np.ndarray:
         """Number of independent samples in each group (g): one per `CORRELATION_TIME`."""
         spans = [self.prepared[g.recording].recording.duration for g in self.groups]
@@ -272,5 +279,6 @@ def reversal_weights(bench: Workbench, fit: Fit) -> np.ndarray:
         return weights
     for group in bench.data.groups:
         if group.channel == HUB_TORQUE and isinstance(bench.data, DrivenData):
-            weights[group.rows] = ~hub_balance.near_reversals(bench.data.views[group.recording])
+            near = hub_balance.near_reversals(bench.data.views[group.recording])
+            weights[group.rows] = ~near[group.instants]
     return weights

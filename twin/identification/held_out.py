@@ -127,7 +127,7 @@ def _driven_link_errors(
         start = minimise(bench, model, [start], start_unknowns([prepared])).starts[0]
     missing = residual.raw_residual(view, prepared, model, start)
     of_link = [g for g in data.groups if g.channel in view.measured and g.channel != "motor_torque"]
-    return {g.channel: _rms(missing[g.channel][data.weight[g.rows] > 0]) for g in of_link}
+    return {g.channel: _rms(missing[g.channel][g.instants[data.weight[g.rows] > 0]]) for g in of_link}
 
 
 def _rms(values: np.ndarray) -> float:

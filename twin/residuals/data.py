@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin.mechanics.state import Start
-from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH
+from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, STRIDE
 from twin.residuals.groups import Group, split_into_blocks
 from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared
@@ -34,7 +34,8 @@ class DrivenData:
     Attributes:
       prepared: the recordings.
       views: their signals on the grid, with the noise of the residuals.
-      groups: rows of each residual of each recording; none of recordings under which the link diverges.
+      groups: rows of each residual of each recording; none of recordings under which the link diverges. Of residuals
+        behind the low-pass every `STRIDE`th instant has a row, of those at single instants each of these.
       weight: 1 where there is a residual, otherwise 0 (n).
       blocks: the groups, cut into stretches of `BLOCK_SPAN` (g).
     """
@@ -42,7 +43,8 @@ class DrivenData:
     def __init__(self, prepared: Sequence[Prepared], views: Sequence[View]):
         self.prepared, self.views = tuple(prepared), tuple(views)
         self.groups, self.weight = self._layout()
-        self.blocks = split_into_blocks(self.groups, self.weight, int(BLOCK_SPAN / GRID))
+        counts = [len(view.time) for view in self.views]
+        self.blocks = split_into_blocks(self.groups, self.weight, counts, int(BLOCK_SPAN / GRID))
 
     @staticmethod
     def of(prepared: Sequence[Prepared], model: Model, bands: Sequence[float] = MOTION_BANDS) -> DrivenData:
@@ -50,12 +52,17 @@ class DrivenData:
         return DrivenData(prepared, [make_view(p, model, bands) for p in prepared])
 
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
-        """Name -> residual (m) of recording i, see `residual.residual`."""
-        return residual(self.views[i], self.prepared[i], model, start)
+        """Name -> residual (r) of recording i at the instants of its rows, see `residual.residual`."""
+        parts = residual(self.views[i], self.prepared[i], model, start)
+        return {g.channel: parts[g.channel][g.instants] for g in self.groups if g.recording == i}
+
+    def row_period(self, i: int) -> float:
+        """Time between two rows of recording i that are not single instants [s]."""
+        return STRIDE * GRID
 
     def counts(self) -> np.ndarray:
         """Number of independent samples in each block (g): twice the bandwidth of the filter per second."""
-        per_sample = min(1.0, 2 * BAND * GRID)
+        per_sample = min(1.0, 2 * BAND * STRIDE * GRID)
         return np.array(
             [
                 self.weight[g.rows].sum() * (1.0 if g.channel in EVENT_CHANNELS else per_sample)
@@ -84,7 +91,9 @@ class DrivenData:
                 masks["departure"] = view.departing & compared
             for channel, mask in masks.items():
                 if mask.any() and np.isfinite(list(view.noise.values())).all():
-                    groups.append(Group(i, channel, slice(row, row + len(mask))))
-                    weights.append(mask.astype(float))
-                    row += len(mask)
+                    single = channel in EVENT_CHANNELS
+                    instants = np.flatnonzero(mask) if single else np.arange(0, len(mask), STRIDE)
+                    groups.append(Group(i, channel, slice(row, row + len(instants)), instants))
+                    weights.append(mask[instants].astype(float))
+                    row += len(instants)
         return tuple(groups), np.concatenate(weights) if weights else np.zeros(0)

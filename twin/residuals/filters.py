@@ -16,6 +16,10 @@ REACH = 0.07
 """Span to either side of an instant from which the filter takes values [s]. Its impulse response decays as
 exp(-pi BAND t), to 0.4 % there. At the end of a recording the filter continues the signal, so that this span is not
 compared."""
+STRIDE = 4
+"""Of the instants of the grid, every so many are compared behind the low-pass: 125 a second tell as much as all 500.
+Half that rate is 2.5 times `BAND`: what lies above and folds back has lost all but 0.4 % in the filter, and what folds
+back into the band, from 100 Hz on, all but 0.02 %."""
 SPLINE_DEGREE = 7
 """Of `smooth_spline`."""
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)
