@@ -66,6 +66,22 @@ def test_slew_with_sticking_agrees(mechanism):
     assert np.mean(found[2] != modes) < 0.005
 
 
+@pytest.mark.parametrize("mechanism", ["none", "stribeck", "lag"])
+@pytest.mark.parametrize("period", [1e-3, 5e-4])
+def test_rows_between_two_checks_are_those_of_a_run_with_fewer(mechanism, period):
+    plant = changed(PLANT, **MECHANISMS[mechanism])
+    engine = MujocoChain(RIG, CHAIN, plant)
+    commands = _slew(1.0)[:2]
+    few, many = (
+        engine.simulate(*commands, np.arange(0.0, 1.0, p), REST, REST, 0, False, STEP) for p in (2e-3, period)
+    )
+    every = round(2e-3 / period)
+    # Behind an event, the steps to the next row are cut differently.
+    np.testing.assert_allclose(many[0][::every], few[0], atol=1e-5)
+    assert np.mean(many[2][::every] != few[2]) < 0.005
+    assert np.abs(np.diff(many[0], axis=0)).max() < 1.1 * period * np.abs(many[1]).max()
+
+
 def test_what_a_lag_remembers_was_commanded_long_before():
     plant = PLANT.with_motor(lag=0.05)
     command = np.array([-1e3, 0.0]), np.array([0.1, -0.1])

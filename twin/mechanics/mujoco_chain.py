@@ -176,20 +176,72 @@ class MujocoChain:
         angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
         modes = np.empty(len(out_time))
         h_largest = self._largest_step if h_max is None else h_max
-        pointer = 0
+        pointer, row, wanted = 0, 0, out_time.tolist()
         with self._control_callback():
-            for row, wanted in enumerate(out_time.tolist()):
-                while self._time < wanted - _NO_TIME:
-                    while pointer < len(instants) and instants[pointer] <= self._time + _NO_TIME:
-                        self._command(torques[pointer])
-                        pointer += 1
-                    end = min(wanted, instants[pointer]) if pointer < len(instants) else wanted
-                    self._advance(end - self._time, h_largest)
-                self._write_state(angles[row], rates[row])
-                modes[row] = self._mode
+            while row < len(wanted):
+                while pointer < len(instants) and instants[pointer] <= self._time + _NO_TIME:
+                    self._command(torques[pointer])
+                    pointer += 1
+                held = instants[pointer] if pointer < len(instants) else math.inf
+                count = self._several_rows(wanted, row, held, h_largest, angles, rates)
+                if count == 0 and (left := min(wanted[row], held) - self._time) > _NO_TIME:
+                    self._advance(left, h_largest)
+                if count == 0 and self._time >= wanted[row] - _NO_TIME:
+                    self._write_state(angles[row], rates[row])
+                    count = 1
+                modes[row : row + count] = self._mode
+                row += count
         return self._absolute(angles), self._absolute(rates), modes
 
     # Integration
+
+    def _several_rows(
+        self,
+        wanted: Sequence[float],
+        row: int,
+        held: float,
+        h_max: float,
+        angles: np.ndarray,
+        rates: np.ndarray,
+    ) -> int:
+        """Integrates over the rows between two checks and writes them, in the present mode, while its end is far.
+
+        Args:
+          wanted: (m) instants [s].
+          row: the first that is not written.
+          held: until when the command is [s].
+          h_max: largest step [s].
+          angles, rates: (m, n + 1) of the joints.
+
+        Returns:
+          How many rows were written; 0 where the end may be near, or no more than one row lies between two checks.
+        """
+        start, last = self._time, row
+        while last < len(wanted) and wanted[last] <= min(start + self._unchecked, held):
+            last += 1
+        before = self._last_margin if last > row + 1 and not self._clamped else math.nan
+        # Not a number behind a command, and where the mode has changed.
+        if not before > 2 * self._margin_change:
+            return 0
+        model, h_max = self._locked if self._mode == 0 else self._sliding, min(h_max, self._plant_step)
+        model.save()
+        model.apply_torque(self._u, self._mode)
+        for k in range(row, last):
+            span = wanted[k] - self._time
+            steps = max(1, math.ceil(span / h_max - 1e-9))
+            model.step(self._time, span / steps, steps)
+            self._time = wanted[k]
+            if self._mode == 0:
+                self._write_state(angles[k], rates[k])
+            else:
+                angles[k], rates[k] = model.qpos, model.qvel
+        self._last_margin = self._mode_margin()
+        self._margin_change = abs(self._last_margin - before)
+        if min(before, self._last_margin) > self._margin_change:
+            return last - row
+        model.restore()
+        self._time, self._last_margin = start, before
+        return 0
 
     def _absolute(self, joints: np.ndarray) -> np.ndarray:
         """Absolute angles (..., n + 1 + k) from joint angles."""
