@@ -181,7 +181,7 @@ def fit_output_error(bench: Workbench, fit: Fit, most: float = np.inf) -> tuple[
     Args:
       bench: the data; of output errors, the search for a spring begins with theirs.
       fit: the model, and where the fit starts.
-      most: misfit that the first spring may leave [nat]; None where the fit does not come near that.
+      most: misfit that the first spring may leave [nat]; None where the fit leaves more.
     """
     best = _likeliest_run(bench, fit, most)
     if best is None:
@@ -281,8 +281,10 @@ def _rough_run(
         goal = most + float(free.count.sum() * loss.loss(np.ones(())))
     else:
         start, goal = best.fit, best.fit.cost + less
-    # A spring forgets the initial state.
-    fitted = (_fitted if best is None or data.is_free else _minimised)(free, start, goal)
+    # A spring forgets the initial state. The first fit begins far from its minimum, and gains unevenly on the way.
+    fitted = (_fitted if best is None or data.is_free else _minimised)(
+        free, start, np.inf if best is None else goal
+    )
     return _Run(data, free, fitted) if fitted.cost < goal else None
 
 
@@ -340,12 +342,14 @@ def _minimised(
       free: the output errors.
       fit: where the fit begins.
       goal: the fit is made to 1 nat, and given up where its cost would stay above this; to convergence without one.
+        Where it is infinite, the fit may begin far from its minimum.
       jacobian: (n x p) near there, if it is known.
     """
     at = free, fit.model, fit.starts, fit.unknowns, fit.values
     if goal is None:
         return minimise(*at, iterations=FAR_ITERATIONS, first_jacobian=jacobian)
-    return minimise(*at, iterations=QUICK_ITERATIONS, tolerance=1.0, goal=goal, first_jacobian=jacobian)
+    iterations = QUICK_ITERATIONS if goal < np.inf else FAR_ITERATIONS
+    return minimise(*at, iterations=iterations, tolerance=1.0, goal=goal, first_jacobian=jacobian)
 
 
 def _value(u: Unknown, value: float, states: Sequence[Start]) -> float:
