@@ -110,9 +110,9 @@ def _search_only(campaign: Campaign) -> dict:
             pool,
             verdict_of(found) != "outside-library",
         )
-    fit, outside = last.augmented, verdict_of(found) == "outside-library"
-    left = dependence.unexplained_residuals(found.bench, found.best) if outside else {}
-    on_link = link_functions.find_functions(found, FALSE_ALARM_RATE)
+        fit, outside = last.augmented, verdict_of(found) == "outside-library"
+        left = dependence.unexplained_residuals(found.bench, found.best) if outside else {}
+        on_link = link_functions.find_functions(found, FALSE_ALARM_RATE)
     return {
         "verdict": verdict_of(found),
         "adopted": [c.effects[-1] for c in found.adopted],
