@@ -28,17 +28,31 @@ needs_dask = pytest.mark.skipif(
 )
 
 
+def address_in(file):
+    """The address in a scheduler's file; empty until the scheduler has written all of it."""
+    try:
+        return json.loads(file.read_text())["address"]
+    except (FileNotFoundError, json.JSONDecodeError):
+        return ""
+
+
 class Cluster:
     """A scheduler and workers as processes of their own; `address` is that of the scheduler."""
 
     def __init__(self, folder):
         self._folder, self.processes = folder, []
+        self.address = ""
+
+    def start(self, workers):
+        """Starts the scheduler and its workers, which find it by its file."""
         self._start("scheduler")
         deadline = time.monotonic() + 60
-        while not (file := folder / "scheduler.json").exists():
+        while not self.address:
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        self.address = json.loads(file.read_text())["address"]
+            self.address = address_in(self._folder / "scheduler.json")
+        for _ in range(workers):
+            self.start_worker()
 
     def _start(self, what, *options):
         command = [
@@ -74,10 +88,11 @@ class Cluster:
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     made = Cluster(tmp_path_factory.mktemp("cluster"))
-    for _ in range(2):
-        made.start_worker()
-    yield made
-    made.stop()
+    try:
+        made.start(workers=2)
+        yield made
+    finally:
+        made.stop()
 
 
 @pytest.fixture
@@ -142,8 +157,8 @@ def test_a_scheduler_that_ends_leaves_the_answers_and_says_so(campaigns, tmp_pat
     folder = tmp_path / "cluster"
     folder.mkdir()
     cluster, log = Cluster(folder), tmp_path / "log"
-    cluster.start_worker()
     try:
+        cluster.start(workers=1)
         with (
             scheduler(cluster.address) as workers,
             pytest.raises(InputError, match="has ended; rigs that have"),
