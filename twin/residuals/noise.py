@@ -153,7 +153,7 @@ def link_ringing(
     signals: Signals, whitening: dict[str, np.ndarray], model: Model, modes: Sequence[RingingMode]
 ) -> dict[str, Ringing]:
     """Channel -> ringing of its residual behind its whitening filter, and any course in and behind a gap of the hub."""
-    of_channel, hats = {}, _unseen(signals.time, signals.settled)
+    of_channel, hats = {}, _unseen(signals.settled)
     for channel, gain in whitening.items():
         readings = [model.link_rows[channel] @ s.shape[1:] * s.coordinate for s in modes]
         unseen = hats * np.std(signals.measured[channel])
@@ -162,12 +162,13 @@ def link_ringing(
     return of_channel
 
 
-def _unseen(time: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _unseen(known: np.ndarray) -> np.ndarray:
     """Hat functions (m x k) where a channel is unknown and what the low-pass reaches beside it: any course there."""
-    reach = binary_dilation(~known, iterations=round(1 / (BAND * GRID)))
-    centres = np.arange(time[0], time[-1], 1 / (2 * BAND))
-    hats = np.maximum(1 - np.abs(time[:, None] - centres) * 2 * BAND, 0.0)
-    return hats[:, hats[reach].sum(axis=0) > 0] if reach.any() else hats[:, :0]
+    half = round(1 / (2 * BAND * GRID))  # width of a hat to either side, in instants
+    reach = binary_dilation(~known, iterations=2 * half)
+    centres = np.arange(0, len(known), half)
+    centres = centres[binary_dilation(reach, iterations=half - 1)[centres]]
+    return np.maximum(1 - np.abs(np.arange(len(known))[:, None] - centres) / half, 0.0)
 
 
 def whitening_filters(signals: Signals, prepared: Prepared, model: Model) -> dict[str, np.ndarray]:
