@@ -12,7 +12,7 @@ from twin.estimation.calibrate import calibrate, noise_levels, prepare_clean
 from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
 from twin.residuals import static_levels
-from twin.residuals.data import EVENT_CHANNELS
+from twin.residuals.residual import EVENT_CHANNELS
 from twin.virtual_rig import Rig, Sensors
 from twin.virtual_rig.experiments import bang_bang, break_away, free_vibration, random_steps
 

@@ -97,7 +97,7 @@ def test_what_a_kick_in_a_gap_does_to_the_link_counts_for_nothing(deviation):
     model, time = Model(RIG, {}, chain.fit_shape(RIG, 6)), np.arange(0, 4, PERIOD)
     moving = np.ones(len(time))
     modes = ringing.ringing_modes(model, time, moving, 0.0, 25.0, [(1.0, 10.0)])
-    rings = ringing.from_columns(np.hstack([m.pull * m.coordinate for m in modes]) / 1e-3)
+    rings = ringing.from_columns(np.hstack([m.pull * m.coordinate(time) for m in modes]) / 1e-3)
     frequencies, _ = model.chain.modes("clamped")
     w, z = frequencies[1] * (1 + deviation), model.chain.damping_ratios("clamped")[1]
     later = np.maximum(time - 1.0, 0.0)

@@ -22,9 +22,10 @@ from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import CORRELATION_TIME, Workbench
 from twin.recording import HUB_TORQUE
 from twin.residuals import residual
-from twin.residuals.data import BLOCK_SPAN, EVENT_CHANNELS, DrivenData
+from twin.residuals.data import BLOCK_SPAN, DrivenData
 from twin.residuals.filters import GRID, STRIDE
 from twin.residuals.numerics import ROUNDING
+from twin.residuals.residual import EVENT_CHANNELS
 from twin.residuals.view import as_read, move_link
 from twin.rigs.model import with_fine_chain
 
@@ -107,7 +108,7 @@ def _in_recording(bench: Workbench, data: DrivenData, fit: Fit, i: int) -> dict[
             {name: as_read(view.time, late, variable)[at[keep]] for name, variable in variables.items()},
             np.full(keep.sum(), i),
             before + view.time[at[keep]] - view.time[0],
-            white[group.channel][at[keep]],
+            white[group.channel][keep],
             slopes=_slopes(fit, np.flatnonzero(keep) + group.rows.start)
             if group.channel == HUB_TORQUE
             else {},

@@ -53,12 +53,10 @@ class Basis:
         Args:
           bench: the data.
           groups: the rows, ascending.
-          parts: of each group, the derivative (k x m) of its residual by the value at each knot, at all instants.
+          parts: of each group, the derivative (k x r) of its residual by the value at each knot.
           x, samples: (k) the knots, and the number of samples nearest to each.
         """
-        columns = [
-            bench.scale[g.rows, None] * part[:, g.instants].T for g, part in zip(groups, parts, strict=True)
-        ]
+        columns = [bench.scale[g.rows, None] * part.T for g, part in zip(groups, parts, strict=True)]
         rows = np.concatenate([np.arange(g.rows.start, g.rows.stop) for g in groups])
         return cls(x, np.concatenate(columns), rows, samples)
 

@@ -97,7 +97,7 @@ def _bases(
 
 
 def _by_forces(data: DrivenData, best: Fit, place: str, i: int, weights: np.ndarray) -> dict[str, np.ndarray]:
-    """Channel on the link -> change (k x m) of its whitened residual in recording i.
+    """Channel on the link -> change (k x r) of its whitened residual in recording i.
 
     Args:
       data, best: the data and the fit.
@@ -129,7 +129,7 @@ def _moments(chain: Chain, motion: Motion, place: str) -> np.ndarray:
 
 
 def _in_residual(data: DrivenData, best: Fit, i: int, channel: str, change: np.ndarray) -> np.ndarray:
-    """Change (k x m) of a whitened residual in recording i by changes (k x m) of what a channel should read."""
+    """Change (k x r) of a whitened residual in recording i by changes (k x m) of what a channel should read."""
     view = data.views[i]
     if data.prepared[i].hub is not None:  # with a free hub, readings pass the filter of the motion, too
         change = low_passed(change, GRID, view.band)

@@ -21,7 +21,7 @@ from twin.estimation.fit import Fit
 from twin.estimation.loss import ADEQUATE_RMS
 from twin.estimation.workbench import Workbench, reversal_weights
 from twin.recording import HUB_TORQUE
-from twin.residuals.data import EVENT_CHANNELS
+from twin.residuals.residual import EVENT_CHANNELS
 from twin.residuals.significance import SIGNIFICANT
 
 QUIET = 1 / 3

@@ -25,9 +25,9 @@ from twin.estimation.slopes import normal_equations, root_diagonal, row_weights
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Motion
 from twin.recording import HUB_TORQUE
-from twin.residuals.data import EVENT_CHANNELS, DrivenData
+from twin.residuals.data import DrivenData
 from twin.residuals.filters import BAND, GRID, STRIDE, low_pass_gain, low_passed
-from twin.residuals.residual import scaled_change
+from twin.residuals.residual import EVENT_CHANNELS, scaled_change
 from twin.residuals.view import View, move_link
 from twin.rigs.model import Model
 
@@ -200,7 +200,7 @@ class _Scan:
                     parts = {channel: _of_oscillator(channel, part) for channel, part in parts.items()}
                 for k, g in groups:
                     if g.recording == i and g.channel in parts:
-                        slopes[k] = parts[g.channel][..., g.instants] * bench.scale[g.rows]
+                        slopes[k] = parts[g.channel] * bench.scale[g.rows]
             return slopes
 
         weights = row_weights(bench, base.residual)

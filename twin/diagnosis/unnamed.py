@@ -96,7 +96,7 @@ def _basis(
 def _on_hub(
     view: View, model: Model, variables: Mapping[str, np.ndarray], law: FunctionOf, x: np.ndarray
 ) -> np.ndarray:
-    """Derivative (k x m) of the whitened torque balance of one recording by the value at each knot."""
+    """Derivative (k x r) of the whitened torque balance of one recording by the value at each knot."""
     added = hats(variables[law.variable], x)
     if law.sided:
         added *= np.sign(variables["hub_rate"])
@@ -107,7 +107,7 @@ def _on_hub(
 
 
 def _on_reading(view: View, prepared: Prepared, model: Model, x: np.ndarray) -> np.ndarray:
-    """Derivative (k x m) of the whitened residual of the motor torque sensor by the value at each knot."""
+    """Derivative (k x r) of the whitened residual of the motor torque sensor by the value at each knot."""
     time = prepared.recording.time
     read = hats(model.read_torque(prepared.recording), x)
     added = low_passed(np.array([np.interp(view.time, time, row) for row in read]), GRID)

@@ -19,8 +19,8 @@ from scipy.fft import next_fast_len, rfft
 from twin.estimation.fit import Fit
 from twin.estimation.slopes import prior_precision, row_weights
 from twin.estimation.workbench import Workbench
-from twin.residuals.data import EVENT_CHANNELS
 from twin.residuals.filters import GRID
+from twin.residuals.residual import EVENT_CHANNELS
 from twin.residuals.view import PADDING
 
 _SMOOTHING = 1.0  # Hz to either side over which a spectrum is averaged

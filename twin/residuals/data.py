@@ -18,14 +18,12 @@ from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, STRIDE
 from twin.residuals.groups import Group, split_into_blocks
 from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared
-from twin.residuals.residual import residual
+from twin.residuals.residual import EVENT_CHANNELS, residual
 from twin.residuals.view import SETTLING, View, before_end
 from twin.rigs.model import Model
 
 BLOCK_SPAN = 1.5
 """Length of the blocks in each of which the size of the residual is estimated [s]."""
-EVENT_CHANNELS = ("break_away", "departure")
-"""Residuals at single instants, independent of one another; those of other channels are correlated by the filter."""
 
 
 class DrivenData:
@@ -54,7 +52,11 @@ class DrivenData:
     def residual(self, model: Model, i: int, start: Start) -> dict[str, np.ndarray]:
         """Name -> residual (r) of recording i at the instants of its rows, see `residual.residual`."""
         parts = residual(self.views[i], self.prepared[i], model, start)
-        return {g.channel: parts[g.channel][g.instants] for g in self.groups if g.recording == i}
+        return {
+            g.channel: parts[g.channel][g.instants] if g.channel in EVENT_CHANNELS else parts[g.channel]
+            for g in self.groups
+            if g.recording == i
+        }
 
     def row_period(self, i: int) -> float:
         """Time between two rows of recording i that are not single instants [s]."""

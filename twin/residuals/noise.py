@@ -15,7 +15,7 @@ from scipy.ndimage import binary_dilation, uniform_filter1d
 from twin.recording import Recording
 from twin.residuals import ringing
 from twin.residuals.cache import Cache
-from twin.residuals.filters import BAND, GRID, low_pass_gain, low_passed, smooth_spline
+from twin.residuals.filters import BAND, GRID, STRIDE, low_pass_gain, low_passed, smooth_spline
 from twin.residuals.hub_balance import delivered_torque
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import continuous_residual, scaled
@@ -72,29 +72,29 @@ def noise_scale(
     moved before still oscillates.
 
     Returns:
-      Residual -> size of the noise relative to that of quiet stretches (m); and standard deviation of the link's torque
-      on the hub (m) [N m].
+      Residual -> size of the noise at its rows (r) relative to that of quiet stretches; and standard deviation of the
+      link's torque on the hub (m) [N m].
     """
     moving, torque_variance = signals.direction != 0, np.zeros(len(signals.time))
     if not moving.any():
         return {}, torque_variance
     generator = np.random.default_rng(1)
     plain, torque = _simulated(signals, noise, prepared, model)
-    squares = {name: np.zeros(len(signals.time)) for name in noise.ringing}
+    squares = {name: np.zeros(len(moving[::STRIDE])) for name in noise.ringing}
     for _ in range(_DRAWS):
         drawn = _with_hub_noise(signals, prepared, generator, moving)
         noisy, noisy_torque = _simulated(drawn, noise, prepared, model)
         squares = {name: s + (noisy[name] - plain[name]) ** 2 / _DRAWS for name, s in squares.items()}
         torque_variance += (noisy_torque - torque) ** 2 / _DRAWS
     known = {**signals.known, "hub_torque": signals.sliding}
-    scales = {name: _local_scale(s, known[name], moving) for name, s in squares.items()}
+    scales = {name: _local_scale(s, known[name][::STRIDE], moving[::STRIDE]) for name, s in squares.items()}
     return scales, np.sqrt(torque_variance)
 
 
 def _simulated(
     signals: Signals, noise: NoiseModel, prepared: Prepared, model: Model
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Residuals of channels and hub torque in multiples of the noise (m), and the required torque (m) [N m]."""
+    """Residuals of channels and hub torque in multiples of the noise (r), and the required torque (m) [N m]."""
     motion, required = move_link(signals, prepared, model, prepared.start)
     delivered = delivered_torque(signals, prepared, model)
     raw = continuous_residual(signals, prepared, model, motion, required, delivered)
@@ -118,14 +118,14 @@ def _with_hub_noise(
 
 
 def _local_scale(squares: np.ndarray, known: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Local size of a noise of unit size in quiet stretches (m).
+    """Local size of a noise of unit size in quiet stretches (r).
 
     Args:
-      squares: of the part of the noise that varies (m).
-      known: whether there is a residual (m).
-      moving: whether the hub moves (m).
+      squares: of the part of the noise that varies (r).
+      known: whether there is a residual (r).
+      moving: whether the hub moves (r).
     """
-    size = 2 * int(SETTLING / GRID) + 1
+    size = 2 * int(SETTLING / (STRIDE * GRID)) + 1
     share = uniform_filter1d(known.astype(float), size, mode="constant")
     local = uniform_filter1d(squares * known, size, mode="constant") / np.maximum(share, 1 / size)
     usual = float(np.median(local[known & moving])) if (known & moving).any() else 0.0
@@ -143,23 +143,37 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
     Returns:
       Standard deviation without the ringing [N m], and the ringing where the hub slides, in multiples of that.
     """
-    pulls = np.hstack([np.zeros((len(torque), 0)), *(s.pull * s.coordinate for s in modes)])
+    torque, time = torque[::STRIDE], signals.time[::STRIDE]
+    pulls = np.hstack([np.zeros((len(time), 0)), *(s.pull * s.coordinate(time) for s in modes)])
+    pulls *= np.sqrt(STRIDE)
     rough = ringing.from_columns(pulls / np.std(torque))
     even = float(np.std(rough.whitened(torque)))
-    return even, ringing.from_columns(pulls * signals.sliding[:, None] / even)
+    return even, ringing.from_columns(pulls * signals.sliding[::STRIDE, None] / even)
 
 
 def link_ringing(
     signals: Signals, whitening: dict[str, np.ndarray], model: Model, modes: Sequence[RingingMode]
 ) -> dict[str, Ringing]:
     """Channel -> ringing of its residual behind its whitening filter, and any course in and behind a gap of the hub."""
-    of_channel, hats = {}, _unseen(signals.settled)
+    parts = {channel: list[np.ndarray]() for channel in whitening}
+    hats = _unseen(signals.settled).T
     for channel, gain in whitening.items():
-        readings = [model.link_rows[channel] @ s.shape[1:] * s.coordinate for s in modes]
-        unseen = hats * np.std(signals.measured[channel])
-        columns = filtered(np.hstack([unseen, *readings]).T, gain).T
-        of_channel[channel] = ringing.from_columns(columns * signals.known[channel][:, None])
-    return of_channel
+        parts[channel].append(_rows(hats * np.std(signals.measured[channel]), gain))
+    for mode in modes:
+        for k in range(len(mode.begin)):  # one at a time stands at every instant of the grid
+            coordinate = mode.coordinate(signals.time, slice(k, k + 1)).T
+            for channel, gain in whitening.items():
+                reading = model.link_rows[channel] @ mode.shape[1:]
+                parts[channel].append(_rows(reading * coordinate, gain))
+    return {
+        channel: ringing.from_columns(np.concatenate(rows).T * signals.known[channel][::STRIDE, None])
+        for channel, rows in parts.items()
+    }
+
+
+def _rows(values: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    """Signals (k x m) behind a filter, at the rows of a residual (k x r), each of which stands for several instants."""
+    return np.sqrt(STRIDE) * filtered(values, gain)[:, ::STRIDE]
 
 
 def _unseen(known: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from twin.mechanics.state import Motion, Start
 from twin.recording import HUB_TORQUE, Recording, Sensor
 from twin.residuals import creep
-from twin.residuals.filters import GRID, REACH, low_passed
+from twin.residuals.filters import GRID, REACH, STRIDE, low_passed
 from twin.residuals.hub_balance import (
     break_away_residual,
     delivered_torque,
@@ -21,9 +21,12 @@ from twin.residuals.view import NoiseModel, Signals, View, as_read, before_end, 
 from twin.rigs.model import Model
 from twin.rigs.simulate import sensor_readings
 
+EVENT_CHANNELS = ("break_away", "departure")
+"""Residuals at single instants, independent of one another; those of other channels are correlated by the filter."""
+
 
 def residual(view: View, prepared: Prepared, model: Model, start: Start) -> dict[str, np.ndarray]:
-    """Name -> residual (m) of the recording, whitened and in multiples of the noise, 0 where unknown."""
+    """Name -> residual (r) of the recording at its rows, see `normalise`; 0 where unknown."""
     raw = raw_residual(view, prepared, model, start)
     parts = {name: values for name, values in raw.items() if name not in view.measured}
     known = {name: _normalised_channel(view, name, raw[name]) for name in raw if name in view.measured}
@@ -36,7 +39,7 @@ def _normalised_channel(view: View, channel: str, values: np.ndarray) -> np.ndar
 
 
 def scaled(residuals: dict[str, np.ndarray], noise: NoiseModel, model: Model) -> dict[str, np.ndarray]:
-    """Raw residuals (m), normalised, the torque balance of the hub per unit of commanded torque.
+    """Raw residuals (m), normalised (r), the torque balance of the hub per unit of commanded torque.
 
     The command is known exactly. In newton metres, the balance would be the smaller, the smaller the rig and its torque
     gain are taken to be together.
@@ -48,7 +51,7 @@ def scaled(residuals: dict[str, np.ndarray], noise: NoiseModel, model: Model) ->
 
 
 def scaled_change(view: View, model: Model, channel: str, change: np.ndarray) -> np.ndarray:
-    """Change (..., m) of a residual by a low-passed change (..., m) of the raw one: scaled alike, 0 where unknown.
+    """Change (..., r) of a residual by a low-passed change (..., m) of the raw one: scaled alike, 0 where unknown.
 
     That of the torque on the hub is at the instants of the motion, as that of the readings is at their own.
     """
@@ -64,14 +67,15 @@ def normalise_all(residuals: dict[str, np.ndarray], noise: NoiseModel) -> dict[s
 
 
 def normalise(values: np.ndarray, noise: NoiseModel, name: str) -> np.ndarray:
-    """A raw residual (..., m) in multiples of the noise, the noise white and of equal size throughout.
+    """A raw residual (..., m) at its rows (r) in multiples of the noise, the noise white and of equal size throughout.
 
-    Strains and tip deflection pass a whitening filter. From them and the hub torque the covariance of the link's
-    ringing is removed, and they are divided by the local scale of the noise. Residuals at instants are normalised
-    already.
+    Strains and tip deflection pass a whitening filter. From every `filters.STRIDE`th value of them and of the hub
+    torque the covariance of the link's ringing is removed, and they are divided by the local scale of the noise.
+    Residuals at single instants (m) are normalised already, and rows are chosen from all of them.
     """
-    if name in noise.noise:
-        values = whitened(values, noise, name)
+    if name in EVENT_CHANNELS:
+        return values
+    values = whitened(values, noise, name)[..., ::STRIDE]
     if name in noise.ringing:
         values = noise.ringing[name].whitened(values)
     return values / noise.noise_scale[name] if name in noise.noise_scale else values

@@ -35,12 +35,26 @@ class RingingMode:
     Attributes:
       shape: angles of the segments per unit of the modal coordinate (n).
       pull: torque on the hub per unit of the modal coordinate [N m].
-      coordinate: modal coordinate over time after each of k impulses of one standard deviation (m x k).
+      damping_ratio: of the mode.
+      begin: instant of each impulse (k) [s].
+      size: of the modal coordinate after an impulse of one standard deviation (k).
+      frequency: angular frequency after each impulse (k) [rad/s].
     """
 
     shape: np.ndarray
     pull: float
-    coordinate: np.ndarray
+    damping_ratio: float
+    begin: np.ndarray
+    size: np.ndarray
+    frequency: np.ndarray
+
+    def coordinate(self, time: np.ndarray, impulses: slice = slice(None)) -> np.ndarray:
+        """The modal coordinate at instants (m) after some impulses: decaying sines, then cosines (m x 2k)."""
+        w = self.frequency[impulses]
+        later = time[:, None] - self.begin[impulses]
+        size = np.where(later > 0, self.size[impulses], 0.0)
+        size *= np.exp(-self.damping_ratio * w * np.maximum(later, 0.0))
+        return np.hstack([size * np.sin(w * later), size * np.cos(w * later)])
 
 
 def ringing_modes(
@@ -71,27 +85,20 @@ def ringing_modes(
     interval = max(_KICK_INTERVAL, float(time[-1] - time[0]) / _MAX_KICKS)
     kicked = np.arange(time[0], time[-1], interval)
     shares = np.array([piece.mean() for piece in np.split(shaken, np.searchsorted(time, kicked[1:]))])
-    later = time[:, None] - kicked[shares > 0]
     # Noise within an interval excites the oscillation at a random phase: sine and cosine have half the variance each.
-    kick = np.tile(np.sqrt(density * interval / 2 * shares[shares > 0]), 2)
-    after = time[:, None] - np.array([begin for begin, _ in unknown])
-    change = np.tile([rate for _, rate in unknown], 2)
+    kick = np.sqrt(density * interval / 2 * shares[shares > 0])
+    gaps, change = np.array(unknown).reshape(-1, 2).T
     modes = []
     for w, z, p, shape in zip(omega, ratios, participations, shapes.T, strict=True):
         if w >= 2 * np.pi * band:
             continue
-        unseen = np.hstack([p / w * change * _oscillations(w * (1 + d), z, after) for d in _DETUNING])
-        rings = z * w * MIN_DECAY_TIME < 1
-        shaking = p * w * kick * _oscillations(w, z, later) if rings else unseen[:, :0]
-        if rings or len(unknown):
-            modes.append(RingingMode(shape, -p * w**2, np.hstack([shaking, unseen])))
+        impulses = [(gaps, p / w * change, np.full(len(gaps), w * (1 + d))) for d in _DETUNING]
+        if z * w * MIN_DECAY_TIME < 1:
+            impulses.append((kicked[shares > 0], p * w * kick, np.full(len(kick), w)))
+        begin, size, frequency = (np.concatenate(part) for part in zip(*impulses, strict=True))
+        if len(begin):
+            modes.append(RingingMode(shape, -p * w**2, z, begin, size, frequency))
     return modes
-
-
-def _oscillations(w: float, z: float, later: np.ndarray) -> np.ndarray:
-    """Decaying sines and cosines (m x 2k) at times after each kick (m x k); w [rad/s], damping ratio z."""
-    decay = np.where(later > 0, np.exp(-z * w * np.maximum(later, 0.0)), 0.0)
-    return np.hstack([decay * np.sin(w * later), decay * np.cos(w * later)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ class NoiseModel:
       noise: channel or "hub_torque" -> standard deviation behind the filter, without ringing.
       whitening: channel -> gain over frequency of the filter that makes its residual white, see `whitened`.
       ringing: channel or "hub_torque" -> coherent oscillation by noise of the hub angle.
-      noise_scale: channel or "hub_torque" -> noise relative to that of quiet stretches (m).
+      noise_scale: channel or "hub_torque" -> noise at its rows relative to that of quiet stretches (r).
     """
 
     noise: dict[str, float]
@@ -93,7 +93,7 @@ class View(Signals, NoiseModel):
       departing: whether readings at an instant are compared for one of these (m); empty where the hub is clamped.
       link_torque_noise: standard deviation of the link's torque on the hub, because noise of the hub angle excites the
         modelled link (m) [N m]; empty where the hub is clamped.
-      normalised: residuals of channels in multiples of the noise by those in their unit, see `residual.residual`.
+      normalised: residuals (r) of channels in multiples of the noise by those in their unit, see `residual.residual`.
     """
 
     departures: tuple[creep.Onset, ...] = ()
