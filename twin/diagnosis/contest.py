@@ -40,7 +40,12 @@ def fit_to_convergence(
     for c in contenders:
         known = c.fit.jacobian if len(c.fit.jacobian) else None
         refined.append(fit_fully(bench, base, c, _most_cost(refined), known))
-    return prefer_simpler(refined + rest)
+    first, *others = prefer_simpler(refined + rest)
+    if not len(
+        first.fit.jacobian
+    ):  # a simpler one of an earlier round behind the contenders, see `Candidate.stored`
+        first = fit_fully(bench, base, first)
+    return [first, *others]
 
 
 def _most_cost(refined: Sequence[Candidate]) -> float:
