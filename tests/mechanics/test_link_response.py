@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.signal import StateSpace, lsim
 
 from twin.mechanics import chain, link_response
 from twin.rigs import preset
@@ -34,17 +34,16 @@ def test_response_and_acceleration_solve_the_coupled_equations(link):
     force = np.sin(9 * time) + np.sin(40 * time)
     mass, count = link.mass_matrix()[1:, 1:], len(link.stiffness)
 
-    def slope(t, z):
-        pull = link.levers * np.interp(t, time, force)
-        bend = np.linalg.solve(mass, pull - link.stiffness * z[:count] - link.damping @ z[count:])
-        return np.r_[z[count:], bend]
-
-    solved = solve_ivp(slope, time[[0, -1]], np.zeros(2 * count), "LSODA", time, rtol=1e-8, atol=1e-10)
-    exact = link.levers @ solved.y[:count]
+    block, zero = np.linalg.solve(mass, np.c_[-np.diag(link.stiffness), -link.damping]), np.zeros((count, 1))
+    slopes = np.r_[np.c_[np.zeros((count, count)), np.eye(count)], block]
+    pull = np.linalg.solve(mass, link.levers[:, None])
+    system = StateSpace(slopes, np.r_[zero, pull], np.eye(2 * count), np.zeros((2 * count, 1)))
+    states = lsim(system, force, time)[1]  # exact for a force that is linear between two instants
+    exact = states[:, :count] @ link.levers
     forces = on_tip(link, force)
     tip = deflection(link, link_response.modal_coordinates(link, forces, PERIOD))
     # Coupling of the modes by damping is neglected.
     np.testing.assert_allclose(tip, exact, atol=5e-3 * np.abs(exact).max())
     found = deflection(link, link_response.modal_coordinates(link, forces, PERIOD, accelerations=True))
-    exact = link.levers @ np.array([slope(t, z)[count:] for t, z in zip(time, solved.y.T, strict=True)]).T
+    exact = (states @ block.T + force[:, None] * pull.T) @ link.levers
     np.testing.assert_allclose(found, exact, atol=2e-2 * np.abs(exact).max())
