@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin.mechanics.state import Start
-from twin.residuals.filters import GRID, INDEPENDENT, MOTION_BANDS, REACH, STRIDE
+from twin.residuals.filters import BAND, GRID, MOTION_BANDS, REACH, STRIDE
 from twin.residuals.groups import Group, split_into_blocks
 from twin.residuals.make_view import make_view
 from twin.residuals.prepared import Prepared
@@ -64,9 +64,10 @@ class DrivenData:
 
     def counts(self) -> np.ndarray:
         """Number of independent samples in each block (g): twice the bandwidth of the filter per second."""
+        per_sample = min(1.0, 2 * BAND * STRIDE * GRID)
         return np.array(
             [
-                self.weight[g.rows].sum() * (1.0 if g.channel in EVENT_CHANNELS else INDEPENDENT)
+                self.weight[g.rows].sum() * (1.0 if g.channel in EVENT_CHANNELS else per_sample)
                 for g in self.blocks
             ]
         )

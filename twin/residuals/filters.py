@@ -20,9 +20,6 @@ STRIDE = 4
 """Of the instants of the grid, every so many are compared behind the low-pass: 125 a second tell as much as all 500.
 Half that rate is 2.5 times `BAND`: what lies above and folds back has lost all but 0.4 % in the filter, and what folds
 back into the band, from 100 Hz on, all but 0.02 %."""
-INDEPENDENT = 2 * BAND * STRIDE * GRID
-"""Independent values a row: noise that is white up to `BAND` has twice the bandwidth of them a second. In units of the
-variance of a row, that of its component in one direction within the band is one over this."""
 SPLINE_DEGREE = 7
 """Of `smooth_spline`."""
 MOTION_BANDS = (70.0, 45.0, 30.0, 20.0)

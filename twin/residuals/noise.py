@@ -15,7 +15,7 @@ from scipy.ndimage import binary_dilation, uniform_filter1d
 from twin.recording import Recording
 from twin.residuals import ringing
 from twin.residuals.cache import Cache
-from twin.residuals.filters import BAND, GRID, INDEPENDENT, STRIDE, low_pass_gain, low_passed, smooth_spline
+from twin.residuals.filters import BAND, GRID, STRIDE, low_pass_gain, low_passed, smooth_spline
 from twin.residuals.hub_balance import delivered_torque
 from twin.residuals.prepared import Prepared
 from twin.residuals.residual import continuous_residual, scaled
@@ -145,7 +145,7 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
     """
     torque, time = torque[::STRIDE], signals.time[::STRIDE]
     pulls = np.hstack([np.zeros((len(time), 0)), *(s.pull * s.coordinate(time) for s in modes)])
-    pulls *= np.sqrt(INDEPENDENT)
+    pulls *= np.sqrt(STRIDE)
     rough = ringing.from_columns(pulls / np.std(torque))
     even = float(np.std(rough.whitened(torque)))
     return even, ringing.from_columns(pulls * signals.sliding[::STRIDE, None] / even)
@@ -172,8 +172,13 @@ def link_ringing(
 
 
 def _rows(values: np.ndarray, gain: np.ndarray) -> np.ndarray:
-    """Signals (k x m) behind a filter at the rows of a residual (k x r), in units of its noise in one direction."""
-    return np.sqrt(INDEPENDENT) * filtered(values, gain)[:, ::STRIDE]
+    """Signals (k x m) behind a filter, at the rows of a residual (k x r), each of which stands for several instants.
+
+    Noise within the band has ten times the variance of an instant in one direction: so ringing counts ten times more
+    than the noise alone warrants. At the frequencies of the link the model itself is off, too: with the weight of the
+    noise, a function of the strain became significant in a campaign of another engine that lacks nothing.
+    """
+    return np.sqrt(STRIDE) * filtered(values, gain)[:, ::STRIDE]
 
 
 def _unseen(known: np.ndarray) -> np.ndarray:
