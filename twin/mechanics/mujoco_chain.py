@@ -18,7 +18,6 @@ simulations with such forces cannot run in two threads of one process.
 
 from __future__ import annotations
 
-import bisect
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -27,9 +26,9 @@ import mujoco
 import numpy as np
 
 from twin.mechanics.chain import Chain
-from twin.mechanics.crossing import locate_zero
 from twin.mechanics.hub_law import HubTorque
 from twin.mechanics.mujoco_model import ChainModel
+from twin.mechanics.planar import EVENT_TOLERANCE
 from twin.mechanics.plant import Plant
 
 _NO_TIME = 1e-12  # s, remainder of a span by rounding
@@ -128,7 +127,6 @@ class MujocoChain:
         self._since = self._time
         self._last_margin, self._margin_change = math.nan, 0.0
         self._at_rest = 0.0  # rad, of what is locked
-        self._kept = 1  # checks that the last call of `_several_rows` passed
         qpos, qvel = self._relative(phi), self._relative(rates)
         if self._is_locked:
             self._lock(qpos, qvel)
@@ -178,15 +176,14 @@ class MujocoChain:
         angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
         modes = np.empty(len(out_time))
         h_largest = self._largest_step if h_max is None else h_max
-        pointer, row, wanted, uniform = 0, 0, out_time.tolist(), _uniform_until(out_time)
+        pointer, row, wanted = 0, 0, out_time.tolist()
         with self._control_callback():
             while row < len(wanted):
                 while pointer < len(instants) and instants[pointer] <= self._time + _NO_TIME:
                     self._command(torques[pointer])
                     pointer += 1
                 held = instants[pointer] if pointer < len(instants) else math.inf
-                end = min(uniform[row], bisect.bisect_right(wanted, held))
-                count = self._several_rows(wanted, row, end, h_largest, angles, rates)
+                count = self._several_rows(wanted, row, held, h_largest, angles, rates)
                 if count == 0 and (left := min(wanted[row], held) - self._time) > _NO_TIME:
                     self._advance(left, h_largest)
                 if count == 0 and self._time >= wanted[row] - _NO_TIME:
@@ -199,75 +196,52 @@ class MujocoChain:
     # Integration
 
     def _several_rows(
-        self, wanted: Sequence[float], row: int, end: int, h_max: float, angles: np.ndarray, rates: np.ndarray
+        self,
+        wanted: Sequence[float],
+        row: int,
+        held: float,
+        h_max: float,
+        angles: np.ndarray,
+        rates: np.ndarray,
     ) -> int:
-        """Integrates over evenly spaced rows in one call of MuJoCo and writes them, up to where the mode may end.
-
-        Rows are kept up to the first check behind which the margin (see `_mode_margin`) is no larger than its change.
-        At most twice as many are tried as were kept last.
+        """Integrates over the rows between two checks and writes them, in the present mode, while its end is far.
 
         Args:
           wanted: (m) instants [s].
-          row, end: the first that is not written, and the one behind the last that may be.
+          row: the first that is not written.
+          held: until when the command is [s].
           h_max: largest step [s].
           angles, rates: (m, n + 1) of the joints.
 
         Returns:
-          How many rows were written; 0 where the end may be near.
+          How many rows were written; 0 where the end may be near, or no more than one row lies between two checks.
         """
-        before, start = self._last_margin, self._time
-        span = wanted[row] - start
-        apart = self._rows_apart(span)
+        start, last = self._time, row
+        while last < len(wanted) and wanted[last] <= min(start + self._unchecked, held):
+            last += 1
+        before = self._last_margin if last > row + 1 and not self._clamped else math.nan
         # Not a number behind a command, and where the mode has changed.
-        if self._clamped or apart == 0 or end - row < apart or not before > 2 * self._margin_change:
+        if not before > 2 * self._margin_change:
             return 0
-        far = before / (2 * self._margin_change) if self._margin_change > 0 else math.inf
-        checks = int(min((end - row) // apart, far, 2 * self._kept))
-        model, steps = self._locked if self._mode == 0 else self._sliding, self._steps(span, h_max)
+        model, h_max = self._locked if self._mode == 0 else self._sliding, min(h_max, self._plant_step)
         model.save()
         model.apply_torque(self._u, self._mode)
-        states = model.run(start, span / steps, steps, checks * apart)
-        at_checks = wanted[row + apart - 1 : row + checks * apart : apart]
-        margins = [before, *self._margins(model, at_checks, *(part[apart - 1 :: apart] for part in states))]
-        changes = np.abs(np.diff(margins))
-        near = np.minimum(margins[:-1], margins[1:]) <= changes
-        kept = int(np.argmax(near)) if near.any() else checks
-        count = kept * apart
-        self._kept = max(1, kept)
-        if kept == 0:
-            model.restore()
-            self._time = start
-            return 0
-        model.set_state(*(part[count - 1] for part in states))
-        self._time, self._last_margin = wanted[row + count - 1], float(margins[kept])
-        self._margin_change = float(changes[kept - 1])
-        written = slice(row, row + count)
-        self._write_state(angles[written], rates[written], *(part[:count] for part in states))
-        return count
-
-    def _rows_apart(self, span: float) -> int:
-        """Number of rows at intervals of `span` [s] from check to check; 0 where each takes several checks.
-
-        The rate of a sliding hub stands in every row.
-        """
-        apart = int(self._unchecked / span + 1e-9) if span > _NO_TIME else 0
-        return apart if self._mode == 0 else min(apart, 1)
-
-    def _steps(self, span: float, h_max: float) -> int:
-        """Number of equal steps over a span [s], each at most `h_max` [s]."""
-        return max(1, math.ceil(span / min(h_max, self._plant_step) - 1e-9))
-
-    def _margins(
-        self, model: ChainModel, time: Sequence[float], qpos: np.ndarray, qvel: np.ndarray
-    ) -> list[float]:
-        """`_mode_margin` at instants (k) [s] with states (k, joints) of the model of the present mode."""
-        if self._mode != 0:
-            return (qvel[:, self._sliding.rubbing] * self._mode).tolist()
-        margins = []
-        for self._time, *state in zip(time, qpos, qvel, strict=True):
-            model.set_state(*state)
-            margins.append(self._stiction_margin())
-        return margins
+        for k in range(row, last):
+            span = wanted[k] - self._time
+            steps = max(1, math.ceil(span / h_max - 1e-9))
+            model.step(self._time, span / steps, steps)
+            self._time = wanted[k]
+            if self._mode == 0:
+                self._write_state(angles[k], rates[k])
+            else:
+                angles[k], rates[k] = model.qpos, model.qvel
+        self._last_margin = self._mode_margin()
+        self._margin_change = abs(self._last_margin - before)
+        if min(before, self._last_margin) > self._margin_change:
+            return last - row
+        model.restore()
+        self._time, self._last_margin = start, before
+        return 0
 
     def _absolute(self, joints: np.ndarray) -> np.ndarray:
         """Absolute angles (..., n + 1 + k) from joint angles."""
@@ -310,21 +284,14 @@ class MujocoChain:
         self._locked.set_state(qpos[self._others], qvel[self._others])
         self._locked.lock_at(self._at_rest)
 
-    def _write_state(
-        self, angles: np.ndarray, rates: np.ndarray, *states: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Writes angles and rates of all joints to the arrays (..., n + 1 each); returns them.
-
-        `states` are those of the joints of the present mode's model (..., joints each), by default the present one.
-        """
-        model = self._locked if self._is_locked else self._sliding
-        qpos, qvel = states or (model.qpos, model.qvel)
+    def _write_state(self, angles: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Writes hub and hinge angles and rates to the arrays (n + 1 each); returns them."""
         if self._is_locked:
             joint, others = self._locked_joint, self._others
-            angles[..., joint], rates[..., joint] = self._at_rest, 0.0
-            angles[..., others], rates[..., others] = qpos, qvel
+            angles[joint], rates[joint] = self._at_rest, 0.0
+            angles[others], rates[others] = self._locked.qpos, self._locked.qvel
         else:
-            angles[:], rates[:] = qpos, qvel
+            angles[:], rates[:] = self._sliding.qpos, self._sliding.qvel
         return angles, rates
 
     def _command(self, torque: float) -> None:
@@ -340,8 +307,9 @@ class MujocoChain:
 
     def _advance(self, span: float, h_max: float) -> None:
         end = self._time + span
+        h_max = min(h_max, self._plant_step)
         while (left := end - self._time) > _NO_TIME:
-            steps = self._steps(left, h_max)
+            steps = max(1, math.ceil(left / h_max - 1e-9))
             if self._clamped:
                 self._locked.apply_torque(self._u, 0)
                 self._locked.step(self._time, left / steps, steps)
@@ -374,7 +342,7 @@ class MujocoChain:
         after = self._margin_after(model, start, h)
         self._margin_change, self._last_margin = steps * abs(after - before), after
         if after < 0:
-            locate_zero(
+            _locate_zero(
                 lambda length: self._margin_after(model, start, length), model.restore, h, before, after
             )
             self._switch_mode()
@@ -478,9 +446,30 @@ def _commands_from(
     return instants[first:].tolist(), torques[first:].tolist()
 
 
-def _uniform_until(instants: np.ndarray) -> list[int]:
-    """For each of the instants (m), the one behind the last that follows at the same interval as it does itself."""
-    # Rounding of instants, not a difference between intervals.
-    changes = np.flatnonzero(np.abs(np.diff(instants, 2)) > _NO_TIME) + 2
-    ends = np.append(changes, len(instants))
-    return [1, *ends[np.searchsorted(ends, np.arange(1, len(instants)), side="right")].tolist()]
+def _locate_zero(
+    value: Callable[[float], float], restore: Callable[[], None], high: float, at_low: float, at_high: float
+) -> float:
+    """Returns a point between 0 and `high` at which `value` has just become negative, within EVENT_TOLERANCE.
+
+    Illinois algorithm: regula falsi with one end's value halved when the other moves twice (M. Dowell, P. Jarratt,
+    BIT 11, 1971). `restore` is called before each call of `value`, the last of which is at the returned point and
+    leaves the state there. The point is never 0, so that time advances.
+    """
+    low, moved, last = 0.0, 0, high
+    at_low = max(at_low, 0.0)
+    while high - low > EVENT_TOLERANCE:
+        middle = high - at_high * (high - low) / (at_high - at_low)
+        # Keep off the ends, so that the bracket shrinks from both sides.
+        last = middle = min(max(middle, low + EVENT_TOLERANCE / 2), high - EVENT_TOLERANCE / 2)
+        restore()
+        at_middle = value(middle)
+        if at_middle < 0:
+            high, at_high = middle, at_middle
+            at_low, moved = (at_low / 2 if moved == -1 else at_low), -1
+        else:
+            low, at_low = middle, at_middle
+            at_high, moved = (at_high / 2 if moved == 1 else at_high), 1
+    if last != high:
+        restore()
+        value(high)
+    return high

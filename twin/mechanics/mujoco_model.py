@@ -12,7 +12,6 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from mujoco import rollout
 
 from twin.mechanics import mjcf, planar
 from twin.mechanics.chain import Chain
@@ -21,8 +20,6 @@ from twin.mechanics.plant import Plant
 
 _OFF = mujoco.mjtDisableBit
 _DISABLED = int(_OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_CONTACT | _OFF.mjDSBL_SENSOR | _OFF.mjDSBL_AUTORESET)
-
-_APPLIED = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
 class ChainModel:
@@ -50,7 +47,6 @@ class ChainModel:
         self.data, self._options = mujoco.MjData(self.model), self.model.opt
         self.qpos, self.qvel, self._applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
         self._acceleration, self._inverse_inertia = self.data.qacc, self.data.qLDiagInv
-        self._rollout = rollout.Rollout(nthread=0)
         self._saved = self.qpos.copy(), self.qvel.copy()
         self._plant, self._curvature = plant, plant.link.curvature_per_angle
         self._wave = self.model.actuator("friction").id if self._waves else -1
@@ -96,29 +92,6 @@ class ChainModel:
             self._options.timestep = self._h = h
         self.data.time = time
         mujoco.mj_step(self.model, self.data, steps)
-
-    def run(self, time: float, h: float, steps: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """Integrates from `time` [s] by `steps` steps of `h` [s] from row to row, in one call of MuJoCo.
-
-        Forces applied are held. Returns joint angles [rad] and rates [rad/s] at the rows (rows, joints).
-        """
-        if h != self._h:
-            self._options.timestep = self._h = h
-        first = np.concatenate([[time], self.qpos, self.qvel])
-        states = np.empty((1, rows * steps, len(first)))
-        applied = np.tile(self._applied, (1, rows * steps, 1))
-        self._rollout.rollout(
-            [self.model],
-            [self.data],
-            first[None],
-            applied,
-            control_spec=_APPLIED,
-            skip_checks=True,
-            nstep=rows * steps,
-            state=states,
-        )
-        at_rows, joints = states[0, steps - 1 :: steps], self.model.nq
-        return at_rows[:, 1 : joints + 1], at_rows[:, joints + 1 :]
 
     def apply_torque(self, torque: float, mode: int) -> None:
         """Applies a motor torque [N m], and Coulomb friction against sliding in direction `mode`; 0: none."""
