@@ -41,9 +41,8 @@ def fit_to_convergence(
         known = c.fit.jacobian if len(c.fit.jacobian) else None
         refined.append(fit_fully(bench, base, c, _most_cost(refined), known))
     first, *others = prefer_simpler(refined + rest)
-    if not len(
-        first.fit.jacobian
-    ):  # a simpler one of an earlier round behind the contenders, see `Candidate.stored`
+    # A simpler one behind the contenders, of an earlier round: see `Candidate.stored`.
+    if not len(first.fit.jacobian):
         first = fit_fully(bench, base, first)
     return [first, *others]
 

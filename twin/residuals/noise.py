@@ -145,10 +145,9 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
     """
     torque, time = torque[::STRIDE], signals.time[::STRIDE]
     pulls = np.hstack([np.zeros((len(time), 0)), *(s.pull * s.coordinate(time) for s in modes)])
-    pulls *= np.sqrt(STRIDE)
-    rough = ringing.from_columns(pulls / np.std(torque))
+    rough = _ringing_at_rows(pulls / np.std(torque))
     even = float(np.std(rough.whitened(torque)))
-    return even, ringing.from_columns(pulls * signals.sliding[::STRIDE, None] / even)
+    return even, _ringing_at_rows(pulls * signals.sliding[::STRIDE, None] / even)
 
 
 def link_ringing(
@@ -160,25 +159,30 @@ def link_ringing(
     for channel, gain in whitening.items():
         parts[channel].append(_rows(hats * np.std(signals.measured[channel]), gain))
     for mode in modes:
+        readings = {channel: model.link_rows[channel] @ mode.shape[1:] for channel in whitening}
         for k in range(len(mode.begin)):  # one at a time stands at every instant of the grid
             coordinate = mode.coordinate(signals.time, slice(k, k + 1)).T
             for channel, gain in whitening.items():
-                reading = model.link_rows[channel] @ mode.shape[1:]
-                parts[channel].append(_rows(reading * coordinate, gain))
+                parts[channel].append(_rows(readings[channel] * coordinate, gain))
     return {
-        channel: ringing.from_columns(np.concatenate(rows).T * signals.known[channel][::STRIDE, None])
+        channel: _ringing_at_rows(np.concatenate(rows).T * signals.known[channel][::STRIDE, None])
         for channel, rows in parts.items()
     }
 
 
 def _rows(values: np.ndarray, gain: np.ndarray) -> np.ndarray:
-    """Signals (k x m) behind a filter, at the rows of a residual (k x r), each of which stands for several instants.
+    """Signals (k x m) behind a filter, at the rows of a residual (k x r)."""
+    return filtered(values, gain)[:, ::STRIDE]
+
+
+def _ringing_at_rows(columns: np.ndarray) -> Ringing:
+    """`ringing.from_columns` of columns at the rows of a residual (r x k), each of which stands for `STRIDE` instants.
 
     Noise within the band has ten times the variance of an instant in one direction: so ringing counts ten times more
     than the noise alone warrants. At the frequencies of the link the model itself is off, too: with the weight of the
     noise, a function of the strain became significant in a campaign of another engine that lacks nothing.
     """
-    return np.sqrt(STRIDE) * filtered(values, gain)[:, ::STRIDE]
+    return ringing.from_columns(np.sqrt(STRIDE) * columns)
 
 
 def _unseen(known: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ _ADDED, _SAMPLES = "added_to_", "samples"
 """Columns of the CSV table: prefix of a channel, and number of samples."""
 _LARGEST = PARAMETERS["static_friction"][1][1]  # N m, torque that a rig can have on its hub
 _BINS = 40  # bins of the variable, at most
-_FEWEST_IN_BIN = 4  # samples: 32 ms at 125 a second; with fewer, the mean of a bin is too uncertain
+_FEWEST_IN_BIN = 4  # samples, or 32 ms: longer than the 20 ms over which the low-pass makes them alike
 _FEWEST_POINTS = 6  # points of a curve; with fewer there is none
 _REPEATED = 2  # recordings that a bin must have samples of, so that it is no peculiarity of one
 
