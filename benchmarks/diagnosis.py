@@ -27,10 +27,16 @@ from machine import describe
 from twin.campaigns.campaign import Campaign, read_campaign
 from twin.diagnosis import dependence, link_functions
 from twin.diagnosis.answer import Diagnosis
-from twin.diagnosis.conclude import effect_probabilities, explanatory_variables, standard_errors, verdict_of
+from twin.diagnosis.conclude import (
+    effect_probabilities,
+    explanatory_variables,
+    judgements_of,
+    standard_errors,
+    verdict_of,
+)
 from twin.diagnosis.diagnose import FALSE_ALARM_RATE, diagnose, search
 from twin.diagnosis.remainder import residual_sizes
-from twin.diagnosis.rules import alternatives
+from twin.diagnosis.rules import SCREENING, alternatives
 from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
 from twin.errors import InputError
@@ -123,6 +129,7 @@ def _search_only(campaign: Campaign) -> dict:
         "alike": [list(names) for names in alternatives([r.ranked for r in found.adopting])],
         "depends": list(explanatory_variables(found, left, on_link)),
         "rounds": _rounds(found),
+        "failed": _failed(found),
         "size": max(residual_sizes(found.start.bench, found.base).values()),
     }
 
@@ -138,6 +145,17 @@ def _rounds(found: SearchState) -> list[dict]:
         }
         for (bench, fit), r in zip(before, found.rounds, strict=False)
     ]
+
+
+def _failed(found: SearchState) -> dict[str, dict[str, list[str]]]:
+    """Candidate that was fitted -> number of the round, "None" for a later withdrawal -> rules that turned it down."""
+    failed: dict[str, dict[str, list[str]]] = {}
+    for name, judgements in judgements_of(found).items():
+        for j in judgements:
+            if j.judgement.rule not in {rule.name for rule in SCREENING}:
+                against = failed.setdefault(name, {}).setdefault(str(j.round), [])
+                against.extend([] if j.judgement.passed else [j.judgement.rule])
+    return failed
 
 
 def table(answers: Sequence[dict]) -> str:

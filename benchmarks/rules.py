@@ -1,13 +1,14 @@
 """What each rule decides alone: candidates that it turns down and every other rule of their round would adopt.
 
     python benchmarks/rules.py --bench WORK/answers.jsonl
+    python benchmarks/rules.py --diagnosis WORK/answers.jsonl
     python benchmarks/rules.py --campaigns ANSWERS TRUTH.json
 
-WORK is the folder of `benches.py`; ANSWERS holds `NAME.json`, written by `twin diagnose FOLDER --json NAME.json`, for
-each campaign of TRUTH, which is {"campaigns": {NAME: {"effects": [{"name": EFFECT}, ...]}}}. This is the first order of
-an ablation: without a rule that turns down nothing alone, no candidate is adopted instead of being turned down. What
-the search would have found after another decision is not told. The table is printed, and written to
-benchmarks/results/rules.md.
+WORK is the folder of `benches.py`, and of `diagnosis.py`, whose answers hold only what was fitted; ANSWERS holds
+`NAME.json`, written by `twin diagnose FOLDER --json NAME.json`, for each campaign of TRUTH, which is {"campaigns":
+{NAME: {"effects": [{"name": EFFECT}, ...]}}}. This is the first order of an ablation: without a rule that turns down
+nothing alone, no candidate is adopted instead of being turned down. What the search would have found after another
+decision is not told. The table is printed, and written to benchmarks/results/rules.md.
 """
 
 from __future__ import annotations
@@ -33,6 +34,23 @@ def of_bench(file: Path) -> Iterator[tuple[Judged, set[str]]]:
         answer = json.loads(line)["answer"]
         if "judgements" in answer:
             yield answer["judgements"], set(answer["truth"]["effects"])
+
+
+def of_diagnosis(file: Path) -> Iterator[tuple[Judged, set[str]]]:
+    """Judgements of the fitted candidates, and missing effects, of each answer of `diagnosis.py` that has them."""
+    for line in file.read_text(encoding="utf-8").splitlines():
+        answer = json.loads(line)["answer"]
+        if "failed" in answer:
+            judged = {name: list(_judgements(rounds)) for name, rounds in answer["failed"].items()}
+            yield judged, set(answer["missing"])
+
+
+def _judgements(failed: Mapping[str, Sequence[str]]) -> Iterator[dict]:
+    """Judgements of a candidate; those of a round that failed, and each rule of adoption, which every round asks."""
+    for number, against in failed.items():
+        asked = [rule.name for rule in rules.ADOPTION] if number != "None" else []
+        for rule in dict.fromkeys([*asked, *against]):
+            yield {"round": number, "rule": rule, "passed": rule not in against}
 
 
 def of_campaigns(folder: Path, truth: Path) -> Iterator[tuple[Judged, set[str]]]:
@@ -95,6 +113,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--bench", type=Path, action="append", default=[], help="answers of benches.py")
+    parser.add_argument("--diagnosis", type=Path, action="append", default=[], help="answers of diagnosis.py")
     parser.add_argument(
         "--campaigns",
         type=Path,
@@ -106,10 +125,11 @@ def main() -> None:
     )
     options = parser.parse_args()
     answers = [a for file in options.bench for a in of_bench(file)]
+    answers += [a for file in options.diagnosis for a in of_diagnosis(file)]
     for folder, truth in options.campaigns:
         answers += of_campaigns(folder, truth)
     if not answers:
-        parser.error("no answers; expected --bench FILE or --campaigns FOLDER TRUTH")
+        parser.error("no answers; expected --bench FILE, --diagnosis FILE or --campaigns FOLDER TRUTH")
     text = f"`{command()}`, {len(answers)} answers\n\n{table(answers)}\n\n{together(answers)}\n"
     print(text)
     RESULTS.write_text(f"# What each rule decides alone\n\n{text}", encoding="utf-8")

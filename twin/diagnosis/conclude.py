@@ -101,7 +101,7 @@ def conclude(
         known=tuple(KnownEffect(**_effect_values(polished.augmented, name)) for name in state.known),
         ranking=tuple((c.name, c.score) for c in first.ranked),
         not_fitted=tuple(c.name for c in first.ranked if not c.is_fitted),
-        judgements=_judgements(state),
+        judgements=judgements_of(state),
         explanation=remainder.judge_channels(state),
         indistinguishable=tuple(alike),
         next_experiment=_next_experiment(answer, alike, depends, plans, contradicted),
@@ -178,7 +178,7 @@ def effect_probabilities(state: SearchState, answer: Verdict) -> dict[str, float
     }
 
 
-def _judgements(state: SearchState) -> dict[str, tuple[RoundJudgement, ...]]:
+def judgements_of(state: SearchState) -> dict[str, tuple[RoundJudgement, ...]]:
     """Candidate -> its judgement by each rule, round by round, and by the rule that withdrew it, if any."""
     judged: dict[str, list[RoundJudgement]] = {}
     for number, r in enumerate(state.rounds, start=1):
