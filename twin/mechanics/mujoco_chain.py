@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -34,6 +35,14 @@ from twin.mechanics.plant import Plant
 _NO_TIME = 1e-12  # s, remainder of a span by rounding
 _LONGEST_UNCHECKED = 2.5e-3
 """Longest time between two checks for stick and slip [s]: 1/10 of the third mode's period."""
+
+
+class _Rows(NamedTuple):
+    """Rows of a simulation: instants (m) [s]; angles and rates of the joints (m, n + 1), to be written."""
+
+    time: list[float]
+    angles: np.ndarray
+    rates: np.ndarray
 
 
 class MujocoChain:
@@ -174,16 +183,16 @@ class MujocoChain:
         if (settled := int(np.searchsorted(command_time, start - 1e-9)) - 1) >= 0:
             self._u = self._u_before = float(command[settled])
         angles, rates = np.empty((len(out_time), len(phi0))), np.empty((len(out_time), len(phi0)))
-        modes = np.empty(len(out_time))
+        rows, modes = _Rows(out_time.tolist(), angles, rates), np.empty(len(out_time))
         h_largest = self._largest_step if h_max is None else h_max
-        pointer, row, wanted = 0, 0, out_time.tolist()
+        pointer, row, wanted = 0, 0, rows.time
         with self._control_callback():
             while row < len(wanted):
                 while pointer < len(instants) and instants[pointer] <= self._time + _NO_TIME:
                     self._command(torques[pointer])
                     pointer += 1
                 held = instants[pointer] if pointer < len(instants) else math.inf
-                count = self._several_rows(wanted, row, held, h_largest, angles, rates)
+                count = self._several_rows(rows, row, held, h_largest)
                 if count == 0 and (left := min(wanted[row], held) - self._time) > _NO_TIME:
                     self._advance(left, h_largest)
                 if count == 0 and self._time >= wanted[row] - _NO_TIME:
@@ -195,53 +204,78 @@ class MujocoChain:
 
     # Integration
 
-    def _several_rows(
-        self,
-        wanted: Sequence[float],
-        row: int,
-        held: float,
-        h_max: float,
-        angles: np.ndarray,
-        rates: np.ndarray,
-    ) -> int:
-        """Integrates over the rows between two checks and writes them, in the present mode, while its end is far.
+    def _several_rows(self, rows: _Rows, row: int, held: float, h_max: float) -> int:
+        """Integrates over rows in the present mode and writes them, while its end is far.
+
+        A sliding hub is checked at each row, and one that sticks at the last, as that takes its accelerations.
 
         Args:
-          wanted: (m) instants [s].
+          rows: to be written.
           row: the first that is not written.
           held: until when the command is [s].
           h_max: largest step [s].
-          angles, rates: (m, n + 1) of the joints.
 
         Returns:
-          How many rows were written; 0 where the end may be near, or no more than one row lies between two checks.
+          How many rows were written; 0 where the end may be near, or no row is before the next check.
         """
-        start, last = self._time, row
-        while last < len(wanted) and wanted[last] <= min(start + self._unchecked, held):
-            last += 1
-        before = self._last_margin if last > row + 1 and not self._clamped else math.nan
-        # Not a number behind a command, and where the mode has changed.
-        if not before > 2 * self._margin_change:
+        sticks, start = self._is_locked and not self._clamped, self._time
+        until = min(held, start + self._unchecked) if sticks else held
+        before = math.inf if self._clamped else self._last_margin if sticks else self._mode_margin()
+        # Not a number of one that sticks behind a command, and where the mode has changed.
+        is_next = start + _NO_TIME < rows.time[row] <= min(until, start + self._unchecked)
+        if not (is_next and before > 2 * self._margin_change):
             return 0
-        model, h_max = self._locked if self._mode == 0 else self._sliding, min(h_max, self._plant_step)
+        write, model = (
+            (self._locked_rows, self._locked) if self._is_locked else (self._sliding_rows, self._sliding)
+        )
         model.save()
-        model.apply_torque(self._u, self._mode)
-        for k in range(row, last):
-            span = wanted[k] - self._time
-            steps = max(1, math.ceil(span / h_max - 1e-9))
-            model.step(self._time, span / steps, steps)
-            self._time = wanted[k]
-            if self._mode == 0:
-                self._write_state(angles[k], rates[k])
-            else:
-                angles[k], rates[k] = model.qpos, model.qvel
-        self._last_margin = self._mode_margin()
+        model.apply_torque(self._u, 0 if self._is_locked else self._mode)
+        last = write(rows, row, until, min(h_max, self._plant_step))
+        if not sticks:
+            return last - row
+        self._last_margin = self._stiction_margin()
         self._margin_change = abs(self._last_margin - before)
         if min(before, self._last_margin) > self._margin_change:
             return last - row
         model.restore()
         self._time, self._last_margin = start, before
         return 0
+
+    def _locked_rows(self, rows: _Rows, row: int, until: float, h_max: float) -> int:
+        """Integrates a hub that is locked or sticks over the rows until a time [s]; returns the first row behind."""
+        first, model, (wanted, angles, rates) = row, self._locked, rows
+        others = angles[:, self._others], rates[:, self._others]
+        while row < len(wanted) and wanted[row] <= until:
+            span = wanted[row] - self._time
+            steps = 1 if span <= h_max else math.ceil(span / h_max - 1e-9)
+            model.step(self._time, span / steps, steps)
+            others[0][row], others[1][row] = model.qpos, model.qvel
+            self._time, row = wanted[row], row + 1
+        angles[first:row, self._locked_joint], rates[first:row, self._locked_joint] = self._at_rest, 0.0
+        return row
+
+    def _sliding_rows(self, rows: _Rows, row: int, until: float, h_max: float) -> int:
+        """The same of a hub that slides; ends where it may come to rest."""
+        model, first, (wanted, angles, rates) = self._sliding, row, rows
+        mode, joint, before = self._mode, model.rubbing, self._mode_margin()
+        while row < len(wanted) and wanted[row] <= until:
+            span = wanted[row] - self._time
+            if span > self._unchecked:
+                break
+            steps = 1 if span <= h_max else math.ceil(span / h_max - 1e-9)
+            model.step(self._time, span / steps, steps)
+            after = float(model.qvel[joint]) * mode
+            self._margin_change = change = abs(after - before)
+            if not (before > change and after > change):
+                if row == first:
+                    model.restore()
+                else:
+                    model.set_state(angles[row - 1], rates[row - 1])
+                break
+            angles[row], rates[row] = model.qpos, model.qvel
+            self._time, before, row = wanted[row], after, row + 1
+        self._last_margin = before
+        return row
 
     def _absolute(self, joints: np.ndarray) -> np.ndarray:
         """Absolute angles (..., n + 1 + k) from joint angles."""
@@ -263,24 +297,15 @@ class MujocoChain:
     def _is_locked(self) -> bool:
         return self._clamped or self._mode == 0
 
-    @property
-    def _locked(self) -> ChainModel:
-        """The model without the joint of what is locked."""
-        return self._clamp if self._clamped else self._stuck
-
-    @property
-    def _locked_joint(self) -> int:
-        """Index of the joint of what is locked."""
-        return 0 if self._clamped else self._sliding.rubbing
-
-    @property
-    def _others(self) -> slice:
-        """The joints that are not locked."""
-        return slice(1, None) if self._locked_joint == 0 else slice(None, -1)
-
     def _lock(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Sets the state of the model without the joint of what is locked, from that of all joints."""
+        self._locked = self._clamp if self._clamped else self._stuck
+        self._locked_joint = 0 if self._clamped else self._sliding.rubbing
+        self._others = slice(1, None) if self._locked_joint == 0 else slice(None, -1)
         self._at_rest = float(qpos[self._locked_joint])
+        self._sliding.set_state(qpos, qvel)
+        self._sliding.qvel[self._locked_joint] = 0.0
+        self._sliding_others = self._sliding.qpos[self._others], self._sliding.qvel[self._others]
         self._locked.set_state(qpos[self._others], qvel[self._others])
         self._locked.lock_at(self._at_rest)
 
@@ -380,7 +405,7 @@ class MujocoChain:
 
         Sets the model with all joints to the present state of the locked one.
         """
-        self._write_state(self._sliding.qpos, self._sliding.qvel)
+        self._sliding_others[0][:], self._sliding_others[1][:] = self._locked.qpos, self._locked.qvel
         needed = self._holding_torque()
         return self._static(self._at_rest, needed) - abs(needed)
 
