@@ -49,7 +49,7 @@ def completed(names: Sequence[str]) -> Callable[[str], list[str]]:
     return lambda incomplete: [name for name in names if name.startswith(incomplete)]
 
 
-COMPILING = "loading the equations of motion; the first time they are compiled, in about a minute"
+COMPILING = "loading the equations of motion; the first time they are compiled, which takes up to a minute"
 
 CampaignFolder = Annotated[
     Path,
