@@ -13,6 +13,7 @@ from twin.residuals import backlash, stribeck_reversals
 from twin.residuals.cell_means import double_mean, double_mean_torque
 from twin.residuals.filters import BAND, GRID, REACH, low_passed
 from twin.residuals.prepared import Prepared
+from twin.residuals.resample import resample_torque
 from twin.residuals.rest_run import REST_SPAN
 from twin.residuals.view import Signals, View, as_read, before_end
 from twin.rigs.model import Model
@@ -139,4 +140,4 @@ def torque_reading(signals: Signals, prepared: Prepared, model: Model) -> np.nda
     """Delivered torque as a current sensor reports it, on the grid (m) [N m]."""
     recording = prepared.recording
     read = model.report(recording.time, {"motor_torque": model.read_torque(recording)})["motor_torque"]
-    return np.interp(signals.time, recording.time, read)
+    return resample_torque(recording.time, read, recording.period, signals.time)

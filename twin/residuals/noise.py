@@ -13,7 +13,7 @@ from scipy.fft import rfftfreq
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from twin.recording import Recording
-from twin.residuals import ringing
+from twin.residuals import resample, ringing
 from twin.residuals.cache import Cache
 from twin.residuals.filters import BAND, GRID, STRIDE, low_pass_gain, low_passed, smooth_spline
 from twin.residuals.hub_balance import delivered_torque
@@ -105,8 +105,10 @@ def _with_hub_noise(
     signals: Signals, prepared: Prepared, generator: np.random.Generator, share: np.ndarray
 ) -> Signals:
     """The signals with additional noise of the hub angle, multiplied by a share (m)."""
-    sigma = prepared.noise["hub_angle"] * min(1.0, np.sqrt(prepared.recording.period / GRID))
-    drawn = low_passed(generator.normal(0, sigma, len(signals.time)), GRID, signals.band) * share
+    period, start = prepared.recording.period, signals.time[0]
+    at = start + period * np.arange(round((signals.time[-1] - start) / period) + 1)
+    readings = generator.normal(0, prepared.noise["hub_angle"], len(at))
+    drawn = low_passed(resample.spline(at, readings, period)(signals.time), GRID, signals.band) * share
     spline = smooth_spline(signals.time, drawn)
     return replace(
         signals,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, LSQUnivariateSpline
 
 from twin.recording import Recording, gaps_in
 from twin.residuals.cell_means import CELLS
+from twin.residuals.filters import GRID
 from twin.residuals.prepared import MIN_READINGS
 from twin.rigs.model import Model
 
@@ -20,7 +23,7 @@ _SIDE_SPAN, _DEGREE = 0.025, 6
 def resample_channel(recording: Recording, channel: str, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A channel at the instants of a grid (m), and whether its readings are there (m).
 
-    Cubic spline; linear for the motor torque, which jumps with its command.
+    See `spline`; for the motor torque `resample_torque`.
     """
     values = recording[channel]
     ok = np.isfinite(values)
@@ -30,8 +33,35 @@ def resample_channel(recording: Recording, channel: str, time: np.ndarray) -> tu
     met = np.minimum(np.abs(time - at[behind - 1]), np.abs(at[behind] - time)) < 1e-6
     known = (dense | met) & (time < at[-1] + period) & (time > at[0] - period)
     if channel == "motor_torque":
-        return np.interp(time, at, values), known
-    return CubicSpline(*_with_gaps_filled(at, values, period))(np.clip(time, at[0], at[-1])), known
+        return resample_torque(at, values, period, time), known
+    return spline(*_with_gaps_filled(at, values, period), period)(np.clip(time, at[0], at[-1])), known
+
+
+def resample_torque(at: np.ndarray, values: np.ndarray, period: float, time: np.ndarray) -> np.ndarray:
+    """The torque of a motor, which jumps with its command, at the instants of a grid (m), from readings (k).
+
+    Linear between readings that are not denser than the grid. A measured and a simulated torque pass the same.
+    """
+    if _readings_per_knot(period) == 1:
+        return np.interp(time, at, values)
+    return spline(at, values, period)(np.clip(time, at[0], at[-1]))
+
+
+def spline(at: np.ndarray, values: np.ndarray, period: float) -> CubicSpline | LSQUnivariateSpline:
+    """Cubic spline through readings; of readings denser than the grid the least-squares one with fewer knots.
+
+    Readings picked from an interpolating spline would keep all of their noise, at whatever rate they were taken: what
+    is above the band of the grid would fold back into it. The projection on splines averages it out.
+    """
+    every = _readings_per_knot(period)
+    if every == 1:
+        return CubicSpline(at, values)
+    return LSQUnivariateSpline(at, values, at[every:-every:every])
+
+
+def _readings_per_knot(period: float) -> int:
+    """Readings in a step of the grid, rounded up; a quarter of one more counts for none, as with jitter."""
+    return max(1, math.ceil(GRID / period - 1 / 4))
 
 
 def resample_hub_angle(model: Model, recording: Recording, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
