@@ -215,3 +215,12 @@ def test_a_plan_says_whether_the_recordings_speak_for_either_effect(score, speak
     said = ExperimentPlan(("air-drag", "air-pad-drag"), plans, score).recommendation()
     assert "record strong bang-bang slews of two lengths, there and back (slews)" in said
     assert ("support neither air-drag nor air-pad-drag" in said) != speaks
+
+
+def test_a_strong_motor_is_used():
+    strong = RIG.replace(torque_limit=5.0, static_friction=0.5)
+    slews = next(e for e in experiments.possible_experiments(strong) if e.name == "slews")
+    assert np.abs(slews.recording["torque_command"]).max() == pytest.approx(0.93 * 5.0, rel=0.01)
+    unlimited = {**{k: RIG[k] for k in RIG}, "torque_limit": np.inf}
+    slews = next(e for e in experiments.possible_experiments(unlimited) if e.name == "slews")
+    assert np.abs(slews.recording["torque_command"]).max() == pytest.approx(0.2, rel=0.01)

@@ -22,7 +22,7 @@ def explored(monkeypatch, score, evidence, elsewhere=8.0, fine=None, large=(), a
     smooth = SimpleNamespace(evidence=evidence, law=law) if evidence else None
     monkeypatch.setattr(remainder, "significant_function", lambda _: smooth)
     monkeypatch.setattr(remainder, "large_residuals", lambda _: large)
-    monkeypatch.setattr(rules, "gain_without_best_recording", lambda *_: elsewhere)
+    monkeypatch.setattr(rules, "gain_elsewhere", lambda *_: elsewhere)
     monkeypatch.setattr(contest, "fit_to_convergence", lambda bench, base, ranked: list(ranked))
     monkeypatch.setattr(contest, "refit_in_fine_limit", lambda bench, found: (bench, found))
     monkeypatch.setattr(contest, "refit_with_own_noise", lambda bench, base, found: (bench, found))

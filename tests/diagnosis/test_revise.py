@@ -7,10 +7,13 @@ from rig_campaigns import planned_fit
 
 from twin.diagnosis import candidates, diagnose
 from twin.diagnosis.judgement import Judgement
-from twin.diagnosis.revise import revise
+from twin.diagnosis.revise import rebuild, revise
 from twin.diagnosis.state import Round, SearchState
 from twin.estimation.calibrate import calibrate
+from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
+from twin.estimation.workbench import Workbench
+from twin.residuals.data import DrivenData
 
 pytestmark = pytest.mark.slow
 
@@ -48,6 +51,21 @@ def test_a_first_pick_that_a_later_one_makes_needless_is_dropped(start):
     assert only.ranked[0] is only.adopted
     [(name, judgement)] = found.withdrawn
     assert (name, judgement.rule, judgement.passed) == ("air-pad-drag", "needed-beside-later", False)
+
+
+def test_what_is_left_is_scored_on_the_data_of_its_own_round(start):
+    """A search may go on with other data, whose costs are not comparable."""
+    first, second = picked(start, "air-pad-drag", "viscous-friction").rounds
+    loud = [replace(p, noise={c: 3 * v for c, v in p.noise.items()}) for p in start.bench.prepared]
+    bench = Workbench(DrivenData.of(loud, start.base.model), start.bench.pool)
+    fit = minimise(bench, second.adopted.fit.model, start.base.starts, second.adopted.fit.unknowns)
+    after = replace(second, adopted=replace(second.adopted, fit=fit), bench=bench)
+    state = SearchState(start, (first, after))
+    [quiet] = rebuild(state, ["air-pad-drag"], fit).rounds
+    assert quiet.adopted.score == pytest.approx(first.adopted.score, rel=0.2)
+    [kept] = rebuild(state, ["viscous-friction"], fit).rounds
+    alone = candidates.try_effect(start.bench, start.base, "viscous-friction")
+    assert kept.adopted.score == pytest.approx(alone.score, rel=0.2)
 
 
 def test_what_was_withdrawn_for_its_size_is_no_candidate_again(start, monkeypatch):

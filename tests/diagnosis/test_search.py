@@ -271,7 +271,7 @@ def test_what_predicts_no_other_recording_makes_room_for_the_next(viscous, monke
     start, right = viscous
     local = replace(right, effects=("asymmetric-friction",), score=right.score + 10.0)
     elsewhere = {local.name: -1.0, right.name: 100.0}
-    monkeypatch.setattr(rules, "gain_without_best_recording", lambda bench, base, c: elsewhere[c.name])
+    monkeypatch.setattr(rules, "gain_elsewhere", lambda bench, base, c: elsewhere[c.name])
     monkeypatch.setattr(contest, "refit_in_fine_limit", lambda bench, fit, jacobian: (bench, fit))
     ranked, choice, _ = confirm_in_fine_limit(start.bench, start.base, [local, right], 0.0, 0.0)
     assert choice is not None

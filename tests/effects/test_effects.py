@@ -97,6 +97,17 @@ def test_a_base_swings_along_one_line_whatever_noise_makes_of_it():
     assert {p.name for p in effect.free_parameters(torque)} == {"frequency", "amplitude", "phase"}
 
 
+@pytest.mark.parametrize("base", [0.0, 1.0])
+def test_a_disturbance_counts_from_the_start_of_each_recording(base):
+    values = {"frequency": 1.3, "amplitude": 0.02, "phase": 0.4, "base": base, "direction": 0.7}
+    read = [
+        simulate(model(**{"periodic-disturbance": values}), r.replace(time=r.time + begin), Start())
+        for begin, r in ((0.0, slew(0.5)), (0.25, slew(0.5)))
+    ]
+    for channel in ("hub_angle", "strain_base"):
+        np.testing.assert_allclose(read[0][channel], read[1][channel], rtol=1e-6, atol=1e-9)
+
+
 def test_a_simulation_that_ran_away_is_no_error_of_a_late_sensor():
     late = {"delay": 2e-3, "hub_angle": 1.0, "strain": 1.0, "motor_torque": 0.0}
     lost = np.array([0.0, 1e-4, np.nan, np.nan])

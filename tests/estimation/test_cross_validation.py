@@ -8,6 +8,7 @@ import pytest
 from twin.diagnosis import rules
 from twin.estimation import cross_validation, loss
 from twin.estimation.unknowns import Unknown
+from twin.estimation.workbench import Workbench
 from twin.residuals.groups import Group
 
 ROWS, RECORDINGS = 40, 4
@@ -91,5 +92,6 @@ def test_an_effect_is_adopted_though_the_calibration_without_a_decay_goes_astray
     monkeypatch.setattr(loss, "loss", lambda sizes: sizes)
     means = SimpleNamespace(**{**vars(bench()), "sizes": lambda r: r.reshape(RECORDINGS, ROWS).mean(axis=1)})
     means.prepared, means.count = range(RECORDINGS), np.ones(RECORDINGS)
-    found = rules.gain_without_best_recording(means, base, SimpleNamespace(fit=best, name="play"))
+    means.by_recording = lambda of_blocks: Workbench.by_recording(means, of_blocks)
+    found = rules.gain_elsewhere(means, base, SimpleNamespace(fit=best, name="play"))
     assert found == pytest.approx(50 + 12 - 1)

@@ -9,7 +9,8 @@ import pytest
 
 from twin.recording import Recording
 from twin.residuals import noise, resample
-from twin.residuals.filters import GRID, low_passed, smooth_spline
+from twin.residuals.data import DrivenData
+from twin.residuals.filters import GRID, STRIDE, low_passed, smooth_spline
 
 SPAN, SIGMA = 40.0, 0.3  # s, noise of a reading
 GRID_TIME = np.arange(0.0, SPAN - 1.0, GRID)
@@ -58,3 +59,9 @@ def test_a_dense_signal_keeps_its_shape():
     grid = np.arange(0.1, 3.9, GRID)
     found, _ = resample.resample_channel(recording, "strain_base", grid)
     np.testing.assert_allclose(found, np.sin(2 * np.pi * 25.0 * grid), atol=1e-4)
+
+
+def test_slow_readings_count_once():
+    data = SimpleNamespace(prepared=[SimpleNamespace(recording=_noisy(p, "hub_angle")) for p in (0.002, 0.1)])
+    fast, slow = (DrivenData._independent(data, i) / (STRIDE * GRID) for i in (0, 1))
+    assert (fast, slow) == pytest.approx((50.0, 10.0))

@@ -67,7 +67,8 @@ def possible_experiments(declared: Mapping[str, float], period: float = 2e-3) ->
       declared: parameters of the rig, SI.
       period: sample period [s].
     """
-    limit = min(declared.get("torque_limit", np.inf), _DEFAULT_LIMIT / 0.93)
+    declared_limit = declared.get("torque_limit", np.inf)
+    limit = declared_limit if np.isfinite(declared_limit) else _DEFAULT_LIMIT / 0.93
     strong = 0.93 * limit
     gentle = max(1.3 * declared["static_friction"], 0.4 * limit)
     ramp = 1.1 * max(declared["static_friction"], 0.02 * limit)

@@ -69,11 +69,6 @@ def judge_all(rules: Sequence[Rule[Trial]], trial: Trial) -> tuple[Judgement, ..
     return tuple(rule.judge(trial) for rule in rules)
 
 
-def passes(judgements: Sequence[Judgement]) -> bool:
-    """Whether all judgements passed."""
-    return all(judgement.passed for judgement in judgements)
-
-
 def table_rows(rules: Sequence[Rule]) -> Iterator[tuple[str, str, str, str, str]]:
     """Name, question, statistic with its limit, source and reference of each rule."""
     for rule in rules:

@@ -44,7 +44,7 @@ class Slopes:
       columns: (n x k) derivative of the residual with respect to each of its parameters, in single precision: those of
         all candidates are the largest arrays of a search.
       replaces: declared parameters that it replaces.
-      penalty: of its parameters, see `candidates.penalty`.
+      penalty: of its parameters, see `Workbench.penalty`.
       comparisons: number of peaks of a spectrum from which the columns were chosen.
       spectral_level: level of the spectrum near the peak, in units of white noise.
       coefficients: (k x c) `Effect.linear_coefficients` of each column; empty if the effect has none.

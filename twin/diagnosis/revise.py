@@ -174,22 +174,47 @@ def rebuild(
       result: the fit of all of them.
       reason: withdrawn effect -> the judgement by which it was withdrawn.
     """
+    reason = reason or {}
     bench, fine = contest.refit_in_fine_limit(state.bench, result)
     bench, fine = contest.refit_with_own_noise(bench, state.best, fine)
-    rounds: list[Round] = []
-    before = state.base
-    for k, name in enumerate(names):
-        last = k == len(names) - 1
-        effects = {n: fine.model.effects[n] for n in (*state.known, *names[: k + 1])}
-        data = bench if last else state.start.bench
-        here = fine if last else refit(state, effects, FAR_ITERATIONS, fine, data)
-        adopted = Candidate(tuple(effects), here, candidates.score_gain(data, before, here))
-        others = (c for c in state.rounds[k].ranked if c.name != name)
-        own = bench if last else state.rounds[k].bench
-        ranked = (adopted, *others)
-        rounds.append(replace(state.rounds[k], ranked=ranked, adopted=adopted, bench=own))
-        before = here
-    return state.with_adoptions(rounds, reason or {})
+    *earlier, last = (_rebuilt_round(state, names[: k + 1], fine, bench, reason) for k in range(len(names)))
+    adopted = replace(last.ranked[0], fit=fine)
+    last = replace(last, ranked=(adopted, *last.ranked[1:]), adopted=adopted, bench=bench)
+    return state.with_adoptions([*earlier, last], reason)
+
+
+def _rebuilt_round(
+    state: SearchState, names: Sequence[str], fine: Fit, bench: Workbench, reason: Mapping[str, Judgement]
+) -> Round:
+    """The round of the last of these effects as if it had been adopted beside the others.
+
+    It is that in which the effect was adopted, or that of the effect in whose place it is. Its score is by fits to the
+    data of that round: what is left of driven data cannot be compared with output errors.
+
+    Args:
+      state: of the search.
+      names: of the effects until then.
+      fine: the fit of all effects that stay.
+      bench: the data of that fit.
+      reason: effect that was withdrawn -> its judgement.
+    """
+    by_name = {adopted.name: r for r, adopted in zip(state.adopting, state.adopted, strict=True)}
+    own = by_name.get(names[-1], state.adopting[len(names) - 1])
+    data = own.bench or bench
+    data = bench if data is state.bench else data
+    before, here = (
+        refit(state, {n: fine.model.effects[n] for n in (*state.known, *kept)}, FAR_ITERATIONS, fine, data)
+        for kept in (names[:-1], names)
+    )
+    adopted = Candidate((*state.known, *names), here, candidates.score_gain(data, before, here))
+    told = adopted.score - rules.decisive_difference(adopted.score)
+    others = [
+        replace(c, score=min(c.score, told)) if c.name in reason else c
+        for c in own.ranked
+        if c.name not in names
+    ]
+    ranked = (adopted, *sorted(others, key=lambda c: -c.score))
+    return replace(own, ranked=ranked, adopted=adopted, bench=data)
 
 
 def without_undetermined(state: SearchState) -> SearchState | None:
@@ -257,7 +282,7 @@ def size_in_errors(best: Fit, name: str) -> float:
                 return 0.0
             if u.name in own:
                 sizes.append(abs(value - at_neutral[u.name]) / error if error > 0 else 0.0)
-    return max([*sizes, _joint_size(best, name)], default=SIGNIFICANT)
+    return max(*sizes, _joint_size(best, name), 0.0)
 
 
 def _joint_size(best: Fit, name: str) -> float:
@@ -302,8 +327,7 @@ def replace_function_by_effect(state: SearchState) -> SearchState | None:
     # Candidates that could not be adopted were not fitted to convergence.
     ranked = contest.fit_to_convergence(state.bench, state.best, last.ranked)
     choice = ranked[0]
-    gained = rules.gain_without_best_recording(state.bench, state.best, choice)
-    if choice.score < least or gained <= 0:
+    if choice.score < least or rules.gain_elsewhere(state.bench, state.best, choice) <= 0:
         return None
     bench, fine = contest.refit_in_fine_limit(state.bench, choice.fit)
     choice = replace(choice, fit=fine, score=candidates.score_gain(bench, state.best, fine))

@@ -73,13 +73,15 @@ def least_score(gained: float) -> float:
     return max(MODEL_ERROR_SCORE, MODEL_ERROR_SHARE * gained)
 
 
-def gain_without_best_recording(bench: Workbench, base: Fit, best: Candidate) -> float:
-    """Cross-validated gain in log likelihood without the recording that gains most.
+def gain_elsewhere(bench: Workbench, base: Fit, best: Candidate) -> float:
+    """Cross-validated gain in log likelihood without the recording that gains most; infinite for a single recording.
 
     Leave-one-recording-out cross-validation (`twin.estimation.cross_validation`), with all parameters from the other
     recordings or with those of the effect alone, whichever gains more. While another effect is missing, a calibration
     without one recording, a decay for example, can be far off with and without this effect.
     """
+    if len(bench.prepared) < 2:  # a single recording cannot be cross-validated
+        return math.inf
     with_calibration = _gains(
         bench, cross_validation.residual(bench, base), cross_validation.residual(bench, best.fit)
     )
@@ -90,17 +92,7 @@ def gain_without_best_recording(bench: Workbench, base: Fit, best: Candidate) ->
 def _gains(bench: Workbench, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Gain in cost of each recording (r) from one residual (n) to another."""
     costs = [bench.count * loss.loss(bench.sizes(residual)) for residual in (before, after)]
-    gains = np.zeros(len(bench.prepared))
-    for group, gain in zip(bench.groups, costs[0] - costs[1], strict=True):
-        gains[group.recording] += gain
-    return gains
-
-
-def _elsewhere(trial: Trial) -> float:
-    # A single recording cannot be cross-validated.
-    if len(trial.bench.prepared) < 2:
-        return math.inf
-    return gain_without_best_recording(trial.bench, trial.base, trial.candidate)
+    return bench.by_recording(costs[0] - costs[1])
 
 
 _NULLS = "benchmarks/results/diagnosis.md, rigs with nothing missing"
@@ -124,7 +116,7 @@ ELSEWHERE: Rule[Trial] = Rule(
     "gains-elsewhere",
     "Does the effect improve the prediction of recordings that its fit did not use?",
     "leave-one-recording-out cross-validated gain in log likelihood without the best recording [nat]",
-    _elsewhere,
+    lambda t: gain_elsewhere(t.bench, t.base, t.candidate),
     lambda t: LEAST_ELSEWHERE,
     f"{LEAST_ELSEWHERE:g}",
     "assumed",

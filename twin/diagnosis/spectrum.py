@@ -291,7 +291,7 @@ def _waves(acts: str, orders: np.ndarray, motion: Motion) -> np.ndarray:
         return np.stack(
             [[lfilter(*_discretised_oscillator(2 * np.pi * f, RESONANCE_DAMPING), push) for f in orders]]
         )
-    x = 2 * np.pi * motion.time if acts in ("time", "shake") else motion.angles[:, 0]
+    x = 2 * np.pi * (motion.time - motion.time[0]) if acts in ("time", "shake") else motion.angles[:, 0]
     angle = orders[:, None] * x
     waves = np.stack([np.sin(angle), np.cos(angle)])
     if acts == "friction":

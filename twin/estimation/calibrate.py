@@ -240,23 +240,40 @@ def _all_unknowns(model: Model, bench: Workbench, given: _Given) -> tuple[Unknow
 
 
 def _divergence_notes(data: DrivenData) -> list[str]:
-    """Notes on recordings without residuals, because the declared link diverges under the motion of the hub.
+    """Notes on recordings without residuals, most of all because the declared link diverges under the hub's motion.
 
     Raises:
       InputError: no recording has residuals.
     """
     used = {group.recording for group in data.groups}
-    lost = [p.recording.name for i, p in enumerate(data.prepared) if i not in used]
+    lost = {
+        p.recording.name: v
+        for i, (p, v) in enumerate(zip(data.prepared, data.views, strict=True))
+        if i not in used
+    }
+    diverged = [name for name, view in lost.items() if not np.isfinite(list(view.noise.values())).all()]
+    if diverged and not used:
+        raise InputError(
+            f"{', '.join(diverged)}: the declared link runs away under the measured motion of the hub; expected "
+            "parameters and units with which it can be simulated"
+        )
     if not used:
         raise InputError(
-            f"{', '.join(lost)}: the declared link runs away under the measured motion of the hub; expected parameters "
-            "and units with which it can be simulated"
+            f"{', '.join(lost)}: nothing to compare; expected a hub that moves, or a sensor on the link with readings"
         )
-    return [
-        f"{name} could not be used to find anything: the declared link runs away under its motion of the hub. What it "
-        "moves is far from what is declared, or it began in a motion too violent to be followed."
-        for name in lost
-    ]
+    return [_lost_note(name, name in diverged) for name in lost]
+
+
+def _lost_note(name: str, diverged: bool) -> str:
+    """Why a recording says nothing."""
+    begin = f"{name} could not be used to find anything: "
+    if not diverged:
+        return begin + "its hub does not move, and no sensor on the link has readings."
+    return (
+        begin
+        + "the declared link runs away under its motion of the hub. What it moves is far from what is declared, "
+        "or it began in a motion too violent to be followed."
+    )
 
 
 def prepare_clean(

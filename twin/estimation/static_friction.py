@@ -123,7 +123,7 @@ def _grid_search(
     """Values (p) with some of them at the minimum of successive grids of free-running simulations.
 
     On each grid the unknowns are set one after the other, always the one that reduces the cost most: otherwise another
-    one would compensate for it.
+    one would compensate for it. A grid that is as likely throughout leaves the error that a wider one told.
 
     Args:
       free: the data.
@@ -138,19 +138,24 @@ def _grid_search(
         while remaining:
             trials = {k: _best_of_grid(free, model, best, x, k, reach, count) for k in remaining}
             chosen = min(trials, key=lambda k: trials[k][2])
-            x, errors[chosen], _ = trials[chosen]
+            x, error, _ = trials[chosen]
+            errors[chosen] = errors.get(chosen, reach * abs(x[chosen]) / 2) if error is None else error
             remaining.remove(chosen)
     return x
 
 
 def _best_of_grid(
     free: Workbench, model: Model, best: Fit, x: np.ndarray, index: int, reach: float, count: int
-) -> tuple[np.ndarray, float, float]:
-    """The best point (p) of a grid in one unknown, the standard error of that unknown, and the cost at the point."""
+) -> tuple[np.ndarray, float | None, float]:
+    """The best point (p) of a grid in one unknown, the standard error of that unknown, and the cost at the point.
+
+    Of points that are as good it is the nearest to the present one. No error is told where all are likely.
+    """
     half = reach * abs(x[index])
     values = np.clip(x[index] + np.linspace(-half, half, count), *best.unknowns[index].bounds)
     points = [np.r_[x[:index], value, x[index + 1 :]] for value in values]
     cost = costs_at(free, model, best.starts, best.unknowns, points)
     likely = values[cost < cost.min() + TWO_SIGMA]
     error = max(float(np.ptp(likely)) / 4, 2 * half / (count - 1))
-    return points[int(np.argmin(cost))], error, float(cost.min())
+    chosen = np.lexsort((np.abs(values - x[index]), cost))[0]
+    return points[chosen], None if len(likely) == count else error, float(cost[chosen])

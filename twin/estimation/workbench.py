@@ -187,10 +187,11 @@ class GuidedData:
         return self.prepared[i].recording.period
 
     def counts(self) -> np.ndarray:
-        """Number of independent samples in each group (g): one per `CORRELATION_TIME`."""
-        spans = [self.prepared[g.recording].recording.duration for g in self.groups]
+        """Number of independent samples in each group (g): one per `CORRELATION_TIME`, no more than readings."""
+        recordings = [self.prepared[g.recording].recording for g in self.groups]
+        spans = [r.duration / max(CORRELATION_TIME, r.period) for r in recordings]
         known = [self.weight[g.rows].mean() for g in self.groups]
-        return np.array(spans) * np.array(known) / CORRELATION_TIME
+        return np.array(spans) * np.array(known)
 
 
 class FreeData(GuidedData):

@@ -45,7 +45,7 @@ class HeldOutError:
       noise: standard deviation of the sensor noise.
       declared, identified: free-running, with the declared and the identified rig.
       following: identified rig, its hub at rest and in motion when the measured one is.
-      windowed: as following; of the hub angle only the change of the error within `workbench.MEMORY`.
+      windowed: as following; of the hub angle only the change of the error within `workbench.CHANGE_SPAN`.
       by_steps: identified link driven by the measured hub; None for the hub itself.
       start: "rest", or "estimated" for a rig that is in motion at the first sample.
     """

@@ -63,14 +63,21 @@ class DrivenData:
         return STRIDE * GRID
 
     def counts(self) -> np.ndarray:
-        """Number of independent samples in each block (g): twice the bandwidth of the filter per second."""
-        per_sample = min(1.0, 2 * BAND * STRIDE * GRID)
+        """Number of independent samples in each block (g): twice the bandwidth of the filter per second.
+
+        There are no more than readings.
+        """
         return np.array(
             [
-                self.weight[g.rows].sum() * (1.0 if g.channel in EVENT_CHANNELS else per_sample)
+                self.weight[g.rows].sum()
+                * (1.0 if g.channel in EVENT_CHANNELS else self._independent(g.recording))
                 for g in self.blocks
             ]
         )
+
+    def _independent(self, i: int) -> float:
+        """Independent samples of recording i in each row behind the low-pass."""
+        return STRIDE * GRID * min(2 * BAND, 1 / self.prepared[i].recording.period)
 
     def _layout(self) -> tuple[tuple[Group, ...], np.ndarray]:
         """Rows of each residual of each recording, and the weights (n): 1 where there is a residual, else 0.

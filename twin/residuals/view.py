@@ -136,7 +136,7 @@ def move_link(signals: Signals, prepared: Prepared, model: Model, start: Start) 
     hub = hub_trajectory(signals, model)
     phi, omega = initial_state(model, prepared.recording, start)
     # A motor with backlash is part of the delivered torque, see `hub_balance.delivered_torque`.
-    plant = model.plant.without_motor()
+    plant = model.plant_of(prepared.recording).without_motor()
 
     def simulated() -> LinkMotion:
         first = plant.extend_state(phi), plant.extend_state(omega)

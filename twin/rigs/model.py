@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
@@ -137,8 +138,10 @@ class Model:
         return tuple(acting)
 
     def plant_of(self, recording: Recording) -> Plant:
-        """Returns the plant with the time of its hub torques counted from the first sample of a recording."""
-        return self.plant._replace(torques=self.plant.torques._replace(since=float(recording.time[0])))
+        """Returns the plant with the time of hub torques and a shaken base counted from a recording's first sample."""
+        plant, since = self.plant, float(recording.time[0])
+        phase = plant.link.shake_phase - 2 * math.pi * plant.link.shake_frequency * since
+        return plant.with_link(shake_phase=phase)._replace(torques=plant.torques._replace(since=since))
 
     @property
     def stable_step(self) -> float:
