@@ -212,7 +212,9 @@ def _declared_rig(content: schema.CampaignFile) -> Rig:
 def _limit_scale(content: schema.CampaignFile) -> float:
     """Torque per unit of the command, as `limit` counts it [N m]."""
     command = content.channels.get(_COMMAND)
-    scale = 1.0 if command is None or content.drive.kind == "torque" else _factor(_COMMAND, command)
+    scale = 1.0 if command is None else _factor(_COMMAND, command)
+    if command is not None and content.drive.kind == "torque":
+        scale *= abs(command.gain or 1.0)
     return scale * torque_per_command(content.drive)
 
 

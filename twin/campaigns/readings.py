@@ -23,6 +23,9 @@ _MOST_ADJACENT = 2
 On 26 campaigns, all 26 outliers are found with 1, 2 and no limit, and 38, 92 and 258 other readings beside them, nearly
 all where an amplifier clips."""
 
+_SINGLE = 1.8  # median steps, below which a step has no missing row in it
+_FIRST_TICKS = 32  # samples, over which the mean step is right to a fraction of one
+
 
 def estimate_noise(values: np.ndarray) -> float:
     """Returns the standard deviation of the noise on a smooth signal (n), by the size of its fourth differences.
@@ -140,7 +143,7 @@ def longest_valid_stretch(
     rates = steps / spans
     usual = median_filter(rates, 9, mode="nearest")
     jump = np.abs(rates - usual) * spans > 12 * noise + strongest / 2 * (spans + 0.02) ** 2
-    breaks = np.flatnonzero(jump | (spans > _LONG_GAP))
+    breaks = np.flatnonzero(jump | (spans > max(_LONG_GAP, 2 * recording.period)))
     if not len(breaks):
         return recording, None
     edges = np.r_[-1, breaks, len(known) - 1]
@@ -167,12 +170,16 @@ def sample_clock(time: np.ndarray) -> np.ndarray | None:
     A card may output its commands on a uniform clock although the time stamps of its readings jitter. Samples may be
     missing. The jitter has to have a standard deviation of 0.001 to 0.3 sample periods.
     """
-    period = float(np.median(np.diff(time)))
-    ticks = np.round((time - time[0]) / period)
-    for _ in range(3):
-        period, first = np.polyfit(ticks, time, 1)
-        ticks = np.round((time - first) / period)
-    scatter = time - first - period * ticks
+    steps, since = np.diff(time), time - time[0]
+    # What a first period is off by would add up to whole ticks over a recording: so it is refined on longer parts.
+    period, first, count = float(np.mean(steps[steps < _SINGLE * np.median(steps)])), 0.0, _FIRST_TICKS
+    ticks = np.zeros(0)
+    while len(ticks) < len(since):
+        ticks = np.round((since[:count] - first) / period)
+        period, first = np.polyfit(ticks, since[:count], 1)
+        count *= 2
+    ticks = np.round((since - first) / period)
+    scatter = since - first - period * ticks
     if len(np.unique(ticks)) < len(ticks) or not 1e-3 < np.std(scatter) / period < 0.3:
         return None
-    return first + period * ticks
+    return time[0] + first + period * ticks

@@ -30,6 +30,7 @@ UNITS = tuple(_USUAL)
 """Units that messages propose; every other unit that pint knows will do as well."""
 
 RAW_UNITS = ("V", "A")
+_BRIDGE = "V/V"
 """Units of a raw sensor signal: the channel's `gain` turns them into the SI unit of the channel."""
 
 DERIVED_UNITS = {"motor_angle": "rad", "tip_angle": "rad"}
@@ -118,9 +119,11 @@ def convertible(unit: str, target: str) -> bool:
 
 
 def raw_unit(unit: str) -> str | None:
-    """Returns "V" or "A" for a unit of a raw sensor signal, such as mV; None for any other."""
+    """Returns "V", "A" or, of a bridge, "V/V" for a unit of a raw signal, such as mV or mV/V; None for any other."""
     if unit in _USUAL:
         return unit if unit in RAW_UNITS else None
+    if unit.endswith("/V") and convertible(unit, _BRIDGE):
+        return _BRIDGE
     return next((raw for raw in RAW_UNITS if convertible(unit, raw)), None)
 
 

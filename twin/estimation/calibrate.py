@@ -259,7 +259,8 @@ def _divergence_notes(data: DrivenData) -> list[str]:
         )
     if not used:
         raise InputError(
-            f"{', '.join(lost)}: nothing to compare; expected a hub that moves, or a sensor on the link with readings"
+            f"{', '.join(lost)}: nothing to compare; expected readings of the hub angle, and a hub that moves or "
+            "readings of a sensor on the link"
         )
     return [_lost_note(name, name in diverged) for name in lost]
 
@@ -268,7 +269,7 @@ def _lost_note(name: str, diverged: bool) -> str:
     """Why a recording says nothing."""
     begin = f"{name} could not be used to find anything: "
     if not diverged:
-        return begin + "its hub does not move, and no sensor on the link has readings."
+        return begin + "its hub has no readings, or rests while no sensor on the link has any."
     return (
         begin
         + "the declared link runs away under its motion of the hub. What it moves is far from what is declared, "

@@ -103,7 +103,7 @@ def _unit(name: str, channel: ChannelProposal, ask: Ask) -> str:
 
 def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal:
     """The channel of a raw signal with what one volt or ampere of it is; a curvature becomes its unit."""
-    what = units.allowed(name)[0]
+    what, raw = units.allowed(name)[0], units.raw_unit(channel.unit) or channel.unit
     of = {"torque_command": "at the hub "}.get(name, "")
     other, empty = "", _OPEN
     if units.is_strain(name):
@@ -111,13 +111,13 @@ def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal
     if name == "torque_command":
         empty = "(Enter: by data of the motor, or left open)"
     turned = "; negative, as it counts the wrong way round" if channel.gain else ""
-    question = f"{name}: {what} {of}per {channel.unit}{other}{turned}; with its uncertainty, such as ± 10 % {empty}? "
+    question = f"{name}: {what} {of}per {raw}{other}{turned}; with its uncertainty, such as ± 10 % {empty}? "
 
     def checked(answer: Quantity) -> tuple[float, str, float | None]:
         if units.is_strain(name) and answer.unit and units.is_curvature(answer.unit):
             return answer.to("1/m"), "1/m", answer.uncertainty
         si = units.allowed(name)[0]
-        per = f"{si}/{channel.unit}"
+        per = f"{si}/{raw}"
         target = per if answer.unit and units.convertible(answer.unit, per) else si
         return answer.to(target), channel.unit, answer.uncertainty
 
@@ -152,7 +152,7 @@ def _drive(channels: Mapping[str, ChannelProposal], ask: Ask) -> dict[str, float
     found: dict[str, float] = {}
     for key in drive_keys(raw):
         unit, what = DRIVE[key]
-        unit = unit or raw
+        unit = unit or channels["torque_command"].unit or raw
         told = "" if unit == "1" else f" [{unit}]"
         asked = f"DC motor of the drive: {key.replace('_', ' ')}{told}, {what} {_OPEN}? "
 
@@ -204,7 +204,7 @@ def _parameter(
 
     def checked(answer: Quantity) -> tuple[float, float | None]:
         if volts and command and answer.unit and units.convertible(answer.unit, command.unit):
-            value = answer.to(command.unit) * abs(command.gain or 1.0)
+            value = answer.to(units.raw_unit(command.unit) or command.unit) * abs(command.gain or 1.0)
         else:
             value = answer.to(unit)
         return rig_parameter(name, value, answer.uncertainty, "").value, answer.uncertainty

@@ -164,9 +164,10 @@ def moving_first(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> str:
 
 def _at_rest_first(time: np.ndarray, values: np.ndarray) -> bool:
     """Whether a column (n) has no visible rate at its first sample, by a parabola through the first samples."""
-    first = (time - time[0] <= _AT_FIRST) & np.isfinite(values)
-    if np.count_nonzero(first) < _FEWEST_AT_FIRST:
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) < _FEWEST_AT_FIRST:
         return True
+    first = known[: max(_FEWEST_AT_FIRST, np.searchsorted(time[known] - time[0], _AT_FIRST, side="right"))]
     t, y = time[first] - time[0], values[first]
     basis = np.vander(t, 3)
     inverse = np.linalg.pinv(basis)

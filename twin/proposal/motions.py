@@ -18,6 +18,7 @@ this, a sine below a tenth of that frequency none."""
 _DECAY_PERIODS = 5.0
 """Periods of the first mode over which the command is held, so that a damping ratio of a few percent shows."""
 _HELD = 0.01  # of the command's range, within which it counts as held
+_HOLD_STEP = 0.01  # s, over which a command that changes by no more than that share is held
 _REST = 0.2  # s, least rest of the hub from which a break-away is seen
 
 
@@ -43,9 +44,14 @@ def rests(campaign: Campaign) -> list[str]:
 
 def rest_spans(campaign: Campaign, recording: Recording) -> tuple[tuple[float, float], ...]:
     """(begin, end) of each rest of a free hub from which a break-away is seen [s]; none without its angle."""
-    if recording.clamped or "hub_angle" not in recording:
+    if recording.clamped or not _has_hub(recording):
         return ()
     return _rest_spans(recording, _observed(campaign, recording))
+
+
+def _has_hub(recording: Recording) -> bool:
+    """Whether the hub angle has readings."""
+    return "hub_angle" in recording and bool(np.isfinite(recording["hub_angle"]).any())
 
 
 def _rest_spans(recording: Recording, observed: np.ndarray) -> tuple[tuple[float, float], ...]:
@@ -76,7 +82,7 @@ def _all(campaign: Campaign) -> tuple[Recording, ...]:
 
 def _driven(campaign: Campaign) -> list[Recording]:
     """Fit recordings with a free hub whose angle is measured: those in which anything is looked for."""
-    return [r for r in campaign.fit if not r.clamped and "hub_angle" in r]
+    return [r for r in campaign.fit if not r.clamped and _has_hub(r)]
 
 
 def _fast_share(recording: Recording, rig: Rig) -> float:
@@ -92,11 +98,13 @@ def _fast_share(recording: Recording, rig: Rig) -> float:
 
 def _longest_hold(recording: Recording) -> float:
     """Longest time over which the command is held after it has changed [s]."""
-    command = np.asarray(recording["torque_command"])
+    # Of a dense recording the change from one sample to the next would be small in any motion.
+    every = slice(None, None, max(1, round(_HOLD_STEP / recording.period)))
+    command, time = np.asarray(recording["torque_command"])[every], recording.time[every]
     changes = np.flatnonzero(np.abs(np.diff(command)) > _HELD * max(float(np.ptp(command)), 1e-12))
     if not changes.size:
         return 0.0
-    instants = np.r_[recording.time[changes + 1], recording.time[-1]]
+    instants = np.r_[time[changes + 1], recording.time[-1]]
     return float(np.max(np.diff(instants)))
 
 

@@ -13,7 +13,7 @@ from twin.campaigns.campaign import Campaign
 from twin.proposal import motions
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report import pages
-from twin.report.decimate import decimate
+from twin.report.decimate import as_axis, decimate
 from twin.report.pages import Figure
 from twin.report.panels import Panels, title
 
@@ -68,7 +68,7 @@ def figure(read: ReadRecording) -> Figure:
         page.add(
             row,
             0,
-            x=recording.time[kept].astype("f4"),
+            x=as_axis(recording.time[kept]),
             y=values[kept].astype("f4"),
             mode="lines",
             line={"color": pages.BLUE, "width": 1.2},
@@ -100,7 +100,7 @@ def _mark_saturation(page: Panels, row: int, read: ReadRecording) -> None:
     page.add(
         row,
         0,
-        x=read.recording.time[at].astype("f4"),
+        x=as_axis(read.recording.time[at]),
         y=command[at].astype("f4"),
         mode="markers",
         marker=marker,

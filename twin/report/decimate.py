@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+_SHORT = 1000.0  # s, below which four bytes tell 0.1 ms
+
+
+def as_axis(time: np.ndarray) -> np.ndarray:
+    """Returns instants (n) [s] as few bytes; in full where they count from an epoch."""
+    return time.astype("f4") if np.abs(time).max(initial=0.0) < _SHORT else time
+
 
 def decimate(values: np.ndarray, points: int = 2000) -> np.ndarray:
     """Returns the indices of about `points` samples that look the same when plotted as a line.

@@ -13,7 +13,7 @@ from twin.diagnosis.answer import LONGEST_GAP, MODELS, Patched, Prediction, Trac
 from twin.labels import channel, over_noise, signed, unmodelled, variable
 from twin.recording import CHANNEL_UNITS, Recording
 from twin.report import pages
-from twin.report.decimate import decimate, thin
+from twin.report.decimate import as_axis, decimate, thin
 from twin.report.display import NOISE_LIKE
 from twin.report.pages import Figure
 from twin.report.panels import Panels, title
@@ -160,7 +160,7 @@ def patch_figure(patched: Patched) -> Figure | None:
 
 def _decimated_line(time: np.ndarray, values: np.ndarray, points: int) -> dict[str, np.ndarray]:
     kept = decimate(values, points)
-    return {"x": time[kept].astype("f4"), "y": values[kept].astype("f4")}
+    return {"x": as_axis(time[kept]), "y": values[kept].astype("f4")}
 
 
 def _signal_panel(page: Panels, row: int, prediction: Prediction, name: str, points: int) -> None:
@@ -219,7 +219,7 @@ def _residual_panel(page: Panels, row: int, prediction: Prediction, name: str, p
         drawn = symmetric_log(residual / sigma) if sigma else shown.factor * residual
         kept = decimate(drawn, points)
         real = (shown.factor * residual[kept]).astype("f4")
-        line = {"x": recording.time[kept].astype("f4"), "y": drawn[kept].astype("f4"), "customdata": real}
+        line = {"x": as_axis(recording.time[kept]), "y": drawn[kept].astype("f4"), "customdata": real}
         hover = f"measured − {model}: %{{customdata:.3g}} {shown.unit}<br>%{{x:.3f}} s<extra></extra>"
         style = _style(model, -0.5) | {"showlegend": False}
         # Noise as dots is a cloud.

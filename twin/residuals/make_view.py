@@ -107,9 +107,11 @@ def _resampled(
 
 
 def _clamped_signals(prepared: Prepared) -> Signals:
-    """The signals of a recording whose hub is clamped or not measured."""
+    """The signals of a recording whose hub is clamped; of a free hub without readings nothing is known."""
     time = _grid_of(prepared.recording)
     measured, known, with_gaps = _resampled(prepared, time)
+    if not prepared.recording.clamped:
+        known = {channel: np.zeros(len(time), dtype=bool) for channel in known}
     still = np.zeros(len(time))
     # Gravity bends the link according to the angle at which the hub is held.
     held = np.full(len(time), prepared.start.hub_angle)

@@ -35,6 +35,6 @@ def arrow_content(table: Any) -> Content:
 
 def _array(column: Any) -> np.ndarray:
     values = column.to_numpy()
-    if values.dtype == object and str(column.type) in ("bool", "decimal128"):
+    if values.dtype == object and str(column.type).startswith(("bool", "decimal")):
         return np.array([np.nan if value is None else float(value) for value in values])
     return values
