@@ -97,6 +97,11 @@ GAUGES = (
 """Strain gauges of the files in `models/`: at the base and in the middle of a link that is 2 mm thick."""
 
 
+def gauges_on(length: float) -> dict[str, Sensor]:
+    """Channel -> gauge of `GAUGES`, of those that are on a link of this length [m]."""
+    return {gauge.channel: gauge for gauge in GAUGES if gauge.position < length}
+
+
 @dataclass(frozen=True)
 class Recording:
     """One experiment, measured or simulated, in SI units.

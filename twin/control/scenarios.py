@@ -84,9 +84,10 @@ def bang_bang(
 ) -> BangBang:
     """Designs a bang-bang torque that turns the rigid rig without friction by `angle` [rad]: angle = u T^2/J.
 
-    The switch falls on a sample, for which the amplitude is slightly less than the `largest` [N m].
+    The switch falls on a sample, for which the amplitude is slightly less than the `largest` [N m], or than the limit
+    of the amplifier where that is less.
     """
-    inertia = rigid_inertia(rig)
+    inertia, largest = rigid_inertia(rig), min(largest, rig.get("torque_limit", math.inf))
     samples = math.ceil(math.sqrt(angle * inertia / largest) / period)
     switch = samples * period
     return BangBang(angle * inertia / switch**2, switch)

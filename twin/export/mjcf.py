@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin.export.base import Exported, Exporter, RigToExport
-from twin.recording import GAUGES
+from twin.recording import gauges_on
 from twin.rigs.mjcf_export import to_mjcf
 
 
@@ -15,7 +15,7 @@ class Mjcf(Exporter):
     what = "MuJoCo model"
 
     def export(self, given: RigToExport) -> Exported:
-        gauges = {gauge.channel: gauge for gauge in GAUGES}
+        gauges = gauges_on(given.rig["length"])
         comment = [f"The rig '{given.rig.name}'. Effects: {', '.join(given.effects) or 'none'}."]
         written = to_mjcf(given.rig, given.effects, gauges, comment)
         return Exported(written.xml, written.left_out)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from twin.identification import spectra
-from twin.identification.estimates import Estimate
+from twin.identification.estimates import Estimate, student_t_estimate
 from twin.identification.spectra import Response
 from twin.recording import Recording
 
@@ -99,7 +99,9 @@ def with_simulation(
       expected: frequency about which peaks are searched [Hz].
     """
     rows = []
-    for measured, simulated in pairs:
+    for measured, moved in pairs:
+        reference = {c: measured[c] for c in ("hub_reference",) if c in measured}
+        simulated = moved.replace(channels={**moved.channels, **reference})
         peaks = [_peak_of_recording(r, curve.channel, expected) for r in (measured, simulated)]
         if measured.name in curve.recordings and peaks[0] and peaks[1]:
             size = curve.amplitude[curve.recordings.index(measured.name)]
@@ -166,7 +168,7 @@ def _largest_amplitude(recording: Recording, channel: str, frequency: float) -> 
 def _fit_line(share: np.ndarray, frequency: Sequence[Estimate]) -> tuple[Estimate, Estimate]:
     """f0 and s of f = f0 (1 + s share) by weighted least squares.
 
-    Errors grow by the root of the reduced chi-squared where that exceeds 1.
+    Errors grow by the root of the reduced chi-squared where that exceeds 1; intervals are then Student's.
 
     Args:
       share: (n) squared amplitude over its largest value [1].
@@ -177,8 +179,14 @@ def _fit_line(share: np.ndarray, frequency: Sequence[Estimate]) -> tuple[Estimat
     X = np.column_stack([np.ones(len(f)), share]) * w[:, None]
     x, *_ = np.linalg.lstsq(X, f * w, rcond=None)
     r = X @ x - f * w
-    covariance = np.linalg.inv(X.T @ X) * max(1.0, float(r @ r) / max(len(f) - 2, 1))
-    small = Estimate(float(x[0]), float(np.sqrt(covariance[0, 0])))
+    free = max(len(f) - 2, 1)
+    excess = max(1.0, float(r @ r) / free)
+    covariance = np.linalg.inv(X.T @ X) * excess
+
+    def estimate(value: float, error: float) -> Estimate:
+        return student_t_estimate(value, error, free) if excess > 1 else Estimate(value, error)
+
+    small = estimate(float(x[0]), float(np.sqrt(covariance[0, 0])))
     # Gradient of s = x1/x0.
     row = np.array([-x[1] / x[0] ** 2, 1 / x[0]])
-    return small, Estimate(float(x[1] / x[0]), float(np.sqrt(row @ covariance @ row)))
+    return small, estimate(float(x[1] / x[0]), float(np.sqrt(row @ covariance @ row)))

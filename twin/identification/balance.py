@@ -17,7 +17,13 @@ from scipy.ndimage import binary_erosion
 from scipy.signal import butter, sosfiltfilt
 
 from twin.estimation import chain_limit
-from twin.identification.estimates import MIN_DETERMINATION, TWO_SIDED_95, Estimate, with_nuisance_error
+from twin.identification.estimates import (
+    MIN_DETERMINATION,
+    TWO_SIDED_95,
+    Estimate,
+    student_t_estimate,
+    with_nuisance_error,
+)
 from twin.mechanics import planar
 from twin.mechanics.state import Start
 from twin.residuals.cell_means import double_mean, double_mean_torque, mean_direction
@@ -97,7 +103,7 @@ def hub_balance(data: DrivenData, model: Model, starts: Sequence[Start]) -> Bala
 
 def effect_torque(model: Model, time: np.ndarray, hub: HubTrajectory) -> np.ndarray:
     """Torque (m) of the declared effects on the hub along its motion, without friction [N m]."""
-    return planar.hub_torque_along(model.plant, time, hub.angle, hub.rate, np.zeros(len(time)))
+    return planar.hub_torque_along(model.plant, time - time[0], hub.angle, hub.rate, np.zeros(len(time)))
 
 
 def with_balance_nuisance_error(balance: Balance, perturbed: Balance) -> Balance:
@@ -158,11 +164,12 @@ def _regress(data: DrivenData, model: Model, starts: Sequence[Start]) -> Balance
     x, covariance = clustered_least_squares(X / size, y, rows.block)
     x, covariance = x / size, covariance / np.outer(size, size)
     errors = np.sqrt(np.diag(covariance))
-    estimates = [Estimate(float(v), float(e)) for v, e in zip(x, errors, strict=True)]
+    free = len(np.unique(rows.block)) - X.shape[1]
+    estimates = [student_t_estimate(float(v), float(e), free) for v, e in zip(x, errors, strict=True)]
     residual = y - X @ x
     # Near reversals the filtered friction of a fast oscillation would look like one that grows with the rate.
     steady = np.abs(X[:, -2:]).max(axis=1) > _MIN_DIRECTION_SHARE
-    mean = Estimate(float(x[-2:].mean()), float(np.sqrt(covariance[-2:, -2:].sum())) / 2)
+    mean = student_t_estimate(float(x[-2:].mean()), float(np.sqrt(covariance[-2:, -2:].sum())) / 2, free)
     return Balance(
         estimates[0],
         {1: estimates[-2], -1: estimates[-1]},

@@ -126,7 +126,8 @@ def _level_on_ramp(model: Model, prepared: Prepared, event: BreakAway) -> tuple[
 def _detection_delay(gain: float) -> tuple[float, float]:
     """Mean and standard deviation of the number of samples from a break-away to its detection.
 
-    A motion is detected at the first of `IN_A_ROW` readings that exceed the noise by `ONSET` standard deviations.
+    A motion is detected at the first of `ONSET_SAMPLES` readings that exceed the noise by `ONSET_LEVEL` standard
+    deviations.
 
     Args:
       gain: acceleration in noise levels per squared sample period.
@@ -150,7 +151,8 @@ def _staircase_events(model: Model, prepared: Prepared, index: int) -> list[tupl
         return []
     time, observed = prepared.recording.time, prepared.hub.observed
     command = model.read_torque(prepared.recording)
-    events: dict[tuple[float, float], tuple[BreakAway, float]] = {}
+    stairs = np.flatnonzero(np.diff(command))
+    events: dict[int, tuple[BreakAway, float]] = {}
     for onset, direction in prepared.hub.onsets:
         first = int(np.searchsorted(time, time[onset] - _STAIR_SEARCH))
         before = (time > time[first] - _REST) & (time <= time[first])
@@ -162,5 +164,6 @@ def _staircase_events(model: Model, prepared: Prepared, index: int) -> list[tupl
             angle, instant = float(prepared.hub.reading[first]), float(time[onset])
             event = BreakAway(direction * (low + high) / 2, direction, angle, index, instant, 0.0)
             # A hub that stops and starts again on one stair gives no second reading.
-            events.setdefault((low, high), (event, (high - low) / math.sqrt(12)))
+            stair = int(np.searchsorted(stairs, onset))
+            events.setdefault(stair, (event, (high - low) / math.sqrt(12)))
     return list(events.values())

@@ -213,7 +213,7 @@ def _swings(recording: Recording, channel: str, frequency: float, noise: float) 
 
 def _low_pass(frequency: float, period: float) -> np.ndarray:
     """Second-order sections of the low-pass for swings at a free frequency [Hz]."""
-    return butter(3, _BAND * frequency, fs=1 / period, output="sos")
+    return butter(3, min(_BAND * frequency, 0.45 / period), fs=1 / period, output="sos")
 
 
 def _swing_covariance(count: int, period: float, frequency: float, noise: float) -> np.ndarray:

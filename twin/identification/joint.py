@@ -147,7 +147,7 @@ class JointEstimate:
     def truncated_sides(self, name: str) -> list[str]:
         """Sides, "lower" and "upper", on which the profile interval of a parameter ends at its bound."""
         low, high = self.range_of(name)
-        near = _BOUND_TOLERANCE * (high - low)
+        near = _BOUND_TOLERANCE * (high - low if np.isfinite(high - low) else abs(low))
         first, last = self.intervals[name]
         return [side for side, gap in (("lower", first - low), ("upper", high - last)) if gap < near]
 
@@ -181,6 +181,8 @@ class JointEstimate:
 
 def with_link_uncertainty(inertia: Estimate, joint: JointEstimate) -> Estimate:
     """J0 of the hub's balance with the error of the link's reaction, which scales with the bending stiffness."""
+    if "bending_stiffness" not in joint.names:  # exact, or replaced by an effect
+        return inertia
     stiffness = joint.names.index("bending_stiffness")
     scale = joint.errors[stiffness] / joint.values[stiffness]
     return Estimate(inertia.value, float(np.hypot(inertia.standard_error, inertia.value * scale)))

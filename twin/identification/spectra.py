@@ -156,7 +156,7 @@ def _uniform(
     period = period or recording.period
     time = np.arange(recording.time[0], recording.time[-1], period)
     known = np.isfinite(recording[channel])
-    held = 0.5 * period if channel == "torque_command" else 0.0
+    held = 0.5 * recording.period if channel == "torque_command" else 0.0
     return time, np.interp(time, recording.time[known] + held, recording[channel][known])
 
 

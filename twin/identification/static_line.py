@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import f as f_distribution
+from scipy.stats import t as students_t
 
 from twin.errors import InputError
 from twin.identification.estimates import Estimate, student_t_estimate
 
 MIN_ROWS = 3
 """Rows that a line with one degree of freedom needs."""
+_OUTLIER_RATE = 0.01  # of tests without one in which a row is named [1]
 _SIGNIFICANCE = 0.05  # of the F test of a parabola against a straight line [1]
 
 
@@ -50,7 +52,6 @@ def fit_line(
     x: np.ndarray,
     y: np.ndarray,
     ratio: float = 0.0,
-    through_origin: bool = False,
     steps: tuple[float, float] = (0.0, 0.0),
 ) -> LoadLine:
     """Fits a line with errors in both variables of a known ratio (Deming regression; W. E. Deming, 1943).
@@ -60,7 +61,6 @@ def fit_line(
     Args:
       x, y: (n) values; rows with a missing one are left out.
       ratio: standard deviation of x over that of y [x/y]; 0 for a least-squares line.
-      through_origin: without an intercept.
       steps: rounding of x and y, the lower limit of the scatter: few readings may lie on a line by chance.
 
     Raises:
@@ -72,18 +72,18 @@ def fit_line(
         raise InputError(f"static.csv has {len(x)} complete rows; expected at least {MIN_ROWS}")
     if np.ptp(x) == 0:
         raise InputError(f"static.csv: all loads are {x[0]:g}; expected different ones")
-    x0, y0 = (0.0, 0.0) if through_origin else (x.mean(), y.mean())
+    x0, y0 = x.mean(), y.mean()
     u, v = x - x0, y - y0
     slope = _deming_slope(float(u @ u), float(v @ v), float(u @ v), ratio)
     intercept = y0 - slope * x0
     r = y - intercept - slope * x
-    free = len(x) - (1 if through_origin else 2)
+    free = len(x) - 2
     rounded = math.hypot(steps[1], slope * steps[0]) / math.sqrt(12)
     scatter = max(math.sqrt(r @ r / free), rounded)
     # The scatter about the line contains the noise of x: scatter^2 = sigma_y^2 (1 + ratio^2 slope^2).
     slope_error = scatter / math.sqrt(u @ u)
-    intercept_error = 0.0 if through_origin else math.hypot(scatter / math.sqrt(len(x)), slope_error * x0)
-    curvature = math.nan if through_origin else _curvature_probability(x, y, float(r @ r))
+    intercept_error = math.hypot(scatter / math.sqrt(len(x)), slope_error * x0)
+    curvature = _curvature_probability(x, y, float(r @ r))
     estimates = (
         student_t_estimate(slope, slope_error, free),
         student_t_estimate(intercept, intercept_error, free),
@@ -115,16 +115,21 @@ def _curvature_probability(x: np.ndarray, y: np.ndarray, straight: float) -> flo
 
 def outlier(line: LoadLine) -> tuple[int, float] | None:
     """The row (from 0) farthest off the line through the others, with its residual; None without an outlier.
-    An outlier is off by more than three times their scatter and by the last decimal to which y was read.
+    An outlier is off by more than the last decimal to which y was read, and by more than chance would set the farthest
+    of so many rows off in one test of a hundred: a studentised deleted residual has Student's distribution
+    (R. D. Cook and S. Weisberg, 1982).
     """
     candidates = []
+    quantile = students_t.ppf(1 - _OUTLIER_RATE / (2 * len(line.x)), max(len(line.x) - 3, 1))
     for k in range(len(line.x)):
         x, y = np.delete(line.x, k), np.delete(line.y, k)
         if len(x) > MIN_ROWS and np.ptp(x) > 0:
             slope, intercept = np.polyfit(x, y, 1)
             scatter = float(np.std(y - intercept - slope * x, ddof=2))
             residual = float(line.y[k] - intercept - slope * line.x[k])
-            candidates.append((abs(residual) / max(3 * scatter, 0.99 * resolution(line.y)), k, residual))
+            leverage = 1 / len(x) + (line.x[k] - x.mean()) ** 2 / ((x - x.mean()) ** 2).sum()
+            chance = quantile * scatter * math.sqrt(1 + leverage)
+            candidates.append((abs(residual) / max(chance, 0.99 * resolution(line.y)), k, residual))
     ratio, row, residual = max(candidates, default=(0.0, 0, 0.0))
     return (row, residual) if ratio > 1 else None
 

@@ -157,7 +157,8 @@ def dynamics_spec(
 def _timestep(chain: Chain, plant: Plant) -> float:
     """A round time step [s] with which the chain is stable and contacts in a backlash are resolved."""
     limit = min(chain.largest_step(), plant.largest_step)
-    return TIMESTEP if limit >= TIMESTEP else 1e-5 * math.floor(limit / 1e-5 + 1e-6)
+    digit = 10.0 ** min(math.floor(math.log10(limit)), -5)
+    return TIMESTEP if limit >= TIMESTEP else digit * math.floor(limit / digit + 1e-6)
 
 
 # Moving parts

@@ -72,11 +72,11 @@ class NominalRig:
 
 
 def nominal_rig_of(campaign: Campaign) -> NominalRig:
-    """Returns the rig that a campaign declares, with assumed values where it leaves an uncertainty out."""
+    """Returns the rig that a campaign declares, its drive included, with assumed uncertainties where it has none."""
     parameters = {
         name: replace(p, uncertainty=relative_uncertainty(p)) for name, p in campaign.rig.parameters.items()
     }
-    return NominalRig(Rig(campaign.name, parameters))
+    return NominalRig(Rig(campaign.name, parameters), campaign.effects, campaign.effect_errors)
 
 
 def uncertain_parameters(

@@ -95,18 +95,18 @@ def make_model(
     segments: int = 8,
     patch: Patch | None = None,
 ) -> Model:
-    """Returns the model of a rig with effects and a patch, with the strain gauges of `models/` (`GAUGES`).
+    """Returns the model of a rig with effects and a patch, with the strain gauges of `models/` that are on its link.
 
     Raises:
       InputError: an effect or a parameter of one is not known, or no such rig can be simulated.
     """
     from twin.mechanics import chain
-    from twin.recording import GAUGES
+    from twin.recording import gauges_on
     from twin.rigs import preset
     from twin.rigs.model import Model, checked_model
     from twin.rigs.rig_file import checked_effects
 
     rig = rig if rig is not None else preset("bossi2009")
     acting = checked_effects(effects or {}, rig)
-    gauges = {gauge.channel: gauge for gauge in GAUGES}
+    gauges = gauges_on(rig["length"])
     return checked_model(Model(rig, gauges, chain.fit_shape(rig, segments), acting, patch=patch))
