@@ -98,8 +98,9 @@ GAUGES = (
 
 
 def gauges_on(length: float) -> dict[str, Sensor]:
-    """Channel -> gauge of `GAUGES`, of those that are on a link of this length [m]."""
-    return {gauge.channel: gauge for gauge in GAUGES if gauge.position < length}
+    """Channel -> gauge of `GAUGES`; on a link of a length [m] whose middle is nearer, in the same proportion nearer."""
+    share = min(1.0, length / 2 / GAUGES[-1].position)
+    return {gauge.channel: replace(gauge, position=share * gauge.position) for gauge in GAUGES}
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def build_spec(
         that MJCF has no element for. By default the rig's declared friction and nothing else.
       torques: the hub torques of the plant.
       scene: add table, light and camera.
-      gauges: strain gauges; those beyond the link's end are omitted.
+      gauges: strain gauges on the link.
     """
     plant = declared_plant(rig, chain) if plant is None else plant
     spec = dynamics_spec(chain, plant, rig, torques)

@@ -95,7 +95,7 @@ def make_model(
     segments: int = 8,
     patch: Patch | None = None,
 ) -> Model:
-    """Returns the model of a rig with effects and a patch, with the strain gauges of `models/` that are on its link.
+    """Returns the model of a rig with effects and a patch, with the strain gauges of `models/`, see `gauges_on`.
 
     Raises:
       InputError: an effect or a parameter of one is not known, or no such rig can be simulated.
