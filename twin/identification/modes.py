@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from twin.identification import backbone, spectra
 from twin.identification.bending_modes import SOFTENING_TOLERANCE, bending_frequencies, is_near_bending_mode
 from twin.identification.decay import Decay
@@ -27,9 +29,9 @@ def free_modes(rig: Rig, response: Response | None) -> tuple[Mode, ...]:
         kind: Kind = "bending" if is_near_bending_mode(peak.frequency.value, rig) else "not bending"
         modes.append(Mode("free", peak.frequency, peak.damping_ratio, kind, source))
     first = backbone.resonance(response, first_bending)
-    if first is not None and all(
-        abs(m.frequency.value / first_bending - 1) > SOFTENING_TOLERANCE for m in modes
-    ):
-        # Friction and large bends deform the first peak so far that no linear mode fits: its maximum is used.
-        modes.insert(0, Mode("free", first, None, "bending", source))
-    return tuple(modes)
+    if first is None or any(abs(m.frequency.value / first_bending - 1) <= SOFTENING_TOLERANCE for m in modes):
+        return tuple(modes)
+    if any(m.frequency == first for m in modes):  # a linear mode that lies far from where it was declared
+        return tuple(replace(m, kind="bending") if m.frequency == first else m for m in modes)
+    # Friction and large bends deform the first peak so far that no linear mode fits: its maximum is used.
+    return (Mode("free", first, None, "bending", source), *modes)

@@ -97,9 +97,9 @@ def frequency_response(
     free = [r for r in recordings if not r.clamped and r.start == "rest"]
     for loop in ("open", "closed"):
         chosen = [r for r in free if r.loop == loop and (loop == "open" or "hub_reference" in r)]
-        names = [channel] if channel else [c for c in _CHANNELS if all(c in r for r in chosen)]
-        broad = [r for r in chosen if names and _is_broadband(r, least)]
-        if broad:
+        broad = [r for r in chosen if _is_broadband(r, least)]
+        names = [channel] if channel else [c for c in _CHANNELS if all(c in r for r in broad)]
+        if broad and names:
             return _response(broad, names[0])
     return None
 

@@ -15,6 +15,7 @@ from twin.errors import InputError, listed
 from twin.files.readers import SUFFIXES, read_recording
 from twin.files.table import Table
 from twin.files.time_column import checked_time
+from twin.files.toml import read_toml
 from twin.files.writers import mcap, write_table
 from twin.files.writers.base import Units
 from twin.recording import CHANNEL_UNITS, GAUGES, Recording, Sensor
@@ -60,12 +61,13 @@ def read_track(path: Path, rig: Mapping[str, float] | None = None) -> Track:
     Raises:
       InputError: the file, or its campaign, cannot be used.
     """
-    if os.path.lexists(path.parent / "campaign.toml"):
-        campaign = read_campaign(path.parent)
+    folder = _campaign_of(path)
+    if folder is not None:
+        campaign, name = read_campaign(folder), path.absolute().relative_to(folder.absolute()).as_posix()
         recordings = {r.name: r for r in (*campaign.fit, *campaign.holdout())}
-        if path.name not in recordings:
+        if name not in recordings:
             raise InputError(f"{path}: its campaign has no such recording; it has {listed(recordings)}")
-        return _track_of_recording(recordings[path.name], campaign.rig, campaign.sensors)
+        return _track_of_recording(recordings[name], campaign.rig, campaign.sensors)
     return _track_of_run(path, preset("bossi2009") if rig is None else rig)
 
 
@@ -81,7 +83,29 @@ def files_read(path: Path) -> tuple[Path, ...]:
     Raises:
       InputError: the campaign of the file cannot be used.
     """
-    return (path, *campaign_files(path.parent)) if os.path.lexists(path.parent / "campaign.toml") else (path,)
+    folder = _campaign_of(path)
+    return (path,) if folder is None else (path, *campaign_files(folder))
+
+
+def _campaign_of(path: Path) -> Path | None:
+    """The folder of the campaign of a file: its own, or one above it whose campaign names it.
+
+    Raises:
+      InputError: the file of a campaign above it cannot be read.
+    """
+    if os.path.lexists(path.parent / "campaign.toml"):
+        return path.parent
+    file = path.absolute()
+    above = (f for f in file.parents[1:] if os.path.lexists(f / "campaign.toml"))
+    return next((f for f in above if file.relative_to(f).as_posix() in _recordings_of(f)), None)
+
+
+def _recordings_of(folder: Path) -> list[str]:
+    """Files that the campaign of a folder names."""
+    entries = read_toml(folder / "campaign.toml", "a campaign").get("recordings", [])
+    return (
+        [str(e.get("file", "")) for e in entries if isinstance(e, dict)] if isinstance(entries, list) else []
+    )
 
 
 def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:
