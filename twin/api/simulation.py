@@ -12,7 +12,7 @@ import numpy as np
 from twin.api.inputs import Effects, FilePath, RigLike, rig_of
 from twin.errors import LARGEST, InputError, checked_count, checked_number
 from twin.mechanics.accuracy import SEGMENT_LIMITS
-from twin.recording import GAUGES, Recording
+from twin.recording import Recording, gauges_on
 from twin.rigs.model import FINE_SEGMENTS, FINE_STEP, Model, checked_model
 from twin.rigs.rig_file import checked_effects
 
@@ -163,7 +163,7 @@ def model(
 
     known = rig_of(rig)
     acting = checked_effects(known.effects if effects is None else effects, known.rig)
-    gauges = {gauge.channel: gauge for gauge in GAUGES}
+    gauges = gauges_on(known.rig["length"])
     checked_count("segments", segments, *SEGMENT_LIMITS)
     shape = chain.fit_shape(known.rig, segments)
     return RigModel(checked_model(Model(known.rig, gauges, shape, acting, FINE_STEP)))

@@ -23,8 +23,12 @@ _MOST_ADJACENT = 2
 On 26 campaigns, all 26 outliers are found with 1, 2 and no limit, and 38, 92 and 258 other readings beside them, nearly
 all where an amplifier clips."""
 
-_SINGLE = 1.8  # median steps, below which a step has no missing row in it
-_FIRST_TICKS = 32  # samples, over which the mean step is right to a fraction of one
+_SINGLE = 1.8
+"""Median steps, below which a step has no missing row in it: two, less what stamps jitter by."""
+_FIRST_TICKS = 32
+"""Samples of the first fit of a clock: over them the mean step, 0.5 % off where long steps count as missing rows, adds
+up to a sixth of a tick. A fit to m stamps that scatter by s ticks is off by up to 7 s/sqrt(m) at 2 m: by 0.36 with
+s = 0.29, that of rounding."""
 
 
 def estimate_noise(values: np.ndarray) -> float:

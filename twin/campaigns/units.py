@@ -30,8 +30,9 @@ UNITS = tuple(_USUAL)
 """Units that messages propose; every other unit that pint knows will do as well."""
 
 RAW_UNITS = ("V", "A")
-_BRIDGE = "V/V"
 """Units of a raw sensor signal: the channel's `gain` turns them into the SI unit of the channel."""
+_BRIDGE = "V/V"
+"""Unit of the raw signal of a bridge over its supply."""
 
 DERIVED_UNITS = {"motor_angle": "rad", "tip_angle": "rad"}
 """Channels that are turned into those of a recording when a campaign is read -> SI unit."""

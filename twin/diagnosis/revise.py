@@ -200,12 +200,15 @@ def _rebuilt_round(
     """
     by_name = {adopted.name: r for r, adopted in zip(state.adopting, state.adopted, strict=True)}
     own = by_name.get(names[-1], state.adopting[len(names) - 1])
-    data = own.bench or bench
-    data = bench if data is state.bench else data
-    before, here = (
-        refit(state, {n: fine.model.effects[n] for n in (*state.known, *kept)}, FAR_ITERATIONS, fine, data)
-        for kept in (names[:-1], names)
-    )
+    data = bench if own.bench in (None, state.bench) else own.bench
+
+    def fitted(kept: Sequence[str]) -> Fit:
+        effects = {n: fine.model.effects[n] for n in (*state.known, *kept)}
+        if data is bench and len(effects) == len(fine.model.effects):
+            return fine
+        return refit(state, effects, FAR_ITERATIONS, fine, data)
+
+    before, here = fitted(names[:-1]), fitted(names)
     adopted = Candidate((*state.known, *names), here, candidates.score_gain(data, before, here))
     told = adopted.score - rules.decisive_difference(adopted.score)
     others = [

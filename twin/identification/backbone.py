@@ -100,8 +100,8 @@ def with_simulation(
     """
     rows = []
     for measured, moved in pairs:
-        reference = {c: measured[c] for c in ("hub_reference",) if c in measured}
-        simulated = moved.replace(channels={**moved.channels, **reference})
+        # A simulation has no reference, which the response of a closed loop needs.
+        simulated = moved.replace(channels={**measured.channels, **moved.channels})
         peaks = [_peak_of_recording(r, curve.channel, expected) for r in (measured, simulated)]
         if measured.name in curve.recordings and peaks[0] and peaks[1]:
             size = curve.amplitude[curve.recordings.index(measured.name)]

@@ -18,7 +18,7 @@ from twin.identification.estimates import Estimate, student_t_estimate
 
 MIN_ROWS = 3
 """Rows that a line with one degree of freedom needs."""
-_OUTLIER_RATE = 0.01  # of tests without one in which a row is named [1]
+_OUTLIER_RATE = 0.01  # of tests without one in which a row is named [1]: as the false alarms of a diagnosis
 _SIGNIFICANCE = 0.05  # of the F test of a parabola against a straight line [1]
 
 

@@ -218,18 +218,17 @@ class MujocoChain:
         Returns:
           How many rows were written; 0 where the end may be near, or no row is before the next check.
         """
-        sticks, start = self._is_locked and not self._clamped, self._time
+        locked, start = self._is_locked, self._time
+        sticks = locked and not self._clamped
         until = min(held, start + self._unchecked) if sticks else held
         before = math.inf if self._clamped else self._last_margin if sticks else self._mode_margin()
         # Not a number of one that sticks behind a command, and where the mode has changed.
         is_next = start + _NO_TIME < rows.time[row] <= min(until, start + self._unchecked)
         if not (is_next and before > 2 * self._margin_change):
             return 0
-        write, model = (
-            (self._locked_rows, self._locked) if self._is_locked else (self._sliding_rows, self._sliding)
-        )
+        write, model = (self._locked_rows, self._locked) if locked else (self._sliding_rows, self._sliding)
         model.save()
-        model.apply_torque(self._u, 0 if self._is_locked else self._mode)
+        model.apply_torque(self._u, 0 if locked else self._mode)
         last = write(rows, row, until, min(h_max, self._plant_step))
         if not sticks:
             return last - row

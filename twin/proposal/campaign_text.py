@@ -144,12 +144,8 @@ def needed(proposal: Proposal) -> list[str]:
     """Returns the keys of the file that have no value yet and need one, as a campaign's messages name them."""
     channels = proposal.channels
     keys = [f"parameters.{name}" for name in REQUIRED if name not in proposal.parameters]
-    instead = {"hub_angle": "motor_angle"}
-    keys += [
-        f"channels.{name}"
-        for name in ("torque_command", "hub_angle")
-        if name not in channels and instead.get(name) not in channels
-    ]
+    keys += [] if "torque_command" in channels else ["channels.torque_command"]
+    keys += [] if {"hub_angle", "motor_angle"} & channels.keys() else ["channels.hub_angle"]
     for name, channel in channels.items():
         if not channel.unit:
             keys.append(f"channels.{name}.unit")

@@ -18,7 +18,8 @@ this, a sine below a tenth of that frequency none."""
 _DECAY_PERIODS = 5.0
 """Periods of the first mode over which the command is held, so that a damping ratio of a few percent shows."""
 _HELD = 0.01  # of the command's range, within which it counts as held
-_HOLD_STEP = 0.01  # s, over which a command that changes by no more than that share is held
+_HOLD_STEP = 0.01
+"""Time over which a command that changes by no more than that share is held [s]: a sine above 0.3 Hz is not."""
 _REST = 0.2  # s, least rest of the hub from which a break-away is seen
 
 

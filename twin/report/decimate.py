@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_SHORT = 1000.0  # s, below which four bytes tell 0.1 ms
+_SHORT = 1000.0  # s, of which the 24 bits of four bytes tell 0.06 ms
 
 
 def as_axis(time: np.ndarray) -> np.ndarray:

@@ -15,10 +15,9 @@ from twin.errors import InputError, listed
 from twin.files.readers import SUFFIXES, read_recording
 from twin.files.table import Table
 from twin.files.time_column import checked_time
-from twin.files.toml import read_toml
 from twin.files.writers import mcap, write_table
 from twin.files.writers.base import Units
-from twin.recording import CHANNEL_UNITS, GAUGES, Recording, Sensor
+from twin.recording import CHANNEL_UNITS, Recording, Sensor, gauges_on
 from twin.report.run_rerun import Track, of_recording
 from twin.rigs import preset
 
@@ -91,21 +90,13 @@ def _campaign_of(path: Path) -> Path | None:
     """The folder of the campaign of a file: its own, or one above it whose campaign names it.
 
     Raises:
-      InputError: the file of a campaign above it cannot be read.
+      InputError: a campaign above it cannot be used.
     """
     if os.path.lexists(path.parent / "campaign.toml"):
         return path.parent
     file = path.absolute()
     above = (f for f in file.parents[1:] if os.path.lexists(f / "campaign.toml"))
-    return next((f for f in above if file.relative_to(f).as_posix() in _recordings_of(f)), None)
-
-
-def _recordings_of(folder: Path) -> list[str]:
-    """Files that the campaign of a folder names."""
-    entries = read_toml(folder / "campaign.toml", "a campaign").get("recordings", [])
-    return (
-        [str(e.get("file", "")) for e in entries if isinstance(e, dict)] if isinstance(entries, list) else []
-    )
+    return next((f for f in above if file in campaign_files(f)), None)
 
 
 def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:
@@ -122,7 +113,7 @@ def _track_of_run(path: Path, rig: Mapping[str, float]) -> Track:
         )
     channels = {name: v for name, v in table.columns.items() if name in CHANNEL_UNITS}
     recording = Recording(path.name, checked_time(table, "time"), channels)
-    track = _track_of_recording(recording, rig, {g.channel: g for g in GAUGES})
+    track = _track_of_recording(recording, rig, gauges_on(rig["length"]))
     states = {n.removeprefix("state_"): v for n, v in table.columns.items() if n.startswith("state_")}
     return replace(track, modes=table.columns.get("mode"), states=states)
 
