@@ -36,6 +36,7 @@ ENDS = {
 """Signal -> exit code and standard error that are right."""
 _FIRST = 0.5  # s, when the command has begun; before, Python itself ends in its own way
 _WORK = 0.95  # last instant of the work, over the duration of the whole command
+_PATIENCE = 60.0  # s, until a process that does not end is one that does not heed its signal
 
 Contents = Mapping[str, bytes]
 """Name of a file of the results -> content."""
@@ -126,7 +127,11 @@ def _kill(
     """Sends the signal and looks at what is left."""
     sent = time.perf_counter()
     process.send_signal(number)
-    _, error = process.communicate()
+    try:
+        _, error = process.communicate(timeout=_PATIENCE)
+    except subprocess.TimeoutExpired:  # it goes on: its end will not be right
+        process.kill()
+        _, error = process.communicate()
     wait = time.perf_counter() - sent
     found = {p.name: p.read_bytes() for p in out.iterdir() if p.name != MARKER}
     temporary = [name for name in found if is_temporary(name)]

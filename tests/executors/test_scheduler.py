@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
 
 import campaign_folder
@@ -18,6 +18,7 @@ from fleet_tasks import case, itself, noted, refused, solved, solved_slowly
 from paths import ROOT
 
 from twin.errors import InputError
+from twin.executors import lost_its_executor
 from twin.executors import scheduler as module
 from twin.executors.scheduler import scheduler
 from twin.fleet import run
@@ -172,6 +173,37 @@ def test_a_scheduler_that_ends_leaves_the_answers_and_says_so(campaigns, tmp_pat
     finally:
         cluster.stop()
     assert list((tmp_path / "out").glob("*/diagnosis.json"))
+
+
+@needs_dask
+def test_a_result_on_its_way_from_a_scheduler_that_ends_is_lost(tmp_path):
+    cluster = Cluster(tmp_path)
+    try:
+        cluster.start(workers=1)
+        with scheduler(cluster.address) as workers:
+            assert workers.submit(len, "ab").result(60) == 2
+            large = workers.submit(bytes, 300_000_000)  # so long on its way that the end comes before it
+            time.sleep(0.4)
+            cluster.stop()
+            error = large.exception(60)
+            assert lost_its_executor(error)
+            deadline = time.monotonic() + 60
+            while workers._client.status != "closed":
+                assert time.monotonic() < deadline
+                time.sleep(0.1)
+            assert lost_its_executor(workers.submit(len, "ab").exception(0))
+    finally:
+        cluster.stop()
+
+
+@needs_dask
+def test_an_error_of_a_task_and_its_cancellation_pass(cluster):
+    with scheduler(cluster.address) as workers:
+        with pytest.raises(OSError, match="no such"):
+            workers.submit(open, "/no such").result(60)
+        waiting = [workers.submit(time.sleep, 0.3) for _ in range(8)]
+        assert waiting[-1].cancel()
+        assert wait(waiting, 60).not_done == set()
 
 
 @needs_dask

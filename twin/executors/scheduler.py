@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
+from functools import partial
 from importlib.metadata import version
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 from twin.errors import InputError, quoted
 from twin.files import extras
 
+T = TypeVar("T")
 _PACKAGE = "flexlink-twin"
 _ADDRESS = re.compile(r"(\w+://)?[^\s/]+:\d{1,5}")
 _CONNECTING = 10.0  # s until a scheduler that does not answer is given up
@@ -42,10 +44,50 @@ def scheduler(address: str) -> Iterator[Executor]:
         client = _connected(distributed, address)
         try:
             _check_workers(client, address)
-            # Each task is one of its own: its result is not that of an earlier one with equal arguments.
-            yield client.get_executor(pure=False)
+            yield _Workers(client)
         finally:
             client.close()
+
+
+class _Workers(Executor):
+    """The workers of a Dask client. Every task ends: as cancelled, where the scheduler ends before its result is here.
+
+    The executor of the client itself leaves a task without an end whose result is on its way just then.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, task: Callable[..., T], /, *given: Any, **named: Any) -> Future[T]:
+        ours: Future[T] = Future()
+        try:
+            # Each task is one of its own: its result is not that of an earlier one with equal arguments.
+            theirs = self._client.submit(partial(task, **named), *given, pure=False)
+        except Exception:
+            if self._client.status != "closed":
+                raise
+            ours.set_exception(CancelledError("the scheduler has ended"))
+            return ours
+        theirs.add_done_callback(partial(_pass_on, ours))
+        ours.add_done_callback(partial(_cancel, theirs))
+        return ours
+
+
+def _pass_on(ours: Future[T], theirs: Any) -> None:
+    """Gives a future the result, or the error, of one of Dask that has ended."""
+    if not ours.set_running_or_notify_cancel():
+        return
+    try:
+        ours.set_result(theirs.result())
+    except BaseException as error:
+        # What a task raises is its own error; all else is a result that is lost.
+        ours.set_exception(error if theirs.status == "error" else CancelledError(str(error)))
+
+
+def _cancel(theirs: Any, ours: Future[Any]) -> None:
+    """Ends a task of Dask that is not wanted any more."""
+    if ours.cancelled() and theirs.status != "cancelled":
+        theirs.cancel()
 
 
 def _silence() -> None:

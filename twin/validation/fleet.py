@@ -203,7 +203,11 @@ def _outcomes_elsewhere(job: Job, rigs: Sequence[DrawnRig], executor: Executor) 
         for chunk in running:
             yield from chunk.result()
     except Exception as error:
-        if not (lost_its_process(error) or lost_its_executor(error)):
+        if lost_its_executor(error):
+            raise InputError(
+                "what ran the rigs has ended; expected a scheduler that runs until they end"
+            ) from None
+        if not lost_its_process(error):
             raise
         raise InputError(
             f"{job.controller}: a process ended while it ran this controller; expected one that neither ends its "
