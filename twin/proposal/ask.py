@@ -117,7 +117,7 @@ def _with_gain(name: str, channel: ChannelProposal, ask: Ask) -> ChannelProposal
         if units.is_strain(name) and answer.unit and units.is_curvature(answer.unit):
             return answer.to("1/m"), "1/m", answer.uncertainty
         si = units.allowed(name)[0]
-        per = f"{si}/({raw})"
+        per = f"{si}/{raw}"
         target = per if answer.unit and units.convertible(answer.unit, per) else si
         return answer.to(target), channel.unit, answer.uncertainty
 
