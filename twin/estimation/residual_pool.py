@@ -21,6 +21,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from twin import effects
+from twin.executors.memory import return_large_arrays
 from twin.executors.processes import new_process
 from twin.mechanics.state import Start
 from twin.residuals.numerics import ROUNDING
@@ -56,6 +57,7 @@ class ResidualPool(ThreadPoolExecutor):
 
     def __init__(self, count: int) -> None:
         super().__init__(count)
+        return_large_arrays()
         self._seconds: WeakKeyDictionary[ResidualData, dict[int, float]] = WeakKeyDictionary()
         self._helpers = [_idle_or_new() for _ in range(count - 1)] if _may_have_helpers() else []
 

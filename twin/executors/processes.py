@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
+from twin.executors.memory import return_large_arrays
+
 T = TypeVar("T")
 MOST_PROCESSES = 1024
 """On one machine; the largest have some hundred processors."""
@@ -110,6 +112,7 @@ def _interrupts_ignored() -> Iterator[None]:
 
 def _start_process() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # one that replaces another is started from a thread
+    return_large_arrays()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

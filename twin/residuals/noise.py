@@ -146,29 +146,39 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
       Standard deviation without the ringing [N m], and the ringing where the hub slides, in multiples of that.
     """
     torque, time = torque[::STRIDE], signals.time[::STRIDE]
-    pulls = np.hstack([np.zeros((len(time), 0)), *(s.pull * s.coordinate(time) for s in modes)])
-    rough = _ringing_at_rows(pulls / np.std(torque))
+    rows, first = np.empty((2 * sum(len(mode.begin) for mode in modes), len(time))), 0
+    for mode in modes:
+        count = len(mode.begin)
+        for k in range(count):  # one at a time: of all, a long recording has no memory for a temporary array
+            rows[[first + k, first + count + k]] = mode.pull * mode.coordinate(time, slice(k, k + 1)).T
+        first += 2 * count
+    rough = _ringing_at_rows(rows / np.std(torque), np.ones(len(time)))
     even = float(np.std(rough.whitened(torque)))
-    return even, _ringing_at_rows(pulls * signals.sliding[::STRIDE, None] / even)
+    rows /= even
+    return even, _ringing_at_rows(rows, signals.sliding[::STRIDE])
 
 
 def link_ringing(
     signals: Signals, whitening: dict[str, np.ndarray], model: Model, modes: Sequence[RingingMode]
 ) -> dict[str, Ringing]:
     """Channel -> ringing of its residual behind its whitening filter, and any course in and behind a gap of the hub."""
-    parts = {channel: list[np.ndarray]() for channel in whitening}
     hats = _unseen(signals.settled).T
+    count = len(hats) + 2 * sum(len(mode.begin) for mode in modes)
+    rows = {channel: np.empty((count, len(signals.time[::STRIDE]))) for channel in whitening}
     for channel, gain in whitening.items():
-        parts[channel].append(_rows(hats * np.std(signals.measured[channel]), gain))
+        rows[channel][: len(hats)] = _rows(hats * np.std(signals.measured[channel]), gain)
+    first = len(hats)
     for mode in modes:
         readings = {channel: model.link_rows[channel] @ mode.shape[1:] for channel in whitening}
         for k in range(len(mode.begin)):  # one at a time stands at every instant of the grid
             coordinate = mode.coordinate(signals.time, slice(k, k + 1)).T
             for channel, gain in whitening.items():
-                parts[channel].append(_rows(readings[channel] * coordinate, gain))
+                rows[channel][first : first + 2] = _rows(readings[channel] * coordinate, gain)
+            first += 2
+    # A channel's rows go as soon as its directions are there: in long recordings they take more memory than all else.
     return {
-        channel: _ringing_at_rows(np.concatenate(rows).T * signals.known[channel][::STRIDE, None])
-        for channel, rows in parts.items()
+        channel: _ringing_at_rows(rows.pop(channel), signals.known[channel][::STRIDE])
+        for channel in whitening
     }
 
 
@@ -177,14 +187,19 @@ def _rows(values: np.ndarray, gain: np.ndarray) -> np.ndarray:
     return filtered(values, gain)[:, ::STRIDE]
 
 
-def _ringing_at_rows(columns: np.ndarray) -> Ringing:
-    """`ringing.from_columns` of columns at the rows of a residual (r x k), each of which stands for `STRIDE` instants.
+def _ringing_at_rows(rows: np.ndarray, known: np.ndarray) -> Ringing:
+    """`ringing.from_columns` of ringing at the rows of a residual (k x r), each of which stands for `STRIDE` instants.
 
     Noise within the band has ten times the variance of an instant in one direction: so ringing counts ten times more
     than the noise alone warrants. At the frequencies of the link the model itself is off, too: with the weight of the
     noise, a function of the strain became significant in a campaign of another engine that lacks nothing.
+
+    Args:
+      rows: the ringing, scaled in place.
+      known: whether there is a residual (r).
     """
-    return ringing.from_columns(np.sqrt(STRIDE) * columns)
+    rows *= np.sqrt(STRIDE) * known
+    return ringing.from_columns(rows.T)
 
 
 def _unseen(known: np.ndarray) -> np.ndarray:

@@ -122,4 +122,6 @@ def from_columns(columns: np.ndarray) -> Ringing:
     """The ringing whose covariance is the sum of the squares of columns (m x k), in units of the other noise."""
     variance, axes = np.linalg.eigh(columns.T @ columns)
     kept = variance > _MIN_VARIANCE
-    return Ringing(columns @ axes[:, kept] / np.sqrt(variance[kept]), 1 - 1 / np.sqrt(1 + variance[kept]))
+    directions = columns @ axes[:, kept]
+    directions /= np.sqrt(variance[kept])
+    return Ringing(directions, 1 - 1 / np.sqrt(1 + variance[kept]))
