@@ -51,7 +51,7 @@ CHANNELS = ("hub_angle", "strain_base", "strain_mid")
 RANGE = 3.0  # standard deviations that a parameter may move
 TOLERANCE = 5e-5  # relative reduction of the cost at which twin's minimisation stops
 THREADS = 2
-STEP, SEGMENTS = 2e-3, 4  # s; the fifth segment has a mode of 178 Hz
+STEP, SEGMENTS = 2e-3, 4  # s; five have a mode of 178 Hz, beyond 1/(pi STEP) = 159 Hz
 EFFECTS = {"nothing": {}, "viscous friction": {"viscous-friction": {"viscous": 0.003}}}
 
 

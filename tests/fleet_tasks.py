@@ -84,6 +84,18 @@ def noted(log: Path) -> list[tuple[str, int]]:
     return [(rig, int(process)) for rig, process in map(str.split, lines)]
 
 
+class SlowToSend:
+    """A result that takes longer to be sent than any test waits, and notes when that begins."""
+
+    def __init__(self, begun: Path) -> None:
+        self._begun = begun
+
+    def __reduce__(self):
+        self._begun.touch()
+        time.sleep(120)
+        return SlowToSend, (self._begun,)
+
+
 def itself(run: str, job: object, rigs: Sequence[object]) -> list[object]:
     """Returns rigs in the place of their outcomes."""
     return list(rigs)

@@ -14,7 +14,7 @@ from functools import partial
 import campaign_folder
 import pytest
 import resumable
-from fleet_tasks import case, itself, noted, refused, solved, solved_slowly
+from fleet_tasks import SlowToSend, case, itself, noted, refused, solved, solved_slowly
 from paths import ROOT
 
 from twin.errors import InputError
@@ -182,12 +182,13 @@ def test_a_result_on_its_way_from_a_scheduler_that_ends_is_lost(tmp_path):
         cluster.start(workers=1)
         with scheduler(cluster.address) as workers:
             assert workers.submit(len, "ab").result(60) == 2
-            large = workers.submit(bytes, 300_000_000)  # so long on its way that the end comes before it
-            time.sleep(0.4)
-            cluster.stop()
-            error = large.exception(60)
-            assert lost_its_executor(error)
+            sent = workers.submit(SlowToSend, tmp_path / "begun")
             deadline = time.monotonic() + 60
+            while not (tmp_path / "begun").exists():
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
+            cluster.stop()
+            assert lost_its_executor(sent.exception(60))
             while workers._client.status != "closed":
                 assert time.monotonic() < deadline
                 time.sleep(0.1)
