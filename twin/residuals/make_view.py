@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -54,9 +55,12 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     usual = float(np.std(signals.acceleration))
     gaps = resample.gaps_of(prepared.recording, "hub_angle")
     unknown = [(begin, usual * (end - begin)) for begin, end in gaps]
-    modes = ringing.ringing_modes(model, signals.time, signals.direction != 0, density, BAND, unknown)
-    noise["hub_torque"], torque_ringing = torque_noise(signals, modes, torque)
-    rings = {"hub_torque": torque_ringing, **link_ringing(signals, whitening, model, modes)}
+    modes = partial(
+        ringing.ringing_modes, model, signals.time, signals.direction != 0, density, BAND, unknown
+    )
+    noise["hub_torque"], torque_ringing = torque_noise(signals, modes(), torque)
+    on_link = link_ringing(signals, whitening, model, modes(decay_time=ringing.MIN_DECAY_TIME))
+    rings = {"hub_torque": torque_ringing, **on_link}
     stationary = NoiseModel(noise=noise, whitening=whitening, ringing=rings)
     scale, link_torque_noise = noise_scale(signals, stationary, prepared, model)
     motion, _ = move_link(signals, prepared, model, prepared.start)

@@ -20,7 +20,8 @@ import numpy as np
 from twin.rigs.model import Model
 
 MIN_DECAY_TIME = 1.0
-"""Time constant 1/(zeta omega) of the decay from which a mode is treated here, and not by a stationary filter [s]."""
+"""Time constant 1/(zeta omega) of the decay from which a mode of the strains is treated here, and not by a stationary
+filter [s]. The torque on the hub, unknown where it rests, has no such filter: all its modes are treated here."""
 _KICK_INTERVAL = 0.5  # s of noise that is represented by one impulse
 _MAX_KICKS = 100  # impulses in a recording
 _DETUNING = np.linspace(-0.05, 0.05, 5)
@@ -64,8 +65,9 @@ def ringing_modes(
     density: float,
     band: float,
     unknown: Sequence[tuple[float, float]] = (),
+    decay_time: float = 0.0,
 ) -> list[RingingMode]:
-    """The lightly damped clamped modes under noise of the hub angle, and all under what it did unseen.
+    """The clamped modes under noise of the hub angle, and under what it did unseen.
 
     A clamped mode q'' + 2 z w q' + w^2 q = -p a responds to the acceleration a of the hub and puts the torque -p w^2 q
     on it. Noise of the angle of spectral density S is noise of the acceleration of density w^4 S near the mode.
@@ -78,6 +80,7 @@ def ringing_modes(
       band: highest frequency of a mode [Hz].
       unknown: first instants of spans without a reading of the hub [s], and standard deviations of the change of rate
         that it may have had in each [rad/s].
+      decay_time: time constant of the decay from which a mode rings under the noise [s].
     """
     omega, shapes = model.chain.modes("clamped")
     ratios = model.chain.damping_ratios("clamped")
@@ -93,7 +96,7 @@ def ringing_modes(
         if w >= 2 * np.pi * band:
             continue
         impulses = [(gaps, p / w * change, np.full(len(gaps), w * (1 + d))) for d in _DETUNING]
-        if z * w * MIN_DECAY_TIME < 1:
+        if z * w * decay_time < 1:
             impulses.append((kicked[shares > 0], p * w * kick, np.full(len(kick), w)))
         begin, size, frequency = (np.concatenate(part) for part in zip(*impulses, strict=True))
         if len(begin):
