@@ -152,9 +152,11 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
         for k in range(count):  # one at a time: of all, a long recording has no memory for a temporary array
             rows[[first + k, first + count + k]] = mode.pull * mode.coordinate(time, slice(k, k + 1)).T
         first += 2 * count
-    rough = _ringing_at_rows(rows / np.std(torque), np.ones(len(time)))
-    even = float(np.std(rough.whitened(torque)))
-    rows /= even
+    # Scaled in place: of a long recording the rows take more memory than all else.
+    rough = float(np.sqrt(STRIDE) / np.std(torque))
+    rows *= rough
+    even = float(np.std(ringing.whitened_by(rows.T, torque)))
+    rows /= rough * even
     return even, _ringing_at_rows(rows, signals.sliding[::STRIDE])
 
 
