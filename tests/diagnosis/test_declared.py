@@ -49,6 +49,12 @@ def test_what_a_gauge_reads_of_a_mode_is_not_its_size():
     assert not told(revise.size_in_errors(fit("torsional-mode", values, errors), "torsional-mode"))
     clear = {**values, "inertia_share": 0.1}
     assert told(revise.size_in_errors(fit("torsional-mode", clear, errors), "torsional-mode"))
+    # The largest damping that a fit may give to a mode, which hardly oscillates then.
+    assert not told(
+        revise.size_in_errors(
+            fit("torsional-mode", {**clear, "damping_ratio": 0.4}, errors), "torsional-mode"
+        )
+    )
 
 
 def test_a_cable_is_told_by_stiffness_and_rest_angle_together():

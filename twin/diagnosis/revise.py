@@ -269,9 +269,10 @@ def _fit_of(state: SearchState, names: Sequence[str]) -> Fit:
 def size_in_errors(best: Fit, name: str) -> float:
     """Distance of an effect from neutral in standard errors, the largest of its parameters that vanish at neutral.
 
-    0 if one of these is at the end of its range: then its size is that of the range. What a sensor reads of an effect
-    on the rig is not its size. Of an effect that is linear in some coefficients, their joint distance counts: that of
-    each alone is small where the standard error of the other makes it so, as of a cable and its rest angle.
+    0 if any of its parameters is at the end of its range: then the law is not that of the effect, as of a mode that
+    hardly oscillates, or its size is that of the range. What a sensor reads of an effect on the rig is not its size. Of
+    an effect that is linear in some coefficients, their joint distance counts: that of each alone is small where the
+    standard error of the other makes it so, as of a cable and its rest angle.
     """
     effect = REGISTRY[name]
     neutral = effect.neutral(best.model.declared)
@@ -280,11 +281,10 @@ def size_in_errors(best: Fit, name: str) -> float:
     own = {p.name for p in moving if p.channel is None} or set(at_neutral)
     sizes = [SIGNIFICANT] if not at_neutral else []
     for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True):
-        if u.effect == name and u.name in at_neutral:
-            if is_at_end(u, value):
-                return 0.0
-            if u.name in own:
-                sizes.append(abs(value - at_neutral[u.name]) / error if error > 0 else 0.0)
+        if u.effect == name and is_at_end(u, value):
+            return 0.0
+        if u.effect == name and u.name in own:
+            sizes.append(abs(value - at_neutral[u.name]) / error if error > 0 else 0.0)
     return max(*sizes, _joint_size(best, name), 0.0)
 
 
