@@ -22,6 +22,7 @@ from twin.residuals.noise import (
     propagated_noise,
     sensor_noise,
     torque_noise,
+    torque_ringing,
     whitening_filters,
 )
 from twin.residuals.prepared import Prepared
@@ -55,12 +56,16 @@ def make_view(prepared: Prepared, model: Model, bands: Sequence[float] = MOTION_
     usual = float(np.std(signals.acceleration))
     gaps = resample.gaps_of(prepared.recording, "hub_angle")
     unknown = [(begin, usual * (end - begin)) for begin, end in gaps]
-    modes = partial(
+    modes_of = partial(
         ringing.ringing_modes, model, signals.time, signals.direction != 0, density, BAND, unknown
     )
-    noise["hub_torque"], torque_ringing = torque_noise(signals, modes(), torque)
-    on_link = link_ringing(signals, whitening, model, modes(decay_time=ringing.MIN_DECAY_TIME))
-    rings = {"hub_torque": torque_ringing, **on_link}
+    lightly_damped = modes_of(decay_time=ringing.MIN_DECAY_TIME)
+    # Modes that ring for less count twice, in the noise besides: away from them the model's own error is as large.
+    noise["hub_torque"] = torque_noise(signals, lightly_damped, torque)
+    rings = {
+        "hub_torque": torque_ringing(signals, modes_of(), noise["hub_torque"]),
+        **link_ringing(signals, whitening, model, lightly_damped),
+    }
     stationary = NoiseModel(noise=noise, whitening=whitening, ringing=rings)
     scale, link_torque_noise = noise_scale(signals, stationary, prepared, model)
     motion, _ = move_link(signals, prepared, model, prepared.start)

@@ -134,30 +134,37 @@ def _local_scale(squares: np.ndarray, known: np.ndarray, moving: np.ndarray) -> 
     return np.sqrt(1 + np.maximum(local - usual, 0.0))
 
 
-def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndarray) -> tuple[float, Ringing]:
-    """Noise of the torque on the hub, split in two.
+def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndarray) -> float:
+    """Standard deviation of the noise of the torque on the hub without the ringing of some modes [N m].
 
     Args:
       signals: the recording.
       modes: that ring.
       torque: realisation of the noise (m) [N m].
-
-    Returns:
-      Standard deviation without the ringing [N m], and the ringing where the hub slides, in multiples of that.
     """
-    torque, time = torque[::STRIDE], signals.time[::STRIDE]
+    torque = torque[::STRIDE]
+    rows = _torque_rows(signals, modes)
+    rows *= np.sqrt(STRIDE) / np.std(torque)
+    return float(np.std(ringing.whitened_by(rows.T, torque)))
+
+
+def torque_ringing(signals: Signals, modes: Sequence[RingingMode], noise: float) -> Ringing:
+    """Ringing of the torque on the hub where it slides, in multiples of its other noise [N m]."""
+    rows = _torque_rows(signals, modes)
+    rows /= noise
+    return _ringing_at_rows(rows, signals.sliding[::STRIDE])
+
+
+def _torque_rows(signals: Signals, modes: Sequence[RingingMode]) -> np.ndarray:
+    """Ringing of the torque at the rows of its residual (k x r) [N m]."""
+    time = signals.time[::STRIDE]
     rows, first = np.empty((2 * sum(len(mode.begin) for mode in modes), len(time))), 0
     for mode in modes:
         count = len(mode.begin)
         for k in range(count):  # one at a time: of all, a long recording has no memory for a temporary array
             rows[[first + k, first + count + k]] = mode.pull * mode.coordinate(time, slice(k, k + 1)).T
         first += 2 * count
-    # Scaled in place: of a long recording the rows take more memory than all else.
-    rough = float(np.sqrt(STRIDE) / np.std(torque))
-    rows *= rough
-    even = float(np.std(ringing.whitened_by(rows.T, torque)))
-    rows /= rough * even
-    return even, _ringing_at_rows(rows, signals.sliding[::STRIDE])
+    return rows
 
 
 def link_ringing(
