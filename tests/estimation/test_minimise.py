@@ -7,6 +7,7 @@ import pytest
 
 from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
+from twin.estimation.slopes import difference_jacobian
 from twin.estimation.unknowns import Unknown
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
@@ -60,3 +61,27 @@ def test_what_may_still_come_to_its_goal_goes_on_to_the_end():
 def test_what_will_not_come_to_its_goal_is_given_up():
     _, told = fitted(-1e6)
     assert len(told) == 1
+
+
+class Rounded(Curved):
+    """The same residual, in which the initial angle of the hub shows by rounding alone."""
+
+    def residual(self, model, i, start):
+        found = super().residual(model, i, start)
+        return {"strain_base": found["strain_base"] + 1e-12 * np.sin(1e3 * start.hub_angle)}
+
+
+def test_what_shows_by_rounding_alone_has_no_slope():
+    rig = preset("bossi2009")
+    model, start = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3), Start()
+    unknowns = [
+        Unknown("rig", "bending_stiffness", rig["bending_stiffness"], 0.01, True, (1e-3, 1.0)),
+        Unknown("start", "hub_angle", 0.0, 1e-3, False, (-10.0, 10.0), recording=0),
+    ]
+    x = np.array([u.start for u in unknowns])
+    with ResidualPool(1) as pool:
+        bench = Workbench(Rounded(), pool)
+        (r,) = bench.residuals([(model, (start,), None)])
+        J, _ = difference_jacobian(bench, model, (start,), unknowns, x, r, np.array([1e-3, 1e-3]), {})
+    assert np.all(J[:, 0] != 0)
+    assert not J[:, 1].any()

@@ -176,8 +176,10 @@ def difference_jacobian(
         for group in bench.groups:
             if only is not None and group.recording != only:
                 change[group.rows] = 0.0
-        J[:, j] = change / h
         visible = np.sqrt(np.mean(change**2))
+        if visible < ROUNDING:
+            continue  # no influence, as of the first angle of a hub that drives the link
+        J[:, j] = change / h
         limit = unknowns[j].scale if unknowns[j].prior else 1e3 * abs(h)
-        steps[j] = min(abs(h) * np.clip(_TARGET_CHANGE / max(visible, ROUNDING), 1e-2, 1e2), limit)
+        steps[j] = min(abs(h) * np.clip(_TARGET_CHANGE / visible, 1e-2, 1e2), limit)
     return J, steps
