@@ -115,13 +115,3 @@ def test_any_course_within_a_gap_counts_for_nothing():
     bump = 10 * np.exp(-(((time - 0.96) / 0.02) ** 2))
     assert np.std(rings.whitened(bump)) < 0.1 * np.std(bump)
     assert noise._unseen(np.ones(len(time), dtype=bool)).shape == (len(time), 0)
-
-
-def test_one_residual_is_whitened_without_the_directions():
-    random = np.random.default_rng(0)
-    columns, residual = (
-        random.standard_normal((300, 20)) * np.geomspace(1e-3, 3, 20),
-        random.standard_normal(300),
-    )
-    expected = ringing.from_columns(columns).whitened(residual)
-    np.testing.assert_allclose(ringing.whitened_by(columns, residual), expected, atol=1e-12)

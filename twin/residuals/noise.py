@@ -144,8 +144,8 @@ def torque_noise(signals: Signals, modes: Sequence[RingingMode], torque: np.ndar
     """
     torque = torque[::STRIDE]
     rows = _torque_rows(signals, modes)
-    rows *= np.sqrt(STRIDE) / np.std(torque)
-    return float(np.std(ringing.whitened_by(rows.T, torque)))
+    rows /= np.std(torque)
+    return float(np.std(_ringing_at_rows(rows, np.ones(len(torque))).whitened(torque)))
 
 
 def torque_ringing(signals: Signals, modes: Sequence[RingingMode], noise: float) -> Ringing:

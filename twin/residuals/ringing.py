@@ -123,20 +123,8 @@ class Ringing:
 
 def from_columns(columns: np.ndarray) -> Ringing:
     """The ringing whose covariance is the sum of the squares of columns (m x k), in units of the other noise."""
-    variance, axes, shares = _spanned(columns)
-    directions = columns @ axes
-    directions /= np.sqrt(variance)
-    return Ringing(directions, shares)
-
-
-def whitened_by(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """`from_columns(columns).whitened` of a residual (m), without an array of the directions."""
-    variance, axes, shares = _spanned(columns)
-    return residual - columns @ (axes @ (shares / variance * (axes.T @ (columns.T @ residual))))
-
-
-def _spanned(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Variances (d) of the directions that columns (m x k) span, these in the columns (k x d), and `Ringing.shares`."""
     variance, axes = np.linalg.eigh(columns.T @ columns)
     kept = variance > _MIN_VARIANCE
-    return variance[kept], axes[:, kept], 1 - 1 / np.sqrt(1 + variance[kept])
+    directions = columns @ axes[:, kept]
+    directions /= np.sqrt(variance[kept])
+    return Ringing(directions, 1 - 1 / np.sqrt(1 + variance[kept]))
