@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin.estimation.minimise import minimise
+from twin.estimation.minimise import minimise, with_own_jacobian
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import difference_jacobian
 from twin.estimation.unknowns import Unknown
@@ -85,3 +85,62 @@ def test_what_shows_by_rounding_alone_has_no_slope():
         J, _ = difference_jacobian(bench, model, (start,), unknowns, x, r, np.array([1e-3, 1e-3]), {})
     assert np.all(J[:, 0] != 0)
     assert not J[:, 1].any()
+
+
+class Ratio(Curved):
+    """A residual that tells stiffness over density to 3 parts in a million, and nothing of their common factor."""
+
+    def residual(self, model, i, start):
+        declared = preset("bossi2009")
+        stiffness, density = (
+            np.log(model.rig[n] / declared[n]) for n in ("bending_stiffness", "linear_density")
+        )
+        return {"strain_base": 3e4 * np.expm1(stiffness - density) * np.ones(ROWS)}
+
+
+def along_the_valley(highest_density):
+    """The fit of stiffness (declared to 2 %) and density (to 1 %), begun with both 6 % too high."""
+    rig = preset("bossi2009")
+    model = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3)
+    stiffness, density = rig["bending_stiffness"], rig["linear_density"]
+    unknowns = (
+        Unknown(
+            "rig", "bending_stiffness", stiffness, 0.02 * stiffness, True, (0.1 * stiffness, 10 * stiffness)
+        ),
+        Unknown(
+            "rig", "linear_density", density, 0.01 * density, True, (0.1 * density, highest_density * density)
+        ),
+    )
+    x = np.array([1.06 * stiffness, 1.06 * density])
+    with ResidualPool(1) as pool:
+        bench = Workbench(Ratio(), pool)
+        found = minimise(bench, model, (Start(),), unknowns, x)
+        return found.values / (stiffness, density), with_own_jacobian(bench, found)
+
+
+def test_priors_decide_where_the_data_leave_a_direction_to_them():
+    found, _ = along_the_valley(10.0)
+    assert found == pytest.approx([1.0, 1.0], abs=1e-4)
+
+
+def test_a_bound_stops_one_unknown_and_not_the_others():
+    found, _ = along_the_valley(0.99)
+    assert found == pytest.approx([0.99, 0.99], abs=1e-4)
+
+
+def test_errors_along_such_a_direction_are_those_of_the_priors():
+    _, own = along_the_valley(10.0)
+    both = (1 / 0.02**2 + 1 / 0.01**2) ** -0.5
+    assert own.errors / own.values == pytest.approx([both, both], rel=0.01)
+
+
+def test_what_shows_by_rounding_alone_stays_where_it_is():
+    rig = preset("bossi2009")
+    model = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3)
+    unknowns = (
+        Unknown("rig", "bending_stiffness", 0.25, 1e-3, False, (0.01, 1.0)),
+        Unknown("start", "hub_angle", 0.0, 1e-3, False, (-np.inf, np.inf), recording=0),
+    )
+    with ResidualPool(1) as pool:
+        found = minimise(Workbench(Rounded(), pool), model, (Start(),), unknowns, iterations=12)
+    assert found.values == pytest.approx([TRUE, 0.0], rel=1e-3)

@@ -334,7 +334,7 @@ def _point_off_neutral(bench: Workbench, base: Fit, name: str, slopes: Slopes) -
     """
     effect = REGISTRY[name]
     if slopes.coefficients.size:
-        _, amounts = linear_move(bench, base, slopes.columns, slopes.replaces)
+        _, amounts, _ = linear_move(bench, base, slopes.columns, slopes.replaces)
         values = effect.from_linear_coefficients(amounts @ slopes.coefficients)
         if values is not None:
             values = {p.name: float(np.clip(values[p.name], *p.bounds)) for p in effect.parameters}

@@ -15,7 +15,7 @@ from twin.diagnosis.rules import Trial
 from twin.estimation import chain_limit
 from twin.estimation.calibrate import with_noise_of
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import FAR_ITERATIONS, minimise
+from twin.estimation.minimise import FAR_ITERATIONS, minimise, with_own_jacobian
 from twin.estimation.static_friction import with_static_levels
 from twin.estimation.workbench import FreeData, Workbench
 from twin.progress import Progress, silent
@@ -196,12 +196,14 @@ def refit_with_own_noise(bench: Workbench, base: Fit, fit: Fit) -> tuple[Workben
 
     Noise of the hub angle excites the modelled link at its resonances, so the noise of the residuals depends on them.
     """
-    if not isinstance(bench.data, DrivenData) or not _has_other_resonances(fit.model, base.model):
+    if not isinstance(bench.data, DrivenData):
         return bench, fit
-    bench = chain_limit.with_limit(
-        with_noise_of(bench, fit.model), fit.model, fit.starts, chain_limit.STANDARD
-    )
-    return bench, minimise(bench, fit.model, fit.starts, fit.unknowns, fit.values)
+    if _has_other_resonances(fit.model, base.model):
+        bench = chain_limit.with_limit(
+            with_noise_of(bench, fit.model), fit.model, fit.starts, chain_limit.STANDARD
+        )
+        fit = minimise(bench, fit.model, fit.starts, fit.unknowns, fit.values)
+    return bench, with_own_jacobian(bench, fit)
 
 
 def _has_other_resonances(model: Model, before: Model) -> bool:

@@ -19,7 +19,7 @@ from twin.campaigns.readings import estimate_noise, longest_valid_stretch
 from twin.errors import InputError
 from twin.estimation import chain_limit, first_state
 from twin.estimation.fit import Fit
-from twin.estimation.minimise import FAR_ITERATIONS, minimise
+from twin.estimation.minimise import FAR_ITERATIONS, minimise, with_own_jacobian
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.slopes import cost_of, costs_at, difference_jacobian, first_steps
 from twin.estimation.unknowns import (
@@ -324,7 +324,8 @@ def _final_calibration(bench: Workbench, model: Model, rough: Fit) -> tuple[Work
     """Data whose noise and chain correction are those of a roughly calibrated model, and the fit to them."""
     bench = with_noise_of(bench, rough.model)
     bench = chain_limit.with_limit(bench, rough.model, rough.starts, chain_limit.STANDARD)
-    return bench, minimise(bench, model, rough.starts, rough.unknowns, rough.values, iterations=3)
+    fit = minimise(bench, model, rough.starts, rough.unknowns, rough.values, iterations=3)
+    return bench, with_own_jacobian(bench, fit)
 
 
 def with_noise_of(bench: Workbench, model: Model) -> Workbench:

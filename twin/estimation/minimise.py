@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import cost_of, difference_jacobian, first_steps, normal_equations_at
+from twin.estimation.slopes import (
+    bounded_step,
+    cost_of,
+    difference_jacobian,
+    first_steps,
+    normal_equations_at,
+    steps_from,
+)
 from twin.estimation.unknowns import Key, Unknown, model_and_starts_at
 from twin.estimation.workbench import Workbench
 from twin.mechanics.state import Start
@@ -39,6 +46,9 @@ def minimise(
     first_jacobian: np.ndarray | None = None,
 ) -> Fit:
     """Minimises the cost of `slopes` by Levenberg-Marquardt steps, blocks reweighted by their size at each step.
+
+    A damped step hardly moves along a direction that the data leave to the priors, as the common factor of all masses
+    and stiffnesses is without a sensor of the torque. So a fit ends where an undamped step promises no gain either.
 
     A Jacobian by differences takes one simulation per unknown. After it, steps are taken with the Jacobian that
     Broyden's update corrects, one simulation each, as long as they reduce the cost. Where the Jacobian has predicted
@@ -84,9 +94,11 @@ def minimise(
                 predicted = at.residual + bench.weight * (J @ (better.x - at.x))
                 mistaken = abs(cost_of(bench, unknowns, better.x, predicted) - better.cost)
                 J = _broyden_update(J, better.x - at.x, better.residual - at.residual, steps)
-            at = better
+            failed, at = better is at, better
             if gained < enough:
-                break
+                if failed or _promised_gain(bench, unknowns, at, J) < enough:
+                    break
+                at = replace(at, damping=0.0)
         report(f"iteration {iteration + 1}: cost {at.cost:.1f}")
         if (given is None and before - at.cost < enough) or (gained < enough and mistaken < enough):
             break
@@ -97,6 +109,18 @@ def minimise(
     fitted, states = model_and_starts_at(model, starts, unknowns, x)
     information, _ = normal_equations_at(bench, unknowns, x, r, J)
     return Fit(fitted, states, unknowns, x, np.linalg.pinv(information, hermitian=True), r, size, cost, J)
+
+
+def with_own_jacobian(bench: Workbench, fit: Fit) -> Fit:
+    """The fit with its Jacobian by differences there, in place of one that Broyden's updates corrected on the way.
+
+    An update is right along its step, and may be wrong by per cents elsewhere. This hides a direction along which the
+    columns cancel, and effects that are added to the fit inherit its columns.
+    """
+    at, steps = (bench, fit.model, fit.starts, fit.unknowns), steps_from(fit.unknowns, fit.jacobian)
+    J, _ = difference_jacobian(*at, fit.values, fit.residual, steps, {})
+    information, _ = normal_equations_at(bench, fit.unknowns, fit.values, fit.residual, J)
+    return replace(fit, jacobian=J, covariance=np.linalg.pinv(information, hermitian=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +155,13 @@ def _best_trial(
     return at
 
 
+def _promised_gain(bench: Workbench, unknowns: Sequence[Unknown], at: _Point, J: np.ndarray) -> float:
+    """Reduction of the cost that an undamped step promises: a bound of what linear theory still has to gain."""
+    step = _damped_step(unknowns, at.x, *normal_equations_at(bench, unknowns, at.x, at.residual, J), 0.0)
+    predicted = at.residual + bench.weight * (J @ (step - at.x))
+    return at.cost - cost_of(bench, unknowns, step, predicted)
+
+
 def _broyden_update(J: np.ndarray, moved: np.ndarray, change: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """The Jacobian (n x p) nearest to J that reproduces a measured change of the residual (C. G. Broyden, 1965).
 
@@ -156,17 +187,6 @@ def _damped_step(
       normal, gradient: information (p x p) and gradient (p) there.
       damping: share of the diagonal that is added to it [1].
     """
-    ridge = damping * np.diag(normal) + 1e-12 * np.trace(normal) / len(x)
     low, high = np.array([u.bounds for u in unknowns]).T
-    free = np.ones(len(x), dtype=bool)
-    # Active set: unknowns on a bound that the step would cross are held there, and the others solved for again.
-    for _ in range(len(x)):
-        move = np.zeros(len(x))
-        system = normal[np.ix_(free, free)] + np.diag(ridge[free])
-        move[free] = -np.linalg.lstsq(system, gradient[free], rcond=None)[0]
-        beyond = free & ((x + move < low) | (x + move > high))
-        at_edge = beyond & ((x <= low) | (x >= high))
-        if not at_edge.any():
-            break
-        free &= ~at_edge
-    return np.clip(x + move, low, high)
+    step = bounded_step(normal + damping * np.diag(np.diag(normal)), gradient, low - x, high - x)
+    return np.clip(x + step, low, high)

@@ -21,8 +21,9 @@ from twin.mechanics.state import Start
 from twin.residuals.numerics import ROUNDING
 from twin.rigs.model import Model
 
-_TARGET_CHANGE = 0.5
-"""Root-mean-square change of the residual, in multiples of the noise, that a finite difference aims at."""
+_TARGET_CHANGE = 0.01
+"""Root-mean-square change of the residual, in multiples of the noise, that a finite difference aims at: of ten thousand
+readings a change by one standard error, so that the curvature within it is no more than the noise."""
 
 
 def costs_at(
@@ -47,10 +48,20 @@ def first_steps(unknowns: Sequence[Unknown]) -> np.ndarray:
     return np.array([0.1 * u.scale if u.prior else u.scale for u in unknowns])
 
 
+def steps_from(unknowns: Sequence[Unknown], J: np.ndarray) -> np.ndarray:
+    """Steps (p) that change the residual by `_TARGET_CHANGE` where its Jacobian is J (n x p)."""
+    slopes = np.sqrt(np.mean(J**2, axis=0))
+    return np.minimum(_TARGET_CHANGE / np.maximum(slopes, np.finfo(float).tiny), first_steps(unknowns))
+
+
 def cost_of(bench: Workbench, unknowns: Sequence[Unknown], x: np.ndarray, r: np.ndarray) -> float:
     """Cost of values x (p) whose residual is r (n): loss of the blocks plus priors."""
-    prior = sum(0.5 * ((v - u.start) / u.scale) ** 2 for u, v in zip(unknowns, x, strict=True) if u.prior)
-    return float(bench.cost(r) + prior)
+    return float(bench.cost(r) + prior_cost(unknowns, x))
+
+
+def prior_cost(unknowns: Sequence[Unknown], x: np.ndarray) -> float:
+    """Part of the cost of values x (p) that is due to their priors."""
+    return sum(0.5 * ((v - u.start) / u.scale) ** 2 for u, v in zip(unknowns, x, strict=True) if u.prior)
 
 
 def row_weights(bench: Workbench, r: np.ndarray) -> np.ndarray:
@@ -82,18 +93,31 @@ def normal_equations(bench: Workbench, base: Fit) -> tuple[np.ndarray, np.ndarra
 
 
 def linear_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()) -> float:
-    """Reduction of the cost that `linear_move` predicts, priors apart: a score test of additional unknowns.
+    """Reduction of the cost that `linear_move` predicts: a score test of additional unknowns.
 
     The predicted residual is put into the blocks' losses: down to the noise, a block of n independent samples gains n
     times the logarithm of the ratio of its sizes before and after.
     """
-    change, _ = linear_move(bench, base, columns, replaced)
-    return bench.cost(base.residual) - bench.cost(base.residual + change)
+    change, _, moved = linear_move(bench, base, columns, replaced)
+    away, prior = _away(base), prior_precision(base.unknowns)
+    left = np.where(_kept(base, replaced), away + moved, 0.0)
+    priors = 0.5 * float(prior @ (away**2 - left**2))
+    return bench.cost(base.residual) - bench.cost(base.residual + change) + priors
+
+
+def _away(base: Fit) -> np.ndarray:
+    """Distance (p) of each unknown of a fit from the mean of its prior."""
+    return base.values - np.array([u.start for u in base.unknowns])
+
+
+def _kept(base: Fit, replaced: Sequence[str]) -> np.ndarray:
+    """Which unknowns (p) of a fit remain beside an effect that replaces these declared parameters."""
+    return np.array([u.kind != "rig" or u.name not in replaced for u in base.unknowns], dtype=bool)
 
 
 def linear_move(
     bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequence[str] = ()
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One Gauss-Newton step of a fit with additional unknowns, the fit's own unknowns free within their bounds.
 
     Args:
@@ -103,20 +127,22 @@ def linear_move(
       replaced: declared parameters that are no longer unknowns beside them.
 
     Returns:
-      The predicted change of the residual (n), and the step of the additional unknowns (k).
+      The predicted change of the residual (n), the step of the additional unknowns (k), and that of the fit's own (p),
+      0 for those that are replaced.
     """
-    weights = row_weights(bench, base.residual)
-    kept = np.array([u.kind != "rig" or u.name not in replaced for u in base.unknowns])
+    weights, kept = row_weights(bench, base.residual), _kept(base, replaced)
     prior = prior_precision(base.unknowns)[kept]
-    away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])[kept]
     J = np.hstack([base.jacobian[:, kept], columns])
     normal = J.T @ (weights[:, None] * J) + np.diag(np.r_[prior, np.zeros(columns.shape[1])])
-    gradient = J.T @ (weights * base.residual) + np.r_[prior * away, np.zeros(columns.shape[1])]
+    gradient = J.T @ (weights * base.residual)
+    gradient[: len(prior)] += prior * _away(base)[kept]
     low, high = np.array([u.bounds for u in base.unknowns])[kept].T
     here = base.values[kept]
     beyond = np.full(columns.shape[1], np.inf)
     step = bounded_step(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
-    return J @ step * bench.weight, step[len(here) :]
+    own = np.zeros(len(base.values))
+    own[kept] = step[: len(here)]
+    return J @ step * bench.weight, step[len(here) :], own
 
 
 def root_diagonal(normal: np.ndarray) -> np.ndarray:
@@ -125,13 +151,20 @@ def root_diagonal(normal: np.ndarray) -> np.ndarray:
 
 
 def bounded_step(normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The step m (p) that minimises gradient' m + m' normal m / 2 within low <= m <= high, each (p)."""
-    scale = root_diagonal(normal)
-    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    """The step m (p) that minimises gradient' m + m' normal m / 2 within low <= m <= high, each (p).
+
+    It is 0 for an unknown of which there is no information.
+    """
+    step, told = np.zeros(len(gradient)), np.diag(normal) > 0
+    if not told.any():
+        return step
+    scale = root_diagonal(normal)[told]
+    values, vectors = np.linalg.eigh(normal[np.ix_(told, told)] / np.outer(scale, scale))
     root = np.sqrt(np.maximum(values, 1e-10 * values.max()))
-    system, right = (vectors * root).T, -(vectors / root).T @ (gradient / scale)
-    bounds = (np.minimum(low * scale, -ROUNDING), np.maximum(high * scale, ROUNDING))
-    return lsq_linear(system, right, bounds).x / scale
+    system, right = (vectors * root).T, -(vectors / root).T @ (gradient[told] / scale)
+    bounds = (np.minimum(low[told] * scale, -ROUNDING), np.maximum(high[told] * scale, ROUNDING))
+    step[told] = lsq_linear(system, right, bounds).x / scale
+    return step
 
 
 def difference_jacobian(
