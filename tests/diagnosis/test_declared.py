@@ -4,9 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rig_campaigns import planned
 
-from twin.diagnosis import revise
+from twin.diagnosis import declarations, revise, rules
+from twin.diagnosis.diagnose import search
 from twin.diagnosis.rules import CONTRADICTED, SIZE_DETERMINED, Declaration, Standing
+from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import Unknown, effect_unknowns
 
 
@@ -73,7 +76,7 @@ def contradicted(gain, declared, error=1e-3):
     best = SimpleNamespace(unknowns=(u,), values=np.array([min(gain, bound)]), model=model)
     values = {"gain_base": gain, "gain_mid": 1.2}
     fitted = fit("strain-gain", values, dict.fromkeys(values, error))
-    return revise._channel_deviations(best, SimpleNamespace(name="strain-gain", fit=fitted))
+    return declarations._channel_deviations(best, SimpleNamespace(name="strain-gain", fit=fitted))
 
 
 def test_a_gain_is_measured_in_the_deviations_that_are_declared():
@@ -87,7 +90,24 @@ def test_a_gain_is_measured_in_the_deviations_that_are_declared():
 def test_only_effects_that_are_an_error_of_an_uncertain_channel_are_tested():
     u = Unknown("gain", "strain_base", 1.0, 0.02, True, (0.94, 1.06))
     best = SimpleNamespace(unknowns=(u,), values=np.array([1.05]), model=SimpleNamespace(effects={}))
-    assert revise._channel_parameters(best, "strain-gain") == {"gain_base"}
-    assert revise._channel_parameters(best, "hub-sensor-gain") == set()
+    assert declarations._channel_parameters(best, "strain-gain") == {"gain_base"}
+    assert declarations._channel_parameters(best, "hub-sensor-gain") == set()
     best.model.effects = {"strain-gain": {}}
-    assert revise._channel_parameters(best, "strain-gain") == set()
+    assert declarations._channel_parameters(best, "strain-gain") == set()
+
+
+def test_a_gain_that_no_channel_measures_shows_in_all_that_is_declared_of_the_rig(rig_campaign):
+    # All masses, stiffnesses and frictions seem 3 % smaller: three standard deviations of the payload and of the link.
+    files = rig_campaign(
+        {"torque-gain": {"gain": 1.03}},
+        3,
+        experiments=planned(3, "torque-sweep", "random-steps"),
+        motor_torque=False,
+    )
+    with ResidualPool(1) as pool:
+        found = search(files.read(), pool)
+    (adopted,) = found.adopted
+    assert adopted.name == "torque-gain"
+    assert adopted.fit.model.effects["torque-gain"]["gain"] == pytest.approx(1.03, abs=0.015)
+    # A payload alone that is 3 % lighter is nearly as likely.
+    assert "payload-mass" in rules.alternatives([r.ranked for r in found.adopting])[0]

@@ -15,6 +15,7 @@ from twin.campaigns.campaign import Campaign
 from twin.diagnosis import (
     candidates,
     contest,
+    declarations,
     dependence,
     fit_patch,
     link_functions,
@@ -176,7 +177,7 @@ def _final_state(
         return with_unnamed(with_errors(fewer, fewer.bench), fewer.bench, false_alarm_rate)
     state = with_unnamed(with_whole_orders(state, sound), sound, false_alarm_rate)
     if len(state.adopted) < MOST_EFFECTS:
-        more = revise.with_contradicted_declaration(state, false_alarm_rate)
+        more = declarations.with_contradicted_declaration(state, false_alarm_rate)
         if more is not None:
             return with_unnamed(with_errors(more, more.bench), more.bench, false_alarm_rate)
     named = revise.replace_function_by_effect(state)

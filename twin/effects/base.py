@@ -212,6 +212,7 @@ class Effect:
         effect.
       channel_errors: parameter -> errors of channels that it is, each ("gain" or "delay", channel). Where a campaign
         declares how uncertain these are, they are fitted; the effect replaces them, as a declared parameter.
+      measured_by: the channel without which nothing tells its size but the declared values of other parameters.
       smooth_at_neutral: whether the score test holds: its derivative at neutral tells the gain of the effect's size.
       search_multiples: multiples of the smallest visible size at which a search evaluates the effect before a fit.
     """
@@ -232,6 +233,7 @@ class Effect:
     wave: Wave | None = None
     hidden_by: Mapping[str, float] = MappingProxyType({})
     channel_errors: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType({})
+    measured_by: str | None = None
     smooth_at_neutral = True
     search_multiples: tuple[float, ...] = (1.0, 20.0, 300.0)
 

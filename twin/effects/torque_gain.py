@@ -30,6 +30,7 @@ class TorqueGain(Effect):
     )
     undefined_at_neutral = ("behind_sensor",)
     channel_errors = {"gain": (("gain", "torque_command"),)}
+    measured_by = "motor_torque"
 
     def starts(self, rig):
         return tuple({"gain": 1.01, "behind_sensor": choice} for choice in (0.0, 1.0))
