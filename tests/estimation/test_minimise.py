@@ -35,10 +35,14 @@ class Curved:
         return {"strain_base": 60.0 * np.tanh(off) * np.ones(ROWS)}
 
 
+def declared_model():
+    rig = preset("bossi2009")
+    return Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3)
+
+
 def fitted(goal):
     """The fit, and the costs of its iterations."""
-    rig = preset("bossi2009")
-    model, told = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3), []
+    model, told = declared_model(), []
     unknown = Unknown("rig", "bending_stiffness", 0.25, 1e-3, False, (0.01, 1.0))
     with ResidualPool(1) as pool:
         bench = Workbench(Curved(), pool)
@@ -72,8 +76,8 @@ class Rounded(Curved):
 
 
 def test_what_shows_by_rounding_alone_has_no_slope():
-    rig = preset("bossi2009")
-    model, start = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3), Start()
+    model, start = declared_model(), Start()
+    rig = model.declared
     unknowns = [
         Unknown("rig", "bending_stiffness", rig["bending_stiffness"], 0.01, True, (1e-3, 1.0)),
         Unknown("start", "hub_angle", 0.0, 1e-3, False, (-10.0, 10.0), recording=0),
@@ -100,9 +104,8 @@ class Ratio(Curved):
 
 def along_the_valley(highest_density):
     """The fit of stiffness (declared to 2 %) and density (to 1 %), begun with both 6 % too high."""
-    rig = preset("bossi2009")
-    model = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3)
-    stiffness, density = rig["bending_stiffness"], rig["linear_density"]
+    model = declared_model()
+    stiffness, density = (model.declared[n] for n in ("bending_stiffness", "linear_density"))
     unknowns = (
         Unknown(
             "rig", "bending_stiffness", stiffness, 0.02 * stiffness, True, (0.1 * stiffness, 10 * stiffness)
@@ -135,12 +138,10 @@ def test_errors_along_such_a_direction_are_those_of_the_priors():
 
 
 def test_what_shows_by_rounding_alone_stays_where_it_is():
-    rig = preset("bossi2009")
-    model = Model(rig, {}, chain.fit_shape(rig, 3), {}, 1e-3)
     unknowns = (
         Unknown("rig", "bending_stiffness", 0.25, 1e-3, False, (0.01, 1.0)),
         Unknown("start", "hub_angle", 0.0, 1e-3, False, (-np.inf, np.inf), recording=0),
     )
     with ResidualPool(1) as pool:
-        found = minimise(Workbench(Rounded(), pool), model, (Start(),), unknowns, iterations=12)
+        found = minimise(Workbench(Rounded(), pool), declared_model(), (Start(),), unknowns, iterations=12)
     assert found.values == pytest.approx([TRUE, 0.0], rel=1e-3)

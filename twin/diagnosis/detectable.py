@@ -8,7 +8,7 @@ gains less than the score of the model's own error and the penalty of its parame
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from twin.effects import REGISTRY, Effect, EffectParameter
 from twin.estimation.calibrate import declared_fit
 from twin.estimation.fit import Fit
 from twin.estimation.residual_pool import ResidualPool
-from twin.estimation.slopes import normal_equations_at, root_diagonal, row_weights
+from twin.estimation.slopes import kept_beside, normal_equations_at, root_diagonal, row_weights
 from twin.estimation.workbench import Workbench
 from twin.progress import Progress, silent
 from twin.residuals.prepared import shortest_period
@@ -153,12 +153,12 @@ def _resolved_length(
     return length
 
 
-def _standard_error(bench: Workbench, base: Fit, column: np.ndarray, replaced: Iterable[str]) -> float:
+def _standard_error(bench: Workbench, base: Fit, column: np.ndarray, replaced: Sequence[str]) -> float:
     """Standard error of the multiple of a column (n) of the Jacobian beside the unknowns of a fit, at noise level."""
     # The model is taken to be right up to the effect, so that the residual is the noise.
     noise = np.zeros(len(column))
     weights = row_weights(bench, noise)
-    kept = [k for k, u in enumerate(base.unknowns) if u.kind != "rig" or u.name not in set(replaced)]
+    kept = np.flatnonzero(kept_beside(base, replaced))
     J, unknowns = base.jacobian[:, kept], [base.unknowns[k] for k in kept]
     normal, _ = normal_equations_at(bench, unknowns, base.values[kept], noise, J)
     scale = root_diagonal(normal)

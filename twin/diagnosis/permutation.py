@@ -24,7 +24,7 @@ import numpy as np
 from twin.diagnosis.rays import Reached
 from twin.estimation import loss
 from twin.estimation.fit import Fit
-from twin.estimation.slopes import prior_precision, row_weights
+from twin.estimation.slopes import kept_beside, prior_precision, row_weights
 from twin.estimation.workbench import Workbench
 from twin.residuals.numerics import ROUNDING
 
@@ -144,7 +144,7 @@ def _linearised_costs(
     columns: np.ndarray,
 ) -> np.ndarray:
     """Cost (draws) of the sign-flipped residuals after one Gauss-Newton step of the base's unknowns and the columns."""
-    kept = np.array([u.kind != "rig" or u.name not in replaces for u in base.unknowns], dtype=bool)
+    kept = kept_beside(base, replaces)
     J = np.hstack([base.jacobian[:, kept], columns])
     scale = np.sqrt(np.maximum(np.einsum("np,np,n->p", J, J, weights), 1e-300))
     J /= scale

@@ -90,13 +90,12 @@ def minimise(
         for trials in (_STEPS, *(1,) * (_STEPS - 1)):
             better = _best_trial(bench, model, starts, unknowns, at, J, trials)
             gained = at.cost - better.cost
-            if better is not at:
-                predicted = at.residual + bench.weight * (J @ (better.x - at.x))
-                mistaken = abs(cost_of(bench, unknowns, better.x, predicted) - better.cost)
+            if gained > 0:
+                mistaken = abs(_predicted_cost(bench, unknowns, at, J, better.x) - better.cost)
                 J = _broyden_update(J, better.x - at.x, better.residual - at.residual, steps)
-            failed, at = better is at, better
+            at = better
             if gained < enough:
-                if failed or _promised_gain(bench, unknowns, at, J) < enough:
+                if gained == 0 or _promised_gain(bench, unknowns, at, J) < enough:
                     break
                 at = replace(at, damping=0.0)
         report(f"iteration {iteration + 1}: cost {at.cost:.1f}")
@@ -115,7 +114,8 @@ def with_own_jacobian(bench: Workbench, fit: Fit) -> Fit:
     """The fit with its Jacobian by differences there, in place of one that Broyden's updates corrected on the way.
 
     An update is right along its step, and may be wrong by per cents elsewhere. This hides a direction along which the
-    columns cancel, and effects that are added to the fit inherit its columns.
+    columns cancel, and effects that are added to the fit inherit its columns. Differences are one-sided, each of one
+    unknown: `refine.with_jacobian` takes twice as many simulations.
     """
     at, steps = (bench, fit.model, fit.starts, fit.unknowns), steps_from(fit.unknowns, fit.jacobian)
     J, _ = difference_jacobian(*at, fit.values, fit.residual, steps, {})
@@ -158,8 +158,14 @@ def _best_trial(
 def _promised_gain(bench: Workbench, unknowns: Sequence[Unknown], at: _Point, J: np.ndarray) -> float:
     """Reduction of the cost that an undamped step promises: a bound of what linear theory still has to gain."""
     step = _damped_step(unknowns, at.x, *normal_equations_at(bench, unknowns, at.x, at.residual, J), 0.0)
-    predicted = at.residual + bench.weight * (J @ (step - at.x))
-    return at.cost - cost_of(bench, unknowns, step, predicted)
+    return at.cost - _predicted_cost(bench, unknowns, at, J, step)
+
+
+def _predicted_cost(
+    bench: Workbench, unknowns: Sequence[Unknown], at: _Point, J: np.ndarray, x: np.ndarray
+) -> float:
+    """Cost at values x (p) where the residual is linear in them with the Jacobian J (n x p)."""
+    return cost_of(bench, unknowns, x, at.residual + bench.weight * (J @ (x - at.x)))
 
 
 def _broyden_update(J: np.ndarray, moved: np.ndarray, change: np.ndarray, steps: np.ndarray) -> np.ndarray:

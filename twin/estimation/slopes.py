@@ -22,8 +22,12 @@ from twin.residuals.numerics import ROUNDING
 from twin.rigs.model import Model
 
 _TARGET_CHANGE = 0.01
-"""Root-mean-square change of the residual, in multiples of the noise, that a finite difference aims at: of ten thousand
-readings a change by one standard error, so that the curvature within it is no more than the noise."""
+"""Root-mean-square change of the residual, in multiples of the noise, that a finite difference aims at.
+
+Of ten thousand readings it is a change by one standard error, the distance at which curvature may matter. By hand, on a
+rig without a sensor of the torque, where the columns of masses, stiffnesses, frictions and a gain of the drive cancel:
+with 0.5 they were wrong by 0.8 %, and 1.9e6 stood in the information of that direction beside 2.3e4 of the priors; with
+0.01 it is 6e3."""
 
 
 def costs_at(
@@ -98,19 +102,14 @@ def linear_gain(bench: Workbench, base: Fit, columns: np.ndarray, replaced: Sequ
     The predicted residual is put into the blocks' losses: down to the noise, a block of n independent samples gains n
     times the logarithm of the ratio of its sizes before and after.
     """
-    change, _, moved = linear_move(bench, base, columns, replaced)
-    away, prior = _away(base), prior_precision(base.unknowns)
-    left = np.where(_kept(base, replaced), away + moved, 0.0)
-    priors = 0.5 * float(prior @ (away**2 - left**2))
-    return bench.cost(base.residual) - bench.cost(base.residual + change) + priors
+    change, _, own = linear_move(bench, base, columns, replaced)
+    kept = kept_beside(base, replaced)
+    left = prior_cost([u for u, k in zip(base.unknowns, kept, strict=True) if k], base.values[kept] + own)
+    saved = prior_cost(base.unknowns, base.values) - left
+    return bench.cost(base.residual) - bench.cost(base.residual + change) + saved
 
 
-def _away(base: Fit) -> np.ndarray:
-    """Distance (p) of each unknown of a fit from the mean of its prior."""
-    return base.values - np.array([u.start for u in base.unknowns])
-
-
-def _kept(base: Fit, replaced: Sequence[str]) -> np.ndarray:
+def kept_beside(base: Fit, replaced: Sequence[str]) -> np.ndarray:
     """Which unknowns (p) of a fit remain beside an effect that replaces these declared parameters."""
     return np.array([u.kind != "rig" or u.name not in replaced for u in base.unknowns], dtype=bool)
 
@@ -127,22 +126,20 @@ def linear_move(
       replaced: declared parameters that are no longer unknowns beside them.
 
     Returns:
-      The predicted change of the residual (n), the step of the additional unknowns (k), and that of the fit's own (p),
-      0 for those that are replaced.
+      The predicted change of the residual (n), the step of the additional unknowns (k), and that of the fit's own that
+      are not replaced.
     """
-    weights, kept = row_weights(bench, base.residual), _kept(base, replaced)
+    weights, kept = row_weights(bench, base.residual), kept_beside(base, replaced)
     prior = prior_precision(base.unknowns)[kept]
+    away = np.array([v - u.start for u, v in zip(base.unknowns, base.values, strict=True)])[kept]
     J = np.hstack([base.jacobian[:, kept], columns])
     normal = J.T @ (weights[:, None] * J) + np.diag(np.r_[prior, np.zeros(columns.shape[1])])
-    gradient = J.T @ (weights * base.residual)
-    gradient[: len(prior)] += prior * _away(base)[kept]
+    gradient = J.T @ (weights * base.residual) + np.r_[prior * away, np.zeros(columns.shape[1])]
     low, high = np.array([u.bounds for u in base.unknowns])[kept].T
     here = base.values[kept]
     beyond = np.full(columns.shape[1], np.inf)
     step = bounded_step(normal, gradient, np.r_[low - here, -beyond], np.r_[high - here, beyond])
-    own = np.zeros(len(base.values))
-    own[kept] = step[: len(here)]
-    return J @ step * bench.weight, step[len(here) :], own
+    return J @ step * bench.weight, step[len(here) :], step[: len(here)]
 
 
 def root_diagonal(normal: np.ndarray) -> np.ndarray:
