@@ -3,12 +3,16 @@
     python benchmarks/rules.py --bench WORK/answers.jsonl
     python benchmarks/rules.py --diagnosis WORK/answers.jsonl
     python benchmarks/rules.py --campaigns ANSWERS TRUTH.json
+    python benchmarks/rules.py --later FILE [FILE ...]
 
 WORK is the folder of `benches.py`, and of `diagnosis.py`, whose answers hold only what was fitted; ANSWERS holds
 `NAME.json`, written by `twin diagnose FOLDER --json NAME.json`, for each campaign of TRUTH, which is {"campaigns":
 {NAME: {"effects": [{"name": EFFECT}, ...]}}}. This is the first order of an ablation: without a rule that turns down
 nothing alone, no candidate is adopted instead of being turned down. What the search would have found after another
 decision is not told. The table is printed, and written to benchmarks/results/rules.md.
+
+With `--later` only the scores of effects beside earlier ones are printed, of answers of `diagnosis.py`: of those that
+are missing, and of the best candidates beside all that is missing, which gain by the error of the model alone.
 """
 
 from __future__ import annotations
@@ -107,6 +111,42 @@ def table(answers: Sequence[tuple[Judged, set[str]]]) -> str:
     )
 
 
+def of_later(file: Path) -> Iterator[tuple[bool, float, str]]:
+    """Whether an effect beside earlier ones is missing, its score over the sum of theirs, and where, of one file."""
+    for line in file.read_text(encoding="utf-8").splitlines():
+        stored = json.loads(line)
+        answer, missing, found, gained = stored["answer"], set(stored["answer"]["missing"]), set[str](), 0.0
+        for done in answer["rounds"]:
+            if not done["best"]:
+                continue
+            name, score = done["best"][0]
+            adopted = name in answer["adopted"]
+            share = min(score, done["left"]) / gained if gained > 0 else 0.0
+            if gained > 0 and adopted and name in missing:
+                yield True, share, f"{stored['campaign']}: {name}"
+            # Below, the share of the limit is not the larger one. An outsider has no name, and is never found.
+            elif gained > rules.MODEL_ERROR_SCORE / rules.MODEL_ERROR_SHARE and missing <= found:
+                yield False, share, f"{stored['campaign']}: {name}"
+            if adopted:
+                found, gained = found | {name}, gained + score
+
+
+def later(files: Sequence[Path]) -> str:
+    """The nearest scores of effects beside earlier ones, missing and needless, as Markdown."""
+    scores = [s for file in files for s in of_later(file)]
+    missing = sorted((share, where) for is_missing, share, where in scores if is_missing)
+    needless = sorted(((share, where) for is_missing, share, where in scores if not is_missing), reverse=True)
+    rows = [
+        f"| {what} | {len(of)} | {'; '.join(f'{100 * share:.2f} % ({where})' for share, where in of[:3])} |"
+        for what, of in (("missing, and adopted", missing), ("beside all that is missing", needless))
+    ]
+    head = [
+        "| effect beside earlier ones | rounds | score over theirs, nearest to the limit |",
+        "| --- | ---: | --- |",
+    ]
+    return "\n".join([*head, *rows])
+
+
 def main() -> None:
     """Prints the table of all answers and writes it."""
     parser = argparse.ArgumentParser(
@@ -123,7 +163,11 @@ def main() -> None:
         metavar=("ANSWERS", "TRUTH"),
         help="folder of answers, and their truth",
     )
+    parser.add_argument("--later", type=Path, nargs="+", help="answers of diagnosis.py")
     options = parser.parse_args()
+    if options.later:
+        print(f"`{command()}`\n\n{later(options.later)}")
+        return
     answers = [a for file in options.bench for a in of_bench(file)]
     answers += [a for file in options.diagnosis for a in of_diagnosis(file)]
     for folder, truth in options.campaigns:

@@ -119,6 +119,18 @@ def test_a_close_loser_that_explains_more_beside_the_second_takes_its_place(star
     assert found.best.cost < picked(start, "air-pad-drag", "torque-bias").best.cost - 30
 
 
+@pytest.mark.parametrize(("rule", "takes"), [("best-of-round", True), ("gains-elsewhere", False)])
+def test_what_its_round_turned_down_takes_no_place(start, rule, takes):
+    found = picked(start, "air-pad-drag", "torque-bias")
+    loser = candidates.try_effect(start.bench, start.base, "viscous-friction")
+    close = replace(loser, score=found.adopted[0].score - 1)
+    first, second = found.rounds
+    judged = {"viscous-friction": (Judgement(rule, 2.0, 1.0, False),)}
+    first = replace(first, ranked=(first.adopted, close), judgements=judged)
+    revised = revise(replace(found, rounds=(first, second)))
+    assert ("viscous-friction" in names(revised)) == takes
+
+
 def test_one_effect_is_not_looked_back_at(start):
     found = picked(start, "viscous-friction")
     assert revise(found) is found

@@ -9,7 +9,7 @@ from planted import PLANTED
 from rig_campaigns import planned, planned_fit
 
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import candidates, contest, dependence, rules, spectrum
+from twin.diagnosis import candidates, contest, dependence, revise, rules, spectrum
 from twin.diagnosis.candidates import Candidate, explore, points_at_peaks, score_gain, try_effect
 from twin.diagnosis.conclude import explanatory_variables, verdict_of
 from twin.diagnosis.contest import (
@@ -21,6 +21,8 @@ from twin.diagnosis.contest import (
 )
 from twin.diagnosis.diagnose import diagnose, search
 from twin.diagnosis.fit_patch import patch_of_worst_channel
+from twin.diagnosis.judgement import Judgement
+from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
 from twin.estimation.calibrate import calibrate
 from twin.estimation.minimise import minimise
@@ -246,6 +248,17 @@ def test_of_equal_explanations_the_one_with_closer_free_runs_comes_first(viscous
     assert prefer_closer_free_runs(start.bench, alone) is alone
     same = [right, replace(right, effects=("air-drag",))]
     assert prefer_closer_free_runs(start.bench, same) is same
+
+
+@pytest.mark.parametrize(("rule", "takes"), [("best-of-round", True), ("gains-elsewhere", False)])
+def test_free_runs_put_nothing_in_its_place_that_its_round_turned_down(viscous, rule, takes):
+    """As a gain of 0.07 % of the hub sensor, of a rig with a softening link and nothing else."""
+    start, right = viscous
+    wrong = Candidate(("strain-drift",), start.base, right.score + 1.0)
+    judged = {right.name: (Judgement(rule, 2.0, 1.0, False),)}
+    done = Round((wrong, right), judgements=judged, adopted=wrong, bench=start.bench)
+    state = revise.with_closer_free_runs(SearchState(start, (done,)))
+    assert state.names == [right.name if takes else wrong.name]
 
 
 @pytest.mark.slow

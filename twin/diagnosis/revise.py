@@ -74,7 +74,7 @@ def _exchanged(state: SearchState) -> SearchState:
     effects = state.best.model.effects
     best, closest, reason = None, state.best, {}
     for adopted, earlier in zip(state.names[:-1], state.rounds, strict=False):
-        for other in _close_candidates(earlier.ranked):
+        for other in _close_candidates(earlier):
             if other.name in effects:
                 continue
             tried = {other.name if n == adopted else n: p for n, p in effects.items()}
@@ -112,24 +112,24 @@ def with_closer_free_runs(state: SearchState) -> SearchState:
 
 
 def _tied_models(state: SearchState, k: int) -> list[Candidate]:
-    """The adopted model, then those with another candidate of round k that was tied with the adopted one, fitted."""
-    adopted, best = state.adopted[k], state.best
+    """The adopted model, then those with another candidate that round k allowed and that was tied with it, fitted."""
+    adopted, decided, best = state.adopted[k], state.adopting[k], state.best
     kept = {n: p for n, p in best.model.effects.items() if n != adopted.name}
     tied = [Candidate((*kept, adopted.name), best, adopted.score)]
     least = adopted.score - rules.decisive_difference(adopted.score)
-    for other in state.adopting[k].ranked[: candidates.CONTENDERS]:
-        if other.score > least and other.is_fitted and other.name not in best.model.effects:
+    for other in decided.ranked[: candidates.CONTENDERS]:
+        if other.score > least and decided.allows(other) and other.name not in best.model.effects:
             effects = {**kept, other.name: other.fit.model.effects[other.name]}
             fit = refit(state, effects, QUICK_ITERATIONS, best)
             tied.append(Candidate(tuple(effects), fit, other.score))
     return tied
 
 
-def _close_candidates(ranked: Sequence[Candidate]) -> list[Candidate]:
-    """Fitted candidates of a round whose scores are close to the best."""
-    best = ranked[0].score
+def _close_candidates(earlier: Round) -> list[Candidate]:
+    """Candidates that the rules of a round allowed, and whose scores are close to the best."""
+    best = earlier.ranked[0].score
     least = min(_CLOSE * best, best - rules.decisive_difference(best))
-    return [c for c in ranked[1 : candidates.CONTENDERS] if c.score > least and c.is_fitted]
+    return [c for c in earlier.ranked[1 : candidates.CONTENDERS] if c.score > least and earlier.allows(c)]
 
 
 def refit(

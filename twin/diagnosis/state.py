@@ -9,6 +9,7 @@ import numpy as np
 
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement
+from twin.diagnosis.rules import BEST
 from twin.estimation.calibrate import Calibration
 from twin.estimation.fit import Fit
 from twin.estimation.output_error import OutputErrorData, driven_data
@@ -43,6 +44,11 @@ class Round:
     def without_adoption(self) -> Round:
         """The same round as if it had adopted nothing."""
         return replace(self, adopted=None, bench=None)
+
+    def allows(self, candidate: Candidate) -> bool:
+        """Whether a fitted candidate passed every rule of adoption in this round, that on its rank aside."""
+        judged = self.judgements.get(candidate.name, ())
+        return candidate.is_fitted and all(j.passed or j.rule == BEST.name for j in judged)
 
 
 @dataclass(frozen=True, eq=False)
