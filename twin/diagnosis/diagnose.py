@@ -162,12 +162,11 @@ def _searched_on(state: SearchState, more: bool, progress: Progress, false_alarm
 def _final_state(
     state: SearchState, sound: Workbench, progress: Progress, false_alarm_rate: float
 ) -> SearchState:
-    """The state at the end of the search, revised in one of three ways if one is justified.
+    """The state at the end of the search, revised in one of two ways if one is justified.
 
     Effects of undetermined size are withdrawn, and the search goes on without them: what they imitate may be another
     effect, which was second to them. Otherwise a declared parameter that the recordings contradict becomes an
-    effect where all else is explained, or an effect takes the place of a significant smooth function if it explains the
-    residuals.
+    effect where all else is explained.
     """
     fewer = revise.without_undetermined(state)
     if fewer is not None:
@@ -180,12 +179,7 @@ def _final_state(
         more = declarations.with_contradicted_declaration(state, false_alarm_rate)
         if more is not None:
             return with_unnamed(with_errors(more, more.bench), more.bench, false_alarm_rate)
-    named = revise.replace_function_by_effect(state)
-    if named is None:
-        return state
-    named = with_whole_orders(with_errors(named, named.bench), named.bench)
-    named = with_unnamed(named, named.bench, false_alarm_rate)
-    return state if remainder.unexplained_channels(named) else named
+    return state
 
 
 def with_unnamed(state: SearchState, bench: Workbench, false_alarm_rate: float) -> SearchState:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from twin.campaigns.campaign import Campaign
-from twin.diagnosis import dependence, remainder, revise, rules
+from twin.diagnosis import dependence, remainder, revise
 from twin.diagnosis.answer import Prediction
 from twin.diagnosis.dependence import Unexplained
 from twin.diagnosis.state import DRIVE, SearchState, UnnamedFunction
@@ -57,7 +57,6 @@ def all_notes(
         *_single_recordings(state),
         *_overstated_noise(state),
         *map(_unnamed_function, functions),
-        *_adopted_instead(state),
         *drifting_parameter(residuals, depends),
         *_undetermined_sizes(state),
         *at_range_end(polished.augmented, state.names),
@@ -224,18 +223,6 @@ def _unnamed_function(function: UnnamedFunction) -> str:
         f"recordings e^{function.evidence:.0f} times likelier; by chance, at the false-alarm rate, it would be "
         f"e^{max(function.by_chance, 0):.0f} times."
     )
-
-
-def _adopted_instead(state: SearchState) -> list[str]:
-    """Note on an effect that was adopted with a score below the limits, in place of a smooth function."""
-    if state.instead is None:
-        return []
-    return [
-        f"{state.names[-1]} gains {state.adopted[-1].score:.0f}, less than {rules.MODEL_ERROR_SCORE:g}. But an "
-        f"effect is missing: a smooth torque on the hub over {with_the(state.instead.law.variable)} makes the "
-        f"recordings e^{state.instead.evidence:.0f} times likelier, and the effect explains as much with its "
-        "parameters."
-    ]
 
 
 def _undetermined_sizes(state: SearchState) -> list[str]:

@@ -2,9 +2,9 @@
 
 An effect is adopted while others are still missing, and may have gained by imitating them. So it is removed if it is
 needless beside later ones, exchanged if a close candidate of its round is better beside later ones, and withdrawn if
-its size is not determined. A small effect takes the place of an unnamed smooth function that it explains as well. An
-order over the hub angle is set to a whole number if the recordings allow it: a motor's magnets, a bearing or an encoder
-disc repeat after one turn. Behind a belt or a gear an order may be any number; then the recordings have to show it.
+its size is not determined. An order over the hub angle is set to a whole number if the recordings allow it: a motor's
+magnets, a bearing or an encoder disc repeat after one turn. Behind a belt or a gear an order may be any number; then
+the recordings have to show it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import approx_fprime
 
-from twin.diagnosis import candidates, contest, fit_start, remainder, rules
+from twin.diagnosis import candidates, contest, fit_start, rules
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.judgement import Judgement
 from twin.diagnosis.rules import (
@@ -305,46 +305,6 @@ def is_at_end(u: Unknown, value: float) -> bool:
     """Whether the value of an unknown is at a bound; one of 0 is physical, as of a friction, or of a compliance."""
     ends = u.bounds[1:] if u.inverse else u.bounds
     return any(end != 0 and bool(np.isclose(value, end)) for end in ends)
-
-
-def replace_function_by_effect(state: SearchState) -> SearchState | None:
-    """The state with an effect adopted in place of a significant smooth function; None if no effect explains as much.
-
-    The score of a small effect can be within the discretisation error of the model while a smooth function of one
-    variable is significant. Then an effect is missing, and the best candidate is compared with the function: its score
-    has to reach the evidence less the penalty of the two hyperparameters, and the threshold of the permutation test.
-    Cross-validated, the recordings have to gain without the one that gains most.
-
-    Args:
-      state: with no large residuals left.
-    """
-    smooth, last = remainder.significant_function(state), state.last
-    if smooth is None or remainder.large_residuals(state) or last is None or not _has_fitted_best(last):
-        return None
-    # A smooth function has two hyperparameters: standard deviation and length scale.
-    least = max(smooth.evidence - state.bench.penalty(2), last.by_chance)
-    # Candidates that could not be adopted were not fitted to convergence.
-    ranked = contest.fit_to_convergence(state.bench, state.best, last.ranked)
-    choice = ranked[0]
-    if choice.score < least or rules.gain_elsewhere(state.bench, state.best, choice) <= 0:
-        return None
-    bench, fine = contest.refit_in_fine_limit(state.bench, choice.fit)
-    choice = replace(choice, fit=fine, score=candidates.score_gain(bench, state.best, fine))
-    if choice.score < least:
-        return None
-    bench, refitted = contest.refit_with_own_noise(bench, state.best, fine)
-    adopting = replace(
-        last,
-        ranked=(choice, *ranked[1:]),
-        threshold=least,
-        adopted=replace(choice, fit=refitted),
-        bench=bench,
-    )
-    return replace(state, rounds=(*state.rounds[:-1], adopting), instead=smooth)
-
-
-def _has_fitted_best(last: Round) -> bool:
-    return bool(last.ranked) and last.ranked[0].score > 0 and last.ranked[0].is_fitted
 
 
 def with_whole_orders(bench: Workbench, best: Fit) -> Fit:

@@ -60,15 +60,12 @@ class SearchState:
       rounds: of the search; those that adopted an effect come first, one that adopted none may follow.
       unnamed: smooth functions that were tested, the largest evidence first.
       withdrawn: effects that were adopted and withdrawn, with the judgement by which they were.
-      instead: smooth function in whose place the last effect was adopted, see
-        `twin.diagnosis.revise.replace_function_by_effect`.
     """
 
     start: Calibration
     rounds: tuple[Round, ...] = ()
     unnamed: tuple[UnnamedFunction, ...] = ()
     withdrawn: tuple[tuple[str, Judgement], ...] = ()
-    instead: UnnamedFunction | None = None
 
     @property
     def adopting(self) -> tuple[Round, ...]:
