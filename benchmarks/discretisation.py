@@ -3,7 +3,7 @@
     python benchmarks/discretisation.py CAMPAIGN ...
 
 CAMPAIGN is a folder, the seed of a virtual bench (`twin.virtual_rig.bench`), or `demo`. At the calibrated model, the
-link driven by the measured hub, the residuals of a chain are compared with the limit of fitted chains of 16, 20 and 24
+link driven by the measured hub, the residuals of a chain are compared with the limit of fitted chains of 16, 24 and 32
 segments: the root mean square over the stretches of all channels, and the worst stretch. Chains of equal segments stand
 beside those whose proportions are fitted. The table is printed, and written to
 benchmarks/results/discretisation.md.
@@ -30,8 +30,8 @@ from twin.rigs.model import FINE_SEGMENTS, Model
 from twin.virtual_rig.bench import make_bench
 
 RESULTS = Path(__file__).parent / "results" / "discretisation.md"
-LIMIT = (16, 20, 24)
-ORDERS = (), (FINE_SEGMENTS,), chain_limit.ROUGH, chain_limit.STANDARD, chain_limit.PRECISE
+LIMIT = (16, 24, 32)
+ORDERS = (), (FINE_SEGMENTS,), chain_limit.ROUGH, (8, 12, 16), chain_limit.STANDARD, chain_limit.PRECISE
 """Numbers of segments from which a limit is extrapolated; none for the chain of the search."""
 
 

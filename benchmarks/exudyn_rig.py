@@ -32,6 +32,7 @@ from twin.virtual_rig.rig import Rig
 from twin.virtual_rig.sensors import Sensed, Sensors
 
 STEP = 2.5e-4  # s; the period of the second free mode is then exact to 0.01 %, and 0.03 % would be two noise levels
+TORSION_STEP = 1.25e-4  # s, with a torsional oscillator: of its frequency 0.01 % would be two standard errors
 CONTACT_STEP = 2e-4  # s, with a backlash: a twelfth of the shortest period of the motor on its flanks
 EVENT = 1e-7  # rad/s and N m, to which the velocity or the excess of torque at an event is zero
 TRIALS = 6  # repetitions of a step with an event, which a secant needs at most
@@ -105,6 +106,8 @@ class Run:
         self.rows: list[tuple[float, ...]] = []
         self.model = exudyn_model.build(rig, sensors, plan.start_angle)
         self.system = self.model.system
+        usual = STEP if self.model.torsion is None else TORSION_STEP
+        self.longest = usual if self.model.motor is None else min(usual, CONTACT_STEP)
         self._start(plan)
         self._begin()
 
@@ -259,10 +262,9 @@ class Run:
 
     def _advance(self, end: float) -> None:
         """Integrates to `end` [s] under one held command."""
-        longest = STEP if self.model.motor is None else CONTACT_STEP
         while (rest := end - self.solver.it.currentTime) > TINY:
             before, at_start = self._saved(), self._violation()
-            h = self._step_from(before, rest / max(math.ceil(rest / longest - 1e-6), 1))
+            h = self._step_from(before, rest / max(math.ceil(rest / self.longest - 1e-6), 1))
             if not self.clamped:
                 h = self._to_dip(before, h)
                 if (at_end := self._violation()) > 0.0:

@@ -17,17 +17,18 @@ from twin.residuals.rest_run import SAMPLES_BEFORE_ONSET, RestRun
 from twin.residuals.view import Signals, move_link
 from twin.rigs import preset
 from twin.rigs.model import Model
-from twin.virtual_rig import Rig, Sensors, make_campaign
-from twin.virtual_rig.experiments import planned_campaign
+from twin.virtual_rig import Rig, Sensors, campaign_writer, make_campaign
+from twin.virtual_rig.experiments import Experiment, planned_campaign
 
 VELOCITY = 0.25  # rad/s
+CHANNELS = ("hub_angle", "strain_base", "strain_mid", "motor_torque")
 
 
-def ramps(folder, effects, seed):
-    """A slow torque up and another down: the data, and a model with the rig's own parameters."""
+def ramps(folder, effects, seed, slow=None, sensors=None):
+    """A slow torque up and another down, or other experiments: the data, and a model with the rig's own parameters."""
     plan = planned_campaign(Rig(), Sensors(), np.random.default_rng(seed))
-    slow = [e for e in plan if e.name == "break-away"]
-    make_campaign(folder, effects, seed, experiments=slow)
+    slow = slow or [e for e in plan if e.name == "break-away"]
+    make_campaign(folder, effects, seed, experiments=slow, sensors=sensors)
     campaign = read_campaign(folder)
     twin = Model(campaign.rig, campaign.sensors, chain.fit_shape(campaign.rig, 5), step=2e-3)
     return DrivenData.of([prepare(r, noise_levels(campaign))[0] for r in campaign.fit], twin), twin
@@ -59,6 +60,18 @@ def with_velocity(model, value):
 def test_runs_of_the_right_friction_leave_the_noise(falling, plain):
     assert misfit(plain[0], plain[1]) < 1.2
     assert misfit(falling[0], with_velocity(falling[1], VELOCITY)) < 1.2
+
+
+def test_a_hub_creeps_before_it_visibly_moves(tmp_path, monkeypatch):
+    """It breaks away 80 ms before its readings show it; without noise, so that only rounding is left."""
+    monkeypatch.setattr(
+        campaign_writer, "noise_of", lambda _, samples, __: dict.fromkeys(CHANNELS, np.zeros(samples))
+    )
+    time = np.arange(3000) / 500
+    ramp = Experiment("ramp", "ramp", "fit", 0.3, 0.02 * np.minimum(time, 4.0))
+    effects = {"stribeck-friction": {"stribeck_velocity": VELOCITY}}
+    data, twin = ramps(tmp_path / "rig", effects, 7, [ramp], Sensors(hub_step=1e-9))
+    assert misfit(data, with_velocity(twin, VELOCITY)) < 0.04
 
 
 @pytest.mark.parametrize("velocity", [0.0, 0.6])

@@ -28,6 +28,10 @@ BASIS_FUNCTIONS = 7
 """Ritz functions of the tangent angle."""
 NODES = 9
 """Nodes of the Gauss-Legendre quadrature along the link."""
+SOFT_FUNCTIONS, SOFT_NODES = 12, 16
+"""The same of a softening link, whose curvature is no polynomial where its moment is one.
+
+At a resonance that bends the link by a radian, strains are exact to 0.3 noise levels, with seven functions to 3."""
 
 
 class Link(NamedTuple):
@@ -44,6 +48,11 @@ class Link(NamedTuple):
     together: Array  # (N, N): mass that both nodes move, times the weights of both [kg m^2]
     stiffness: Array  # (n,): generalised stiffness, diagonal [N m]
     damping: Array  # (n, n): losses in the link's deformation [N m s]
+
+
+def basis_of(rig: Rig) -> tuple[int, int]:
+    """Returns the numbers of functions and of nodes with which strains of this rig are exact to the noise."""
+    return (SOFT_FUNCTIONS, SOFT_NODES) if rig.softening else (BASIS_FUNCTIONS, NODES)
 
 
 def integrated_legendre(xi: Array, functions: int) -> Array:

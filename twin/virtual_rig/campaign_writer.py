@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.errors import InputError, checked_count, checked_number
 from twin.files.whole import check_file, check_folder, is_temporary, write_files, writing
-from twin.virtual_rig.beam import Array, build_link
+from twin.virtual_rig.beam import Array, basis_of, build_link
 from twin.virtual_rig.effects import switch_on
 from twin.virtual_rig.experiments import HUB_RANGE, Experiment, planned_campaign, run_experiment
 from twin.virtual_rig.rig import UNCERTAINTY, Rig, declared_values, with_declared
@@ -59,7 +59,7 @@ Engine = Callable[[Rig, Sensors, Experiment, Array, Array], Sensed]
 
 def ritz_engine(rig: Rig, sensors: Sensors, plan: Experiment, times: Array, hub_noise: Array) -> Sensed:
     """The engine of this package, see `beam` and `plant`."""
-    link = build_link(rig)
+    link = build_link(rig, *basis_of(rig))
     return sensed(rig, link, sensors, run_experiment(rig, link, sensors, plan, times, hub_noise))
 
 
