@@ -40,6 +40,7 @@ from twin.diagnosis.rules import SCREENING, alternatives
 from twin.diagnosis.state import SearchState
 from twin.effects import REGISTRY
 from twin.errors import InputError
+from twin.estimation.fit import Fit
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.static_friction import final_models
 from twin.virtual_rig import campaign_writer, make_campaign
@@ -70,6 +71,7 @@ def solve(case: Case, folder: Path, whole: bool) -> dict:
         "kind": case.kind,
         "missing": [NAMED.get(name, name) for name in case.missing],
         "truth": {NAMED.get(name, name): dict(values) for name, values in truth.effects.items()},
+        "rig": dict(truth.true),
         "dirty": list(case.dirty),
         "torque_sensor": case.torque_sensor,
         "engine": case.engine,
@@ -126,11 +128,21 @@ def _search_only(campaign: Campaign) -> dict:
         "probabilities": effect_probabilities(found, verdict_of(found)),
         "values": {name: dict(p) for name, p in fit.model.effects.items()},
         "errors": {name: standard_errors(fit, name) for name in fit.model.effects},
+        "calibrated": _calibrated(found.best),
         "alike": [list(names) for names in alternatives([r.ranked for r in found.adopting])],
         "depends": list(explanatory_variables(found, left, on_link)),
         "rounds": _rounds(found),
         "failed": _failed(found),
         "size": max(residual_sizes(found.start.bench, found.base).values()),
+    }
+
+
+def _calibrated(best: Fit) -> dict[str, tuple[float, float]]:
+    """Declared parameter -> its value and standard error in the fit of the final model."""
+    return {
+        str(u.name): (float(value), float(error))
+        for u, value, error in zip(best.unknowns, best.values, best.errors, strict=True)
+        if u.kind == "rig"
     }
 
 
@@ -282,7 +294,24 @@ def _held_out(answers: Sequence[dict]) -> list[str]:
         lines.append(
             f"- 95 % intervals of adopted effects that hold the truth: {share:.0f} % of {len(covered)}."
         )
+    known = [c for a in answers for c in _calibrated_cover(a)]
+    if known:
+        of = sum("calibrated" in a for a in answers)
+        lines.append(
+            f"- 95 % intervals of declared parameters that hold the truth, of right answers with them"
+            f" ({of} have them): {100 * np.mean(known):.0f} % of {len(known)}."
+        )
     return lines
+
+
+def _calibrated_cover(a: dict) -> list[bool]:
+    """Whether the interval of each declared parameter contains the truth; none where the model is wrong."""
+    if _is_wrong(a) or a["kind"] == "outside":
+        return []
+    return [
+        abs(value - a["rig"][name]) <= 1.96 * error
+        for name, (value, error) in a.get("calibrated", {}).items()
+    ]
 
 
 def _reliability(answers: Sequence[dict]) -> list[str]:
