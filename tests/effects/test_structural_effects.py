@@ -62,3 +62,21 @@ def test_slew_is_that_of_the_virtual_rig(case):
         without = np.sqrt(np.mean((plain[channel] - exact[channel]) ** 2)) / noise
         assert off < limit
         assert without > 5 * off
+
+
+@pytest.mark.parametrize("soft", [False, True])
+def test_the_shape_of_a_held_link_is_that_of_the_virtual_rig(soft):
+    """A release from 5 cm: the strains at rest, of a link that softens by a tenth there."""
+    law = {"softening-stiffness": {"softening": 0.34, "curvature": 0.76}} if soft else {}
+    exact = effects.switch_on(Rig(), law)
+    link = beam.build_link(exact, *beam.basis_of(exact))
+    shape = beam.deflected_shape(exact, link, 0.05)
+    places = np.array([GAUGES[c].position for c in ("strain_base", "strain_mid")])
+    strains = beam.curvature_at(exact, places, len(shape)) @ shape * GAUGES["strain_base"].half_thickness
+    rig = preset("bossi2009").replace(**declared_values(Rig()))
+    model = Model(rig, GAUGES, chain.fit_shape(rig, 16), law, step=2.5e-4)
+    time = np.arange(0, 0.01, 0.002)
+    nothing = {"torque_command": 0 * time, **{c: 0 * time for c in NOISE}}
+    asked = Recording("", time, nothing, clamped=True, initial_tip_deflection=0.05)
+    held = simulate(model, asked, Start())
+    assert [held[c][0] for c in ("strain_base", "strain_mid")] == pytest.approx(strains, rel=2e-3)

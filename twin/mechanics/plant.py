@@ -81,6 +81,11 @@ class Link(NamedTuple):
         """Curvature of the link per hinge angle (n) [1/m per rad]; 0 for a compliant clamp's hinge on the hub axis."""
         return np.where(self.lengths[: len(self.stiffness)] > 0, self.flexibility * self.stiffness, 0.0)
 
+    def secant_stiffness(self, angles: np.ndarray) -> np.ndarray:
+        """Elastic moment over angle of the hinges (n) [N m/rad] at hinge angles (n) [rad], with softening."""
+        squared = (self.curvature_per_angle * angles) ** 2
+        return self.stiffness * (1 - self.softening * squared / (squared + self.softening_curvature**2))
+
     @property
     def mechanisms(self) -> dict[str, float]:
         """Scalar fields of the forces on the link that depend on its state: drag, softening, gravity, torsion."""

@@ -10,7 +10,7 @@ from twin.effects import TORSION
 from twin.mechanics import planar
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_spring import MeasuredHub, Spring
-from twin.mechanics.plant import Plant
+from twin.mechanics.plant import Link, Plant
 from twin.mechanics.state import Guide, Motion, Start
 from twin.recording import MEASURED, Recording
 from twin.rigs.model import Model
@@ -98,7 +98,7 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
     links = model.chain
     angles, rates = np.zeros(len(links.stiffness)), np.zeros(len(links.stiffness))
     if recording.initial_tip_deflection and recording.start == "rest":
-        angles = held_by_tip_force(links, recording.initial_tip_deflection)
+        angles = held_by_tip_force(links, model.plant.link, recording.initial_tip_deflection)
     elif any(start.bend) or any(start.bend_rate):
         shapes = bending_shapes(links)
         angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
@@ -125,14 +125,14 @@ def gravity_equilibrium(model: Model, hub_angle: float) -> np.ndarray:
     for _ in range(30):
         phi = hub_angle + np.r_[0.0, np.cumsum(bends)]
         pull = moments * (plant.link.gravity_y * np.cos(phi) - plant.link.gravity_x * np.sin(phi))
-        bends = np.cumsum(pull[::-1])[::-1][1:] / plant.link.stiffness
+        bends = np.cumsum(pull[::-1])[::-1][1:] / plant.link.secant_stiffness(bends)
     return bends
 
 
-def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
+def held_by_tip_force(links: Chain, link: Link, deflection: float) -> np.ndarray:
     """Returns hinge angles (n) [rad] in equilibrium with a transverse tip force that holds the tip at `deflection` [m].
 
-    The moment of the force about each hinge balances its spring; rotations are finite.
+    The moment of the force about each hinge balances its spring, which may be soft; rotations are finite.
     """
     scale = links.stiffness.mean()
     guess = deflection / links.static_tip_compliance() * links.levers / links.stiffness
@@ -141,7 +141,7 @@ def held_by_tip_force(links: Chain, deflection: float) -> np.ndarray:
         phi = np.r_[0.0, np.cumsum(z[:-1])]
         x = np.cumsum(links.lengths * np.cos(phi))
         tip = np.sum(links.lengths * np.sin(phi))
-        moments = links.stiffness * z[:-1] / scale - z[-1] * (x[-1] - x[:-1]) / x[-1]
+        moments = link.secant_stiffness(z[:-1]) * z[:-1] / scale - z[-1] * (x[-1] - x[:-1]) / x[-1]
         return np.r_[moments, (tip - deflection) / links.lengths.sum()]
 
     force = deflection / links.static_tip_compliance() * links.lengths.sum() / scale
