@@ -115,18 +115,16 @@ def of_later(file: Path) -> Iterator[tuple[bool, float, str]]:
     """Whether an effect beside earlier ones is missing, its score over the sum of theirs, and where, of one file."""
     for line in file.read_text(encoding="utf-8").splitlines():
         stored = json.loads(line)
-        answer, missing, found, gained = stored["answer"], set(stored["answer"]["missing"]), set[str](), 0.0
-        for done in answer["rounds"]:
-            if not done["best"]:
-                continue
+        answer, found, gained = stored["answer"], set[str](), 0.0
+        missing = set(answer["missing"])
+        for done in (r for r in answer["rounds"] if r["best"]):
             name, score = done["best"][0]
             adopted = name in answer["adopted"]
-            share = min(score, done["left"]) / gained if gained > 0 else 0.0
-            if gained > 0 and adopted and name in missing:
-                yield True, share, f"{stored['campaign']}: {name}"
-            # Below, the share of the limit is not the larger one. An outsider has no name, and is never found.
-            elif gained > rules.MODEL_ERROR_SCORE / rules.MODEL_ERROR_SHARE and missing <= found:
-                yield False, share, f"{stored['campaign']}: {name}"
+            is_missing = adopted and name in missing
+            # An outsider has no name, and is never found.
+            is_needless = missing <= found and rules.least_score(gained) > rules.MODEL_ERROR_SCORE
+            if gained > 0 and (is_missing or is_needless):
+                yield is_missing, min(score, done["left"]) / gained, f"{stored['campaign']}: {name}"
             if adopted:
                 found, gained = found | {name}, gained + score
 

@@ -178,9 +178,7 @@ class ChainModel:
         p, bends = self._plant, len(self._plant.link.stiffness)
         hinges = slice(self._first, self._first + bends)
         angle = self.qpos[hinges]
-        squared = (self._curvature * angle) ** 2
-        share = p.link.softening * squared / (squared + p.link.softening_curvature**2)
-        self._applied[hinges] = p.link.stiffness * angle * share
+        self._applied[hinges] = p.link.stiffness * angle * p.link.softened_share(self._curvature * angle)
 
     def apply_tip_drag(self) -> None:
         """Applies the force -c |v| v on the payload, v being the velocity of the drag actuators' transmission."""

@@ -83,8 +83,12 @@ class Link(NamedTuple):
 
     def secant_stiffness(self, angles: np.ndarray) -> np.ndarray:
         """Elastic moment over angle of the hinges (n) [N m/rad] at hinge angles (n) [rad], with softening."""
-        squared = (self.curvature_per_angle * angles) ** 2
-        return self.stiffness * (1 - self.softening * squared / (squared + self.softening_curvature**2))
+        return self.stiffness * (1 - self.softened_share(self.curvature_per_angle * angles))
+
+    def softened_share(self, curvature: np.ndarray) -> np.ndarray:
+        """Share of the stiffness that the hinges (n) lack at curvatures (n) [1/m]: s kappa^2/(kappa^2 + kappa_0^2)."""
+        squared = curvature**2
+        return self.softening * squared / (squared + self.softening_curvature**2)
 
     @property
     def mechanisms(self) -> dict[str, float]:

@@ -10,7 +10,7 @@ from twin.effects import TORSION
 from twin.mechanics import planar
 from twin.mechanics.chain import Chain
 from twin.mechanics.hub_spring import MeasuredHub, Spring
-from twin.mechanics.plant import Link, Plant
+from twin.mechanics.plant import Plant
 from twin.mechanics.state import Guide, Motion, Start
 from twin.recording import MEASURED, Recording
 from twin.rigs.model import Model
@@ -98,7 +98,7 @@ def initial_state(model: Model, recording: Recording, start: Start) -> tuple[np.
     links = model.chain
     angles, rates = np.zeros(len(links.stiffness)), np.zeros(len(links.stiffness))
     if recording.initial_tip_deflection and recording.start == "rest":
-        angles = held_by_tip_force(links, model.plant.link, recording.initial_tip_deflection)
+        angles = held_by_tip_force(model, recording.initial_tip_deflection)
     elif any(start.bend) or any(start.bend_rate):
         shapes = bending_shapes(links)
         angles, rates = shapes @ np.array(start.bend), shapes @ np.array(start.bend_rate)
@@ -129,11 +129,12 @@ def gravity_equilibrium(model: Model, hub_angle: float) -> np.ndarray:
     return bends
 
 
-def held_by_tip_force(links: Chain, link: Link, deflection: float) -> np.ndarray:
+def held_by_tip_force(model: Model, deflection: float) -> np.ndarray:
     """Returns hinge angles (n) [rad] in equilibrium with a transverse tip force that holds the tip at `deflection` [m].
 
     The moment of the force about each hinge balances its spring, which may be soft; rotations are finite.
     """
+    links, link = model.chain, model.plant.link
     scale = links.stiffness.mean()
     guess = deflection / links.static_tip_compliance() * links.levers / links.stiffness
 
