@@ -51,6 +51,13 @@ LINES = [
     for line in dict.fromkeys(line for block in blocks(text, "sh") for line in block.splitlines())
     if line.startswith("twin ")
 ]
+PAGES = sorted(
+    {
+        *ROOT.glob("*.md"),
+        *(page for folder in ("docs", "models", "benchmarks") for page in (ROOT / folder).rglob("*.md")),
+    }
+)
+_FILE = re.compile(r"(?<![\w/.-])(?:tests|twin|benchmarks|docs|models)/[\w./-]+\.(?:py|md|toml|jsonl)")
 _FIRST = {
     tuple(shlex.split(line, comments=True)): (name, line) for name, line in reversed(LINES)
 }  # of a command that several documents show, the first is run
@@ -119,6 +126,12 @@ def test_other_lines_of_shell_blocks_name_what_is_there(name):
                 pass  # made by `make demo`
             case _:
                 pytest.fail(f"{name}: nothing runs {line!r}")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_of_the_project_that_a_page_names_exist(page):
+    named = set(_FILE.findall(page.read_text(encoding="utf-8")))
+    assert {path for path in named if not (ROOT / path).is_file()} == set()
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs/index.md", "docs/your-rig.md"])
