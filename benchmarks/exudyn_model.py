@@ -91,6 +91,7 @@ class Model:
       lock: constraint that holds the hub.
       lock_row: its Lagrange multiplier.
       motor: coordinate of a motor behind a backlash, None without one.
+      motor_lock: constraint that holds this motor, which nothing else does within the play, for the static shape.
       torsion: coordinate of the torsional oscillator, None without one.
       torque: load on the hub, on the motor if there is one.
       friction: load on the hub beside that on a motor; the same load without one.
@@ -106,6 +107,7 @@ class Model:
     lock: Any
     lock_row: int
     motor: int | None
+    motor_lock: Any
     torsion: int | None
     torque: Any
     friction: Any
@@ -203,7 +205,7 @@ def build(rig: Rig, sensors: Sensors, angle: float) -> Model:
     _clamp(b, rig, hub_rigid, root_rigid)
     b.joint(end_rigid, tip_rigid)
     torsion = _torsion(b, rig, turn) if rig.torsional_inertia_share > 0.0 else None
-    motor, driven = _motor(b, rig, turn) if has_play else (None, turn)
+    motor, driven, motor_lock = _motor(b, rig, turn) if has_play else (None, turn, None)
     hub_load = b.load(turn)
     model = Model(
         system=b.system,
@@ -214,6 +216,7 @@ def build(rig: Rig, sensors: Sensors, angle: float) -> Model:
         lock=lock,
         lock_row=0,
         motor=motor,
+        motor_lock=motor_lock,
         torsion=torsion,
         torque=hub_load if motor is None else b.load(driven),
         friction=hub_load,
@@ -259,8 +262,8 @@ def _torsion(b: Builder, rig: Rig, turn: Any) -> Any:
     return node
 
 
-def _motor(b: Builder, rig: Rig, turn: Any) -> tuple[Any, Any]:
-    """Adds a motor behind a backlash; returns its node and the marker of its angle."""
+def _motor(b: Builder, rig: Rig, turn: Any) -> tuple[Any, Any, Any]:
+    """Adds a motor behind a backlash; returns its node, the marker of its angle, and the constraint that holds it."""
     inertia = rig.backlash_motor_share * rig.hub_inertia
 
     def push(_system, _t, _item, play, rate, _stiffness, _damping, _offset) -> float:
@@ -272,7 +275,8 @@ def _motor(b: Builder, rig: Rig, turn: Any) -> tuple[Any, Any]:
             markerNumbers=[turn, marker], springForceUserFunction=push
         )
     )
-    return node, marker
+    lock = b.system.AddObject(items.ObjectConnectorCoordinate(markerNumbers=[b.ground, marker]))
+    return node, marker, lock
 
 
 def transverse(system: Any, angle: float, nodes: list[Any], hub: Any, tip: Any, rotors: list[Any]) -> Array:

@@ -120,6 +120,8 @@ class Run:
         elif self.rig.tilt != 0.0:
             self._set_field(0.0)
             exudyn_model.solve_static(self.system)
+        if self.model.motor_lock is not None:
+            self.system.SetObjectParameter(self.model.motor_lock, "activeConnector", False)
         self._set_field(0.0)
 
     def _begin(self) -> None:
@@ -225,12 +227,16 @@ class Run:
             self.solver.it.currentTime, self.position.copy(), self.velocity.copy(), self.acceleration.copy()
         )
 
-    def _repeat(self, state: State, h: float) -> None:
-        """Repeats a step from its start with another length [s]."""
-        self.solver.it.currentTime = state.time
-        self.position[:], self.velocity[:] = state.position, state.velocity
+    def _go_back(self, before: State) -> None:
+        """Goes back to a state before a step."""
+        self.solver.it.currentTime = before.time
+        self.position[:], self.velocity[:] = before.position, before.velocity
         self._restart()
-        self._step(h)
+
+    def _repeat(self, before: State, h: float) -> float:
+        """Repeats a step from its start with another length [s]; returns its length, see `_step_from`."""
+        self._go_back(before)
+        return self._step_from(before, h)
 
     def _step(self, h: float) -> None:
         """Integrates one step of length h [s]."""
@@ -251,7 +257,8 @@ class Run:
             self._step(h)
         except NoConvergence:
             h *= 0.5
-            self._repeat(before, h)
+            self._go_back(before)
+            self._step(h)
         return h
 
     def _violation(self) -> float:
@@ -281,8 +288,7 @@ class Run:
         dip = plant.lowest_time(h, *(side * value for value in ends))
         if dip <= 1e-9:
             return h
-        self._repeat(before, dip)
-        return dip
+        return self._repeat(before, dip)
 
     def _to_event(self, before: State, h: float, low_value: float, high_value: float) -> None:
         """Repeats a step so that it ends at its event, by the rule of false position (Illinois)."""
@@ -290,7 +296,7 @@ class Run:
         for _ in range(TRIALS):
             middle = low + (high - low) * low_value / (low_value - high_value)
             middle = min(max(middle, 1e-3 * h), h)
-            self._repeat(before, middle)
+            middle = self._repeat(before, middle)
             value = self._violation()
             if abs(value) < EVENT:
                 return

@@ -157,6 +157,12 @@ def test_effect_is_that_of_the_other_engine(effect):
     assert error < share * np.sqrt(np.mean((plain.hub_angle - own.hub_angle) ** 2))
 
 
+def test_a_motor_within_its_play_does_not_keep_the_tip_from_being_held():
+    loose = switch_on(RIG, {"backlash": EFFECTS["backlash"]})
+    exudyn, own = both(loose, experiment(np.zeros(50), angle=0.0, tip_deflection=0.03))
+    assert np.abs(exudyn.strain - own.strain).max() < 0.1 * SENSORS.strain_noise
+
+
 def test_effect_that_exudyn_has_not_is_refused():
     soft = switch_on(RIG, {"softening-stiffness": {"softening": 0.2, "curvature": 1.0}})
     with pytest.raises(InputError, match="no softening-stiffness; expected"):
