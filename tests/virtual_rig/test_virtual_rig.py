@@ -248,6 +248,14 @@ def test_more_functions_change_nothing_visible():
     assert np.abs(angles[0] - angles[1]).max() < 2e-4
 
 
+def test_a_softening_link_is_held_at_any_deflection():
+    rig = RIG._replace(softening=0.16, softening_curvature=0.75)
+    link = build_link(rig, *basis_of(rig))
+    for deflection in np.linspace(-0.12, 0.12, 49):
+        shape = deflected_shape(rig, link, deflection)
+        assert tip_height(link, shape)[0] == pytest.approx(deflection, abs=1e-9)
+
+
 def test_a_softening_link_has_functions_enough_for_its_curvature():
     """At the gauges of a link whose tip is held 0.2 m aside, to a tenth of the noise of strains of 2e-3."""
     rig = RIG._replace(softening=0.35, softening_curvature=0.6)

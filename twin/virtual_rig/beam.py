@@ -135,10 +135,18 @@ def deflected_shape(rig: Rig, link: Link, tip_deflection: float) -> Array:
         tip, per_q = tip_height(link, q)
         return np.append(elastic_moment(rig, link, q) - force * per_q, tip - tip_deflection)
 
+    def slope(unknown: Array) -> Array:
+        q, force = unknown[:-1], unknown[-1]
+        per_q = tip_height(link, q)[1][:, None]
+        bend = elastic_stiffness(rig, link, q) + force * quadratic_form(
+            link, n, link.to_tip * np.sin(tangent(link, q))
+        )
+        return np.block([[bend, -per_q], [per_q.T, np.zeros((1, 1))]])
+
     start = np.zeros(n + 1)
     start[-1] = 3 * rig.bending_stiffness * tip_deflection / rig.length**3
     start[:n] = start[-1] * tip_height(link, np.zeros(n))[1] / link.stiffness
-    return np.asarray(_solved(residual, start)[:n])
+    return np.asarray(_solved(residual, slope, start)[:n])
 
 
 def resting_shape(rig: Rig, link: Link, hub_angle: float, gravity: float) -> Array:
@@ -149,18 +157,32 @@ def resting_shape(rig: Rig, link: Link, hub_angle: float, gravity: float) -> Arr
     direction = rig.tilt_direction - hub_angle
 
     def residual(q: Array) -> Array:
-        turn = np.sin(direction - link.slope[:-1, :n] @ q)
+        turn = np.sin(direction - tangent(link, q))
         pull = gravity * (link.moment * turn) @ link.slope[:-1, :n]
         return np.asarray(elastic_moment(rig, link, q) - pull)
 
-    return _solved(residual, np.zeros(n))
+    def slope(q: Array) -> Array:
+        weight = gravity * link.moment * np.cos(direction - tangent(link, q))
+        return elastic_stiffness(rig, link, q) + quadratic_form(link, n, weight)
+
+    return _solved(residual, slope, np.zeros(n))
+
+
+def tangent(link: Link, q: Array) -> Array:
+    """Returns the tangent angle at the nodes (N,) [rad] of a link with coordinates q (n,)."""
+    return np.asarray(link.slope[:-1, : len(q)] @ q)
+
+
+def quadratic_form(link: Link, n: int, weight: Array) -> Array:
+    """Returns the matrix (n x n) of the sum of squares of the tangent angle, weighted at the nodes (N,)."""
+    slope = link.slope[:-1, :n]
+    return np.asarray(slope.T @ (weight[:, None] * slope))
 
 
 def tip_height(link: Link, q: Array) -> tuple[float, Array]:
     """Returns the tip's deflection from the hub's tangent [m] and its derivatives by q (n,) [m]."""
-    n = len(q)
-    angle = link.slope[:-1, :n] @ q
-    return float(link.to_tip @ np.sin(angle)), (link.to_tip * np.cos(angle)) @ link.slope[:-1, :n]
+    angle = tangent(link, q)
+    return float(link.to_tip @ np.sin(angle)), (link.to_tip * np.cos(angle)) @ link.slope[:-1, : len(q)]
 
 
 def elastic_moment(rig: Rig, link: Link, q: Array) -> Array:
@@ -176,13 +198,25 @@ def elastic_moment(rig: Rig, link: Link, q: Array) -> Array:
     return np.asarray(moment)
 
 
-def _solved(residual, start: Array) -> Array:
-    """Returns the root of `residual` from `start`.
+def elastic_stiffness(rig: Rig, link: Link, q: Array) -> Array:
+    """Returns the derivatives of `elastic_moment` by q (n x n) [N m]."""
+    stiffness = np.diag(link.stiffness)
+    if rig.softening != 0.0:
+        kappa2, bend2 = (link.curvature @ q) ** 2, rig.softening_curvature**2
+        lost = rig.softening * kappa2 * (kappa2 + 3 * bend2) / (kappa2 + bend2) ** 2
+        stiffness = stiffness - rig.bending_stiffness * link.curvature.T @ (
+            (link.weight * lost)[:, None] * link.curvature
+        )
+    return np.asarray(stiffness)
+
+
+def _solved(residual, slope, start: Array) -> Array:
+    """Returns the root of `residual`, whose derivatives are `slope`, from `start`.
 
     Raises:
         ValueError: the iteration did not converge.
     """
-    solution = root(residual, start, tol=1e-13)
+    solution = root(residual, start, jac=slope, tol=1e-13)
     if np.abs(solution.fun).max() > 1e-9:
         raise ValueError(f"static shape of the link not found: {solution.message}")
     return np.asarray(solution.x)
