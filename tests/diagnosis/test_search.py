@@ -17,6 +17,7 @@ from twin.diagnosis.contest import (
     confirm_in_fine_limit,
     fit_to_convergence,
     prefer_closer_free_runs,
+    refit_in_own_limit,
     refit_with_own_noise,
 )
 from twin.diagnosis.diagnose import diagnose, search
@@ -24,7 +25,9 @@ from twin.diagnosis.fit_patch import patch_of_worst_channel
 from twin.diagnosis.judgement import Judgement
 from twin.diagnosis.state import Round, SearchState
 from twin.effects import REGISTRY
+from twin.estimation import refine
 from twin.estimation.calibrate import calibrate
+from twin.estimation.chain_limit import STANDARD, without_discretisation_error
 from twin.estimation.minimise import minimise
 from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import Unknown
@@ -332,6 +335,26 @@ def test_what_a_calibration_that_stopped_short_would_gain_is_no_gain_of_an_effec
     assert better is not None
     assert better.cost == pytest.approx(start.base.cost, abs=0.5)
     assert better_calibration(start.bench, start.base, right) is None
+
+
+def test_data_are_corrected_for_the_chain_of_their_own_fit(viscous):
+    start, right = viscous
+    at = right.fit.model, right.fit.starts, right.fit.unknowns
+    values = right.fit.values.copy()
+    values[[u.name for u in right.fit.unknowns].index("length")] *= 1.05
+    longer = minimise(start.bench, *at, values, iterations=0)
+
+    def corrected_at(fit):
+        return without_discretisation_error(start.bench, fit.model, fit.starts, STANDARD)[0]
+
+    def promised(fit):
+        bench = corrected_at(fit)
+        return refine.predicted_gain(bench, refine.fit_to(bench, fit))
+
+    elsewhere = corrected_at(longer)
+    fit = minimise(elsewhere, *at, right.fit.values)
+    assert promised(fit) > 10 * refine.MIN_GAIN
+    assert promised(refit_in_own_limit(elsewhere, fit)[1]) < 0.1 * promised(fit)
 
 
 @pytest.mark.slow

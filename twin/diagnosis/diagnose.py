@@ -138,12 +138,20 @@ def _searched_to_end(
 ) -> SearchState:
     """The state after the remaining rounds of the search, with errors and the test for smooth functions."""
     state = _searched_on(state, more, progress, false_alarm_rate)
-    state = revise.with_closer_free_runs(state)
+    state = _in_own_limit(revise.with_closer_free_runs(state))
     progress("computing standard errors")
     state, sound = on_sound_channels(state)
     state = with_errors(state, sound)
     progress("testing for torques outside the library")
     return _final_state(state, sound, progress, false_alarm_rate)
+
+
+def _in_own_limit(state: SearchState) -> SearchState:
+    """The state with the data corrected for the discretisation error of its final model."""
+    if not state.adopted or state.on_output_errors:
+        return state
+    bench, best = contest.refit_in_own_limit(state.bench, state.best)
+    return state.with_last_fit(best, bench)
 
 
 def _searched_on(state: SearchState, more: bool, progress: Progress, false_alarm_rate: float) -> SearchState:

@@ -133,13 +133,13 @@ class SearchState:
         """The state after one more round."""
         return replace(self, rounds=(*self.rounds, more))
 
-    def with_last_fit(self, best: Fit) -> SearchState:
-        """The state with another fit of the final model."""
+    def with_last_fit(self, best: Fit, bench: Workbench | None = None) -> SearchState:
+        """The state with another fit of the final model; `bench`: adopted effects' data, if they are others too."""
         if not self.adopted:
             return replace(self, start=replace(self.start, base=best))
         k = len(self.adopted) - 1
         adopted = replace(self.adopted[k], fit=best)
-        changed = replace(self.rounds[k], adopted=adopted)
+        changed = replace(self.rounds[k], adopted=adopted, bench=bench or self.rounds[k].bench)
         return replace(self, rounds=(*self.rounds[:k], changed, *self.rounds[k + 1 :]))
 
     def with_adoptions(self, kept: Sequence[Round], reason: Mapping[str, Judgement]) -> SearchState:

@@ -27,9 +27,7 @@ _ONE_SIDED = 10.0
 
 def refined_fit(bench: Workbench, base: Fit) -> Fit:
     """The fit after Gauss-Newton steps to convergence; its covariance is the inverse of the information there."""
-    # The data of the bench may differ from those of the fit.
-    [r] = bench.residuals([(base.model, base.starts, None)])
-    base = _fit_at(bench, base, base.values, r, base.covariance)
+    base = fit_to(bench, base)
     for _ in range(GAUSS_NEWTON_STEPS):
         base = with_jacobian(bench, base)
         if predicted_gain(bench, base) < MIN_GAIN:
@@ -37,6 +35,12 @@ def refined_fit(bench: Workbench, base: Fit) -> Fit:
         base = _gauss_newton_step(bench, base)
     information, _ = normal_equations(bench, base)
     return _fit_at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
+
+
+def fit_to(bench: Workbench, base: Fit) -> Fit:
+    """The fit as it is, with residual and cost of these data, which may differ from those that it was fitted to."""
+    [r] = bench.residuals([(base.model, base.starts, None)])
+    return _fit_at(bench, base, base.values, r, base.covariance)
 
 
 def refined_with_roughness(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
