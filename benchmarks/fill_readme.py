@@ -27,7 +27,11 @@ ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "README.md"
 DOCS = ROOT / "docs"
 DIAGNOSIS = DOCS / "diagnosis.md"
-ANSWERS = ROOT / "benchmarks" / "results" / "diagnosis.jsonl"
+ANSWERS = {
+    engine: ROOT / "benchmarks" / "results" / file
+    for engine, file in {"virtual rig": "diagnosis-93000.jsonl", "Exudyn": "diagnosis-exudyn.jsonl"}.items()
+}
+"""Engine of the rigs -> answers of `diagnosis.py`."""
 
 
 @functools.cache
@@ -75,8 +79,7 @@ def _meanings(effects: Sequence[str]) -> str:
 
 
 KINDS: Mapping[str, str] = {
-    "single": "one effect of a usual size",
-    "small": "one effect down to the noise",
+    "single": "one effect",
     "pair": "two effects",
     "triple": "three effects",
     "nothing": "nothing",
@@ -86,13 +89,23 @@ KINDS: Mapping[str, str] = {
 
 
 def reliability() -> str:
-    """Returns how many answers of the benchmark are exactly right, by what is missing, as a table."""
-    answers = [json.loads(line)["answer"] for line in ANSWERS.read_text(encoding="utf-8").splitlines()]
-    lines = ["| what the model lacks | campaigns | exactly right |", "| --- | ---: | ---: |"]
+    """Returns how many answers of the benchmark are exactly right, by what is missing and engine, as a table."""
+    found = {engine: _answers(file) for engine, file in ANSWERS.items()}
+    rows = [("what the model lacks", *found), ("---", *("---:" for _ in found))]
     for kind, meaning in KINDS.items():
-        mine = [answer for answer in answers if answer["kind"] == kind]
-        lines.append(f"| {meaning} | {len(mine)} | {sum(map(_is_right, mine))} |")
-    return "\n".join([*lines, f"| all | {len(answers)} | {sum(map(_is_right, answers))} |"])
+        rows.append(
+            (meaning, *(_count_right([a for a in mine if a["kind"] == kind]) for mine in found.values()))
+        )
+    rows.append(("all", *map(_count_right, found.values())))
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
+
+
+def _answers(file: Path) -> list[dict[str, Any]]:
+    return [json.loads(line)["answer"] for line in file.read_text(encoding="utf-8").splitlines()]
+
+
+def _count_right(answers: Sequence[Mapping[str, Any]]) -> str:
+    return f"{sum(map(_is_right, answers))} of {len(answers)}" if answers else ""
 
 
 def _is_right(answer: Mapping[str, Any]) -> bool:
