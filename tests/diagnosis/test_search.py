@@ -349,7 +349,7 @@ def test_data_are_corrected_for_the_chain_of_their_own_fit(viscous):
 
     def promised(fit):
         bench = corrected_at(fit)
-        return refine.predicted_gain(bench, refine.fit_to(bench, fit))
+        return refine.predicted_gain(bench, refine.evaluated_on(bench, fit))
 
     elsewhere = corrected_at(longer)
     fit = minimise(elsewhere, *at, right.fit.values)

@@ -237,7 +237,7 @@ def refit_in_own_limit(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
     """
     for _ in range(FIXED_POINT_STEPS):
         bench = _corrected_at(bench, fit)
-        fit = refine.fit_to(bench, fit)
+        fit = refine.evaluated_on(bench, fit)
         before, promised = fit.cost, refine.predicted_gain(bench, fit)
         if promised >= refine.MIN_GAIN:
             at = fit.model, fit.starts, fit.unknowns, fit.values

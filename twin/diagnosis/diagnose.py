@@ -261,12 +261,9 @@ def on_output_errors(
     bench, fit = found
     if bench.sizes(fit.residual).max(initial=0.0) >= largest or bench.misfit(fit.residual) > most:
         return state, more
+    state = state.with_last_fit(fit, bench)
     if state.adopted:
-        *earlier, last = state.adopting
-        last = replace(last, adopted=replace(state.adopted[-1], fit=fit), bench=bench)
-        state = revise.revise(replace(state, rounds=(*earlier, last)), progress)
-    else:
-        state = replace(state, start=replace(state.start, bench=bench, base=fit))
+        state = revise.revise(replace(state, rounds=state.adopting), progress)
     more = _can_gain(state)
     return (replace(state, rounds=state.adopting) if more else state), more
 

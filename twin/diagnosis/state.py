@@ -134,9 +134,9 @@ class SearchState:
         return replace(self, rounds=(*self.rounds, more))
 
     def with_last_fit(self, best: Fit, bench: Workbench | None = None) -> SearchState:
-        """The state with another fit of the final model; `bench`: adopted effects' data, if they are others too."""
+        """The state with another fit of the final model, to other data if a bench is given."""
         if not self.adopted:
-            return replace(self, start=replace(self.start, base=best))
+            return replace(self, start=replace(self.start, base=best, bench=bench or self.start.bench))
         k = len(self.adopted) - 1
         adopted = replace(self.adopted[k], fit=best)
         changed = replace(self.rounds[k], adopted=adopted, bench=bench or self.rounds[k].bench)

@@ -20,7 +20,7 @@ from twin.estimation import chain_limit, loss, refine
 from twin.estimation.first_state import first_states, with_bends
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import FAR_ITERATIONS, QUICK_ITERATIONS, minimise
-from twin.estimation.slopes import cost_of, difference_jacobian, first_steps
+from twin.estimation.slopes import difference_jacobian, first_steps
 from twin.estimation.unknowns import Unknown, start_unknowns
 from twin.estimation.workbench import CORRELATION_TIME, FreeData, Workbench, layout
 from twin.mechanics.hub_spring import MeasuredHub, Spring, spring_of
@@ -149,11 +149,10 @@ def on_driven_data(bench: Workbench, fit: Fit) -> tuple[Workbench, Fit]:
         return bench, fit
     driven = Workbench(bench.data.driven, bench.pool)
     driven = chain_limit.with_limit(driven, fit.model, fit.starts, chain_limit.STANDARD)
-    [r] = driven.residuals([(fit.model, fit.starts, None)])
-    steps = first_steps(fit.unknowns)
-    J, _ = difference_jacobian(driven, fit.model, fit.starts, fit.unknowns, fit.values, r, steps, {})
-    cost = cost_of(driven, fit.unknowns, fit.values, r)
-    return driven, replace(fit, residual=r, size=driven.sizes(r), cost=cost, jacobian=J)
+    fit = refine.evaluated_on(driven, fit)
+    at, steps = (driven, fit.model, fit.starts, fit.unknowns), first_steps(fit.unknowns)
+    J, _ = difference_jacobian(*at, fit.values, fit.residual, steps, {})
+    return driven, replace(fit, jacobian=J)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,9 +228,7 @@ def _with_own_spring(bench: Workbench, fit: Fit) -> _Run | None:
         return None
     data = OutputErrorData(bench.data.driven, fit.model, bench.data.period, bench.data.damping_ratio)
     free = Workbench(data, bench.pool)
-    [r] = free.residuals([(fit.model, fit.starts, None)])
-    cost = cost_of(free, fit.unknowns, fit.values, r)
-    return _Run(data, free, replace(fit, residual=r, size=free.sizes(r), cost=cost))
+    return _Run(data, free, refine.evaluated_on(free, fit))
 
 
 def _at_likeliest_minimum(run: _Run) -> _Run:

@@ -27,7 +27,7 @@ _ONE_SIDED = 10.0
 
 def refined_fit(bench: Workbench, base: Fit) -> Fit:
     """The fit after Gauss-Newton steps to convergence; its covariance is the inverse of the information there."""
-    base = fit_to(bench, base)
+    base = evaluated_on(bench, base)
     for _ in range(GAUSS_NEWTON_STEPS):
         base = with_jacobian(bench, base)
         if predicted_gain(bench, base) < MIN_GAIN:
@@ -37,10 +37,10 @@ def refined_fit(bench: Workbench, base: Fit) -> Fit:
     return _fit_at(bench, base, base.values, base.residual, np.linalg.pinv(information, hermitian=True))
 
 
-def fit_to(bench: Workbench, base: Fit) -> Fit:
+def evaluated_on(bench: Workbench, base: Fit) -> Fit:
     """The fit as it is, with residual and cost of these data, which may differ from those that it was fitted to."""
     [r] = bench.residuals([(base.model, base.starts, None)])
-    return _fit_at(bench, base, base.values, r, base.covariance)
+    return replace(base, residual=r, size=bench.sizes(r), cost=cost_of(bench, base.unknowns, base.values, r))
 
 
 def refined_with_roughness(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
