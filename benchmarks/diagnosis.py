@@ -282,26 +282,38 @@ def _adopted_of_several(answers: Sequence[dict]) -> str:
 
 def _held_out(answers: Sequence[dict]) -> list[str]:
     after = [np.median(a["after"]) for a in answers if a.get("after") and not _is_wrong(a)]
-    covered = [c for a in answers for c in _intervals_cover(a)]
     lines = []
     if after:
         lines.append(
             f"- Error on held-out recordings after a right answer, median over channels, in noise levels: "
             f"median {np.median(after):.2f}, worst {max(after):.1f}."
         )
+    covered, without_play = coverage(answers)
     if covered:
-        share = 100 * np.mean(covered)
         lines.append(
-            f"- 95 % intervals of adopted effects that hold the truth: {share:.0f} % of {len(covered)}."
+            f"- 95 % intervals of adopted effects that hold the truth: {share_of(covered)};"
+            f" of rigs without a play: {share_of(without_play)}."
         )
     known = [c for a in answers for c in _calibrated_cover(a)]
     if known:
         of = sum("calibrated" in a for a in answers)
         lines.append(
             f"- 95 % intervals of declared parameters that hold the truth, of right answers with them"
-            f" ({of} have them): {100 * np.mean(known):.0f} % of {len(known)}."
+            f" ({of} have them): {share_of(known)}."
         )
     return lines
+
+
+def coverage(answers: Sequence[dict]) -> tuple[list[bool], list[bool]]:
+    """Whether each interval of an adopted effect contains the truth: of all rigs, and of those without a play."""
+    whole = [(c, "backlash" in a["missing"]) for a in answers for c in _intervals_cover(a)]
+    return [c for c, _ in whole], [c for c, has_play in whole if not has_play]
+
+
+def share_of(found: Sequence[bool]) -> str:
+    """How many of these are true, as text."""
+    percent = f" ({100 * np.mean(found):.0f} %)" if found else ""
+    return f"{sum(found)} of {len(found)}{percent}"
 
 
 def _calibrated_cover(a: dict) -> list[bool]:

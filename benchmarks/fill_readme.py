@@ -1,7 +1,7 @@
 """Writes the generated parts of README.md and docs/: the output of `twin demo`, and tables.
 
-    python benchmarks/fill_readme.py [demo] [headline] [reliability] [effects] [accuracy] [screening] [adoption]
-                                     [revision] [explanation]
+    python benchmarks/fill_readme.py [demo] [headline] [reliability] [intervals] [effects] [accuracy]
+                                     [screening] [adoption] [revision] [explanation]
 
 Without names, all of them; `demo` fills `headline`, too, from the same run. Each part stands between <!-- NAME --> and
 <!-- end --> in the document that `PARTS` names.
@@ -100,6 +100,17 @@ def reliability() -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
 
 
+def intervals() -> str:
+    """Returns how many 95 % intervals of the effects hold the truth, in a sentence."""
+    from diagnosis import coverage, share_of
+
+    covered, without_play = coverage([answer for file in ANSWERS.values() for answer in _answers(file)])
+    return (
+        f"The 95 % intervals of the named effects held the truth in {share_of(covered)}, on rigs without a play in\n"
+        f"{share_of(without_play)}."
+    )
+
+
 def _answers(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line)["answer"] for line in file.read_text(encoding="utf-8").splitlines()]
 
@@ -156,6 +167,7 @@ PARTS: Mapping[str, tuple[Path, Callable[[], str]]] = {
     "demo": (README, demo),
     "headline": (README, headline),
     "reliability": (README, reliability),
+    "intervals": (README, intervals),
     "effects": (DOCS / "effects.md", effects),
     "accuracy": (DOCS / "accuracy.md", accuracy),
     "screening": (DIAGNOSIS, screening),

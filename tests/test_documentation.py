@@ -488,6 +488,9 @@ def test_pictures_of_the_readme_are_there():
 def test_reliability_of_the_readme_is_that_of_the_answers_and_adds_up():
     table = fill_readme.part(README, "reliability")
     assert table == fill_readme.reliability(), "python benchmarks/fill_readme.py reliability"
+    assert fill_readme.part(README, "intervals") == fill_readme.intervals(), (
+        "python benchmarks/fill_readme.py intervals"
+    )
     rows = [line.split("|")[2:-1] for line in table.splitlines()[2:]]
     # Kind x engine x (right, all).
     counts = np.array([[_right_of(cell.strip()) for cell in row] for row in rows])
