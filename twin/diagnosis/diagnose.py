@@ -32,7 +32,7 @@ from twin.diagnosis.plan import plans_for_pair
 from twin.diagnosis.state import Round, SearchState, UnnamedFunction
 from twin.effects import REGISTRY, EffectParameter
 from twin.errors import checked_count, checked_number
-from twin.estimation import jackknife, output_error, refine, static_friction
+from twin.estimation import jackknife, output_error, refine, repeated_fits, static_friction
 from twin.estimation.calibrate import calibrate, likeliest_clock
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import FAR_ITERATIONS, minimise
@@ -348,9 +348,10 @@ def _with_covariance(bench: Workbench, best: Fit) -> Fit:
     Where the common scale of inertias and stiffnesses is determined by their declared uncertainty alone, the optimiser
     stops before the minimum.
     """
-    smooth, by_roughness = refine.refined_with_roughness(bench, best)
+    likeliest, by_repetition = repeated_fits.likeliest_with_scatter(bench, best)
+    smooth, by_roughness = refine.refined_with_roughness(bench, likeliest)
     sure = jackknife.with_jackknife_covariance(bench, smooth)
-    return replace(sure, covariance=sure.covariance + by_roughness)
+    return replace(sure, covariance=sure.covariance + by_roughness + by_repetition)
 
 
 def _parameters(names: Iterable[str]) -> list[EffectParameter]:
