@@ -68,6 +68,19 @@ def test_what_is_left_is_scored_on_the_data_of_its_own_round(start):
     assert kept.adopted.score == pytest.approx(alone.score, rel=0.2)
 
 
+def test_other_candidates_keep_their_distance_where_the_effects_before_them_are_withdrawn(start):
+    """Their scores are beside those effects: compared with the score of the adopted one alone, they may exceed it."""
+    first, second = picked(start, "air-pad-drag", "viscous-friction").rounds
+    beside = replace(second.adopted, score=200.0)
+    behind = replace(beside, effects=("air-pad-drag", "torque-bias"), score=160.0)
+    state = SearchState(start, (first, replace(second, ranked=(beside, behind), adopted=beside)))
+    alone = minimise(start.bench, beside.fit.model, start.base.starts, beside.fit.unknowns)
+    [kept] = rebuild(state, ["viscous-friction"], alone).rounds
+    assert kept.adopted.score < 160
+    assert [c.effects[-1] for c in kept.ranked] == ["viscous-friction", "torque-bias"]
+    assert kept.ranked[1].score == pytest.approx(kept.adopted.score - 40)
+
+
 def test_what_was_withdrawn_for_its_size_is_no_candidate_again(start, monkeypatch):
     """What was withdrawn for another reason is one."""
     explored = []

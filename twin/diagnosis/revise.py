@@ -185,7 +185,8 @@ def _rebuilt_round(
     """The round of the last of these effects as if it had been adopted beside the others.
 
     It is that in which the effect was adopted, or that of the effect in whose place it is. Its score is by fits to the
-    data of that round: what is left of driven data cannot be compared with output errors.
+    data of that round: what is left of driven data cannot be compared with output errors. Other candidates keep their
+    distance from it: their scores are beside the effects of that round, which may have been withdrawn since.
 
     Args:
       state: of the search.
@@ -207,8 +208,9 @@ def _rebuilt_round(
     before, here = fitted(names[:-1]), fitted(names)
     adopted = Candidate((*state.known, *names), here, candidates.score_gain(data, before, here))
     told = adopted.score - rules.decisive_difference(adopted.score)
+    moved = adopted.score - next((c.score for c in own.ranked if c.name == names[-1]), own.ranked[0].score)
     others = [
-        replace(c, score=min(c.score, told)) if c.name in reason else c
+        replace(c, score=min(c.score + moved, told) if c.name in reason else c.score + moved)
         for c in own.ranked
         if c.name not in names
     ]
