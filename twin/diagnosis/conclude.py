@@ -18,6 +18,7 @@ from twin.diagnosis import (
     experiments,
     fit_patch,
     notes,
+    permutation,
     remainder,
     rules,
     traces,
@@ -172,10 +173,14 @@ def _effect_values(fit: Fit, name: str) -> dict[str, Any]:
 def effect_probabilities(state: SearchState, answer: Verdict) -> dict[str, float]:
     """Adopted effect -> its posterior probability, see `rules.probabilities`; `answer`: the verdict."""
     factor = _PROBABILITY_OUTSIDE if answer == "outside-library" else 1.0
-    return {
-        name: factor * rules.probabilities(r.ranked, r.draws).get(name, 0.0)
-        for name, r in zip(state.names, state.adopting, strict=True)
-    }
+    return {name: factor * _probability(r, name) for name, r in zip(state.names, state.adopting, strict=True)}
+
+
+def _probability(adopting: Round, name: str) -> float:
+    """Posterior probability of the effect that a round adopted."""
+    if adopting.p_value is not None:
+        return permutation.posterior_bound(adopting.p_value)
+    return rules.probabilities(adopting.ranked, adopting.draws).get(name, 0.0)
 
 
 def judgements_of(state: SearchState) -> dict[str, tuple[RoundJudgement, ...]]:

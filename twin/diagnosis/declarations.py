@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.diagnosis import candidates, contest, remainder
+from twin.diagnosis import candidates, contest, remainder, rules
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.rules import CONTRADICTED, Declaration
 from twin.diagnosis.state import Round, SearchState
@@ -36,19 +36,36 @@ def with_contradicted_declaration(state: SearchState, rate: float) -> SearchStat
     fitted = [contest.fit_fully(state.bench, state.best, c) for c in tried]
     deviations = [_deviations(state, c) for c in fitted]
     choice = fitted[int(np.argmax(deviations))]
-    judgement = CONTRADICTED.judge(Declaration(max(deviations), rate, len(tested)))
+    declaration = Declaration(max(deviations), rate, len(tested))
+    judgement = CONTRADICTED.judge(declaration)
     if not judgement.passed:
         return None
     done = state.last or Round(())
-    others = (c for c in done.ranked if c.name != choice.name)
     adopting = replace(
         done,
-        ranked=(choice, *others),
+        ranked=(choice, *_others(done, choice, fitted)),
         judgements={**done.judgements, choice.name: (judgement,)},
         adopted=choice,
         bench=state.bench,
+        p_value=rules.p_value_of(declaration),
     )
     return replace(state, rounds=(*state.adopting, adopting))
+
+
+def _others(done: Round, choice: Candidate, strained: list[Candidate]) -> list[Candidate]:
+    """The candidates of a round beside one whose declaration is contradicted, best first.
+
+    What else may stand for the contradiction is compared by its fit. The scores of all others are below what they need,
+    while this one needs none: they are not tied with it.
+    """
+    told = choice.score - rules.decisive_difference(choice.score)
+    as_likely = {c.name: c for c in strained}
+    others = [
+        as_likely.get(c.name, replace(c, score=min(c.score, told)))
+        for c in done.ranked
+        if c.name != choice.name
+    ]
+    return sorted(others, key=lambda c: -c.score)
 
 
 def _tested_effects(state: SearchState) -> tuple[list[str], list[str]]:

@@ -251,6 +251,13 @@ CONTRADICTED: Rule[Declaration] = Rule(
     "derived",
     "the declared uncertainty is the deviation of a normal distribution; Bonferroni",
 )
+
+
+def p_value_of(declaration: Declaration) -> float:
+    """Probability of a declaration as far off or farther, of any of those that are tested."""
+    return min(1.0, 2 * declaration.tested * float(norm.sf(declaration.deviations)))
+
+
 REVISION = (NEEDED, REPLACEABLE, SIZE_DETERMINED, CONTRADICTED)
 """Whether an adopted effect stays, and whether one joins because a declaration is contradicted."""
 

@@ -31,6 +31,7 @@ class Round:
       judgements: candidate -> its judgement by each rule.
       adopted: the adopted candidate, its fit that to `bench`; None where none was.
       bench: the data whitened for the adopted model.
+      p_value: of the test by which a contradicted declaration was adopted; None where the scores decided.
     """
 
     ranked: tuple[Candidate, ...]
@@ -40,10 +41,11 @@ class Round:
     judgements: Mapping[str, tuple[Judgement, ...]] = field(default_factory=dict)
     adopted: Candidate | None = None
     bench: Workbench | None = None
+    p_value: float | None = None
 
     def without_adoption(self) -> Round:
         """The same round as if it had adopted nothing."""
-        return replace(self, adopted=None, bench=None)
+        return replace(self, adopted=None, bench=None, p_value=None)
 
     def allows(self, candidate: Candidate) -> bool:
         """Whether a fitted candidate passed every rule of adoption in this round, that on its rank aside."""
