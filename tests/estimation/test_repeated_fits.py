@@ -74,11 +74,11 @@ def test_the_error_of_a_play_covers_the_truth(pool):
         best, added = repeated_fits.likeliest_with_scatter(bench, found)
         assert best.cost <= found.cost
         assert (np.linalg.eigvalsh(added) > -1e-12).all()
-        errors = np.sqrt(np.diag(best.covariance + added))
+        corrected = repeated_fits.without_bias(bench, replace(best, covariance=best.covariance + added))
         told = [k for k, u in enumerate(best.unknowns) if u.name in ("gap", "motor_inertia_share")]
-        off = best.values[told] - [PLAY["backlash"][best.unknowns[k].name] for k in told]
-        away.append(off / errors[told])
-        own.append(off / best.errors[told])
+        true = [PLAY["backlash"][best.unknowns[k].name] for k in told]
+        away.append((corrected.values[told] - true) / corrected.errors[told])
+        own.append((found.values[told] - true) / found.errors[told])
     assert np.abs(away).max() < 3
     assert np.mean(np.square(away)) < 0.5 * np.mean(np.square(own))
 
@@ -89,6 +89,7 @@ def test_only_a_play_takes_repeated_fits(pool):
     best, added = repeated_fits.likeliest_with_scatter(bench, found)
     assert best is found
     assert not added.any()
+    assert repeated_fits.without_bias(bench, found) is found
 
 
 def test_the_noise_of_the_second_simulation_is_the_opposite(pool):

@@ -96,15 +96,14 @@ def checked_rate(false_alarm_rate: float) -> float:
 
 def _final_models(state: SearchState, pool: ResidualPool, followed: bool) -> static_friction.FinalModels:
     """The models that are reported; a fit to output errors has found the static friction already."""
-    declared = state.start.declared
+    declared, best = state.start.declared, state.best
     if not state.on_output_errors:
-        return static_friction.final_models(
-            state.data, state.base, state.best, declared, pool, whole=followed
-        )
+        best = repeated_fits.without_bias(state.bench, best) if state.adopted else best
+        return static_friction.final_models(state.data, state.base, best, declared, pool, whole=followed)
     base = (
         state.base if state.best is state.base else static_friction.with_static_levels(state.data, state.base)
     )
-    return static_friction.FinalModels(declared, base, state.best)
+    return static_friction.FinalModels(declared, base, best)
 
 
 # Recordings are simulated side by side: threads of linear algebra beside them double the time.
@@ -348,10 +347,10 @@ def _with_covariance(bench: Workbench, best: Fit) -> Fit:
     Where the common scale of inertias and stiffnesses is determined by their declared uncertainty alone, the optimiser
     stops before the minimum.
     """
-    likeliest, by_repetition = repeated_fits.likeliest_with_scatter(bench, best)
+    likeliest, by_start = repeated_fits.likeliest_with_scatter(bench, best)
     smooth, by_roughness = refine.refined_with_roughness(bench, likeliest)
     sure = jackknife.with_jackknife_covariance(bench, smooth)
-    return replace(sure, covariance=sure.covariance + by_roughness + by_repetition)
+    return replace(sure, covariance=sure.covariance + by_roughness + by_start)
 
 
 def _parameters(names: Iterable[str]) -> list[EffectParameter]:

@@ -16,6 +16,7 @@ import numpy as np
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.minimise import minimise
+from twin.estimation.unknowns import model_and_starts_at
 from twin.estimation.workbench import Workbench, driven_data
 from twin.mechanics.state import Start
 from twin.residuals.data import DrivenData
@@ -27,22 +28,46 @@ _Given = tuple[Prepared, Model, Start, np.random.Generator, int]
 
 
 def likeliest_with_scatter(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray]:
-    """The likeliest of repeated fits, and the covariance (p x p) that they add; unchanged and zero without a play.
+    """The likeliest of a fit and those from displaced starts, and their mean square distance from it (p x p).
 
-    Fits to output errors are not repeated: with a play, each takes minutes.
+    Without a play, the fit and zero.
     """
-    rough = [k for k, u in enumerate(base.unknowns) if u.effect and not REGISTRY[u.effect].linearisable]
-    if not rough or not isinstance(bench.data, DrivenData):
+    if not is_repeated(bench, base):
         return base, np.zeros((len(base.unknowns), len(base.unknowns)))
-    ends = from_displaced_starts(bench, base, rough)
-    best = min([base, *ends], key=lambda fit: fit.cost)
-    return best, _mean_square([base, *ends], best) + _mean_square(to_own_simulations(bench, best), best)
+    ends = [base, *from_displaced_starts(bench, base)]
+    best = min(ends, key=lambda fit: fit.cost)
+    return best, _mean_square([fit.values - best.values for fit in ends])
 
 
-def from_displaced_starts(bench: Workbench, base: Fit, rough: Sequence[int]) -> list[Fit]:
-    """Fits begun beside this one, each of these unknowns changed in turn either way, as far as data visibly change."""
-    starts = np.repeat(base.values[None], 2 * len(rough), axis=0)
-    for row, (k, side) in enumerate((k, side) for k in rough for side in (1, -1)):
+def without_bias(bench: Workbench, base: Fit) -> Fit:
+    """The fit with its values less the bias that fits to its own simulations show, which counts as error, too.
+
+    Its residual stays that of the fit. Without a play, the fit.
+    """
+    if not is_repeated(bench, base):
+        return base
+    shifts = [fit.values - base.values for fit in to_own_simulations(bench, base)]
+    low, high = np.array([u.bounds for u in base.unknowns]).T
+    values = np.clip(base.values - np.mean(shifts, axis=0), low, high)
+    model, starts = model_and_starts_at(base.model, base.starts, base.unknowns, values)
+    covariance = base.covariance + _mean_square(shifts)
+    return replace(base, model=model, starts=starts, values=values, covariance=covariance)
+
+
+def is_repeated(bench: Workbench, base: Fit) -> bool:
+    """Whether a fit is one to repeat: of a play, to driven data. To output errors, each would take minutes."""
+    return bool(_of_play(base)) and isinstance(bench.data, DrivenData)
+
+
+def _of_play(base: Fit) -> list[int]:
+    return [k for k, u in enumerate(base.unknowns) if u.effect and not REGISTRY[u.effect].linearisable]
+
+
+def from_displaced_starts(bench: Workbench, base: Fit) -> list[Fit]:
+    """Fits begun beside this one: each parameter of the play in turn, either way, as far as data visibly change."""
+    moves = [(k, side) for k in _of_play(base) for side in (1, -1)]
+    starts = np.repeat(base.values[None], len(moves), axis=0)
+    for row, (k, side) in enumerate(moves):
         starts[row, k] += side * base.unknowns[k].scale
     return [_fitted(bench, base, values) for values in starts]
 
@@ -60,9 +85,9 @@ def _fitted(bench: Workbench, base: Fit, values: np.ndarray) -> Fit:
     return minimise(bench, base.model, base.starts, base.unknowns, values)
 
 
-def _mean_square(fits: Sequence[Fit], about: Fit) -> np.ndarray:
-    """Mean outer product (p x p) of the distances of fits from one."""
-    away = np.array([fit.values - about.values for fit in fits])
+def _mean_square(distances: Sequence[np.ndarray]) -> np.ndarray:
+    """Mean outer product (p x p) of distances (p)."""
+    away = np.array(distances)
     return away.T @ away / len(away)
 
 
