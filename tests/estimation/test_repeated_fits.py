@@ -89,7 +89,7 @@ def test_only_a_play_takes_repeated_fits(pool):
     best, added = repeated_fits.likeliest_with_scatter(bench, found)
     assert best is found
     assert not added.any()
-    assert repeated_fits.without_bias(bench, found) is found
+    assert not repeated_fits.is_repeated(bench, found)
 
 
 def test_the_noise_of_the_second_simulation_is_the_opposite(pool):

@@ -74,7 +74,7 @@ def diagnose(
         followed = not remainder.unexplained_channels(state)
         if followed:
             progress("reading the static friction")
-        polished = _final_models(state, pool, followed)
+        polished = _final_models(state, pool, followed, progress)
         progress("simulating every recording")
         predicted = predict.predict(campaign, state, polished, pool)
         pair = rules.closest_pair([r.ranked for r in state.adopting])
@@ -94,11 +94,15 @@ def checked_rate(false_alarm_rate: float) -> float:
     return checked_number("false-alarm rate", false_alarm_rate, 1 / permutation.DRAWS, 0.5)
 
 
-def _final_models(state: SearchState, pool: ResidualPool, followed: bool) -> static_friction.FinalModels:
+def _final_models(
+    state: SearchState, pool: ResidualPool, followed: bool, progress: Progress
+) -> static_friction.FinalModels:
     """The models that are reported; a fit to output errors has found the static friction already."""
     declared, best = state.start.declared, state.best
     if not state.on_output_errors:
-        best = repeated_fits.without_bias(state.bench, best) if state.adopted else best
+        if state.adopted and repeated_fits.is_repeated(state.bench, best):
+            progress("fitting simulations of the answer")
+            best = repeated_fits.without_bias(state.bench, best)
         return static_friction.final_models(state.data, state.base, best, declared, pool, whole=followed)
     base = (
         state.base if state.best is state.base else static_friction.with_static_levels(state.data, state.base)

@@ -42,10 +42,8 @@ def likeliest_with_scatter(bench: Workbench, base: Fit) -> tuple[Fit, np.ndarray
 def without_bias(bench: Workbench, base: Fit) -> Fit:
     """The fit with its values less the bias that fits to its own simulations show, which counts as error, too.
 
-    Its residual stays that of the fit. Without a play, the fit.
+    Its residual stays that of the fit.
     """
-    if not is_repeated(bench, base):
-        return base
     shifts = [fit.values - base.values for fit in to_own_simulations(bench, base)]
     low, high = np.array([u.bounds for u in base.unknowns]).T
     values = np.clip(base.values - np.mean(shifts, axis=0), low, high)
