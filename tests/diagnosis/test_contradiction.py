@@ -54,6 +54,16 @@ def test_where_the_windows_of_a_fit_recording_are_off_too_those_of_held_out_ones
     assert contradictions(predictions, True) == ()
 
 
+def test_what_one_fit_recording_leaves_is_no_fault_of_it_where_a_held_out_one_is_off_too():
+    predictions = {"a.csv": fitted((6.0,) * 4), "c.csv": fitted(), "b.csv": held_out((40.0,) * 4)}
+    [found] = contradictions(predictions, False, {"hub_torque"})
+    assert (found.recording, found.reference, found.limit) == ("b.csv", "one", 2.0)
+    assert "one of the fit recordings is not explained either" in in_words(found, "the hub angle")
+    assert contradictions(predictions, False, {"strain_base"}) == ()
+    good = {**predictions, "b.csv": held_out(QUIET)}
+    assert contradictions(good, False, {"hub_torque"}) == ()
+
+
 def test_effects_that_make_the_windows_worse_contradict():
     predictions = {"a.csv": fitted((6.0,) * 4), "b.csv": held_out((8.0,) * 4, calibrated=(5.0,) * 4)}
     [found] = contradictions(predictions, True)

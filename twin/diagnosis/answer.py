@@ -156,7 +156,8 @@ class Contradiction:
       size: median error of its windows [noise levels].
       limit: largest that noise, and the errors of the fit recordings, allow [noise levels].
       reference: "fit" if the windows of the fit recordings set the limit, "calibrated" if those of the calibrated model
-        without effects, which predicts the recording better.
+        without effects, which predicts the recording better, "one" if noise does, since one fit recording is
+        unexplained, too.
     """
 
     recording: str

@@ -86,7 +86,10 @@ def conclude(
       on_link: functions that were tried on the link, the largest evidence first.
     """
     unexplained = remainder.unexplained_channels(state)
-    contradicted = () if unexplained else contradiction.contradictions(predictions, bool(state.adopted))
+    in_one = {channel for _, channel, _ in remainder.in_one_recording(state)}
+    contradicted = (
+        () if unexplained else contradiction.contradictions(predictions, bool(state.adopted), in_one)
+    )
     answer: Verdict = "outside-library" if contradicted else verdict_of(state)
     effects = _effects(state, polished, answer)
     first = state.rounds[0] if state.rounds else Round(())
