@@ -3,13 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from twin.diagnosis.dependence import unexplained_residuals
 from twin.effects import REGISTRY
 from twin.estimation.fit import Fit
 from twin.estimation.output_error import OutputErrorData, fit_output_error, on_driven_data
-from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import effect_unknowns, start_unknowns
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
@@ -48,12 +46,6 @@ def measured(model, command, seed=0, time=TIME):
     if "strain_base" in noisy:
         noisy["strain_base"] = noisy["strain_base"] + ZERO
     return Recording("a.csv", time, {"torque_command": command, **noisy})
-
-
-@pytest.fixture
-def pool():
-    with ResidualPool(1) as threads:
-        yield threads
 
 
 def bench_of(model, command, pool, period=np.inf):

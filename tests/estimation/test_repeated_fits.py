@@ -7,7 +7,6 @@ import pytest
 
 from twin.estimation import repeated_fits
 from twin.estimation.minimise import minimise
-from twin.estimation.residual_pool import ResidualPool
 from twin.estimation.unknowns import effect_unknowns
 from twin.estimation.workbench import Workbench
 from twin.mechanics import chain
@@ -59,12 +58,6 @@ def fitted(model, seed, pool):
     unknowns = [u for name, p in model.effects.items() for u in effect_unknowns(name, p, set(NOISE))]
     first = np.array([u.start * (0.9 if u.name == "gap" else 1.0) for u in unknowns])
     return bench, minimise(bench, model, (Start(),), unknowns, first)
-
-
-@pytest.fixture
-def pool():
-    with ResidualPool(1) as threads:
-        yield threads
 
 
 def test_the_error_of_a_play_covers_the_truth(pool):

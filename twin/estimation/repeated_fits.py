@@ -109,5 +109,5 @@ def _simulation(given: _Given) -> Prepared:
         noise = sign * prepared.noise[name] * rng.standard_normal(len(recording.time))
         known = np.isfinite(recording[name]) & np.isfinite(run[name])
         channels[name] = np.where(known, run[name] + noise, np.nan)
-    again, _ = prepare(replace(recording, channels=channels), prepared.noise)
+    again, _ = prepare(recording.replace(channels=channels), prepared.noise)
     return replace(again, off_zero=prepared.off_zero)
